@@ -1,0 +1,56 @@
+//! A measured displacement field.
+
+use crate::mesh::Mesh;
+use crate::units::Length;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// How the correlation of one frame ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Status {
+    /// The last correction is below the tolerance: the field can be used.
+    Converged,
+    /// The corrections were still above the tolerance after the largest number of iterations.
+    IterationLimit,
+    /// The corrections grew, or the deformed image does not match the reference under the field found.
+    Diverged,
+    /// Too much of a zone has moved out of the deformed image.
+    LeftImage,
+    /// The image could not be read, or is not an image of this series.
+    Unreadable,
+}
+
+impl Status {
+    /// Name used in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Converged => "converged",
+            Status::IterationLimit => "iteration_limit",
+            Status::Diverged => "diverged",
+            Status::LeftImage => "left_image",
+            Status::Unreadable => "unreadable",
+        }
+    }
+}
+
+/// The displacement field of one deformed image, on the nodes of a mesh of the reference image.
+///
+/// A node that was not measured (without texture, or outside the deformed image) has
+/// `measured == false`; its other numbers are zero and mean nothing.
+#[derive(Debug, Clone)]
+pub struct Measurement<U: Length> {
+    /// The mesh, in `U`.
+    pub mesh: Arc<Mesh<U>>,
+    /// How the correlation ended.
+    pub status: Status,
+    /// Displacement of each node, in `U`.
+    pub displacement: Vec<[f64; 2]>,
+    /// Standard uncertainty of each displacement, in `U`.
+    pub sigma: Vec<[f64; 2]>,
+    /// Whether the node was measured.
+    pub measured: Vec<bool>,
+    /// Root mean square of the residual `f - g` in each element, in grey levels.
+    pub element_residual: Vec<f64>,
+}

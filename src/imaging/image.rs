@@ -1,0 +1,154 @@
+//! A grey-level image as it was recorded.
+
+use thiserror::Error;
+
+/// Grey levels in the depth in which they were recorded, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pixels {
+    /// 8 bit: 0..255.
+    U8(Vec<u8>),
+    /// 16 bit: 0..65535 (also 10 and 12 bit data stored in 16).
+    U16(Vec<u16>),
+    /// 32-bit float, any scale.
+    F32(Vec<f32>),
+}
+
+impl Pixels {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        match self {
+            Pixels::U8(p) => p.len(),
+            Pixels::U16(p) => p.len(),
+            Pixels::F32(p) => p.len(),
+        }
+    }
+
+    /// Whether there are no pixels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Name of the depth: `8 bit`, `16 bit` or `32-bit float`.
+    pub fn depth(&self) -> &'static str {
+        match self {
+            Pixels::U8(_) => "8 bit",
+            Pixels::U16(_) => "16 bit",
+            Pixels::F32(_) => "32-bit float",
+        }
+    }
+}
+
+/// What makes an array of grey levels no image.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// Width or height is zero.
+    #[error("the image is {width} x {height} px: it holds no pixel")]
+    Empty {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// The number of grey levels is not width x height.
+    #[error("{len} grey levels do not fill {width} x {height} px")]
+    Length {
+        /// Grey levels given.
+        len: usize,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
+    /// A float image holds NaN or infinity.
+    #[error("the grey level at ({x}, {y}) px is {value}: replace or mask it before correlating")]
+    NotFinite {
+        /// Column.
+        x: usize,
+        /// Row.
+        y: usize,
+        /// The grey level found there.
+        value: f32,
+    },
+}
+
+/// A grey-level image: row-major, pixel centres at integer coordinates, x to the right, y down,
+/// origin at the centre of the top-left pixel (THEORY 1). Every grey level is finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    width: usize,
+    height: usize,
+    pixels: Pixels,
+}
+
+impl Image {
+    /// Checks and keeps `pixels`.
+    ///
+    /// ```
+    /// use quadrille::imaging::{Image, Pixels};
+    /// let image = Image::new(2, 1, Pixels::U8(vec![7, 9])).unwrap();
+    /// assert_eq!(image.grey(1, 0), 9.0);
+    /// assert!(Image::new(2, 1, Pixels::F32(vec![0.0, f32::NAN])).is_err());
+    /// ```
+    ///
+    /// # Errors
+    /// No pixel, a length that is not `width * height`, or a float that is not finite.
+    pub fn new(width: usize, height: usize, pixels: Pixels) -> Result<Self, ImageError> {
+        if width == 0 || height == 0 {
+            return Err(ImageError::Empty { width, height });
+        }
+        if width.checked_mul(height) != Some(pixels.len()) {
+            return Err(ImageError::Length { len: pixels.len(), width, height });
+        }
+        if let Pixels::F32(values) = &pixels
+            && let Some(at) = values.iter().position(|v| !v.is_finite())
+        {
+            return Err(ImageError::NotFinite { x: at % width, y: at / width, value: values[at] });
+        }
+        Ok(Self { width, height, pixels })
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The grey levels, row by row.
+    pub fn pixels(&self) -> &Pixels {
+        &self.pixels
+    }
+
+    /// The grey level at column `x`, row `y`.
+    ///
+    /// # Panics
+    /// When the pixel is outside the image.
+    pub fn grey(&self, x: usize, y: usize) -> f32 {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside the image");
+        let at = y * self.width + x;
+        match &self.pixels {
+            Pixels::U8(p) => f32::from(p[at]),
+            Pixels::U16(p) => f32::from(p[at]),
+            Pixels::F32(p) => p[at],
+        }
+    }
+
+    /// Smallest and largest grey level.
+    pub fn range(&self) -> (f32, f32) {
+        fn ends<T: Copy + Into<f32>>(values: &[T]) -> (f32, f32) {
+            values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| {
+                let v = v.into();
+                (low.min(v), high.max(v))
+            })
+        }
+        match &self.pixels {
+            Pixels::U8(p) => ends(p),
+            Pixels::U16(p) => ends(p),
+            Pixels::F32(p) => ends(p),
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Global Q4 digital image correlation: displacement fields from image series.
+//!
+//! One straight road: images -> [`field::Measurement`]. Modules know only modules of lower rank
+//! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
+//! `correlate`; `report`; `cli`.
+
+#![warn(missing_docs)]
+
+pub mod cli;
+pub mod field;
+pub mod imaging;
+pub mod io;
+pub mod mesh;
+pub mod report;
+pub mod synth;
+pub mod units;
