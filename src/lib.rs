@@ -6,10 +6,14 @@
 
 #![warn(missing_docs)]
 
+pub mod backend;
 pub mod cli;
+pub mod correlate;
 pub mod field;
 pub mod imaging;
+pub mod isa;
 pub mod io;
+pub mod linalg;
 pub mod mesh;
 pub mod report;
 pub mod synth;

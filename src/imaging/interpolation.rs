@@ -31,3 +31,120 @@ impl Interpolation {
         }
     }
 }
+
+/// Impulse response of the prefilter at `-REACH..=REACH`: `REACH` puts what is cut below 1e-11.
+const REACH: i32 = 30;
+
+impl Interpolation {
+    /// `(degree, poles)` of the B-splines.
+    fn b_spline(self) -> Option<(i32, &'static [f64])> {
+        match self {
+            Interpolation::Cubic => Some((3, &[-0.267_949_192_431_122_7])),
+            Interpolation::Quintic => Some((5, &[-0.430_575_347_099_973_8, -0.043_096_288_203_264_65])),
+            Interpolation::Keys | Interpolation::Bilinear => None,
+        }
+    }
+
+    /// Poles of the recursive prefilter (Unser 1999), empty for an interpolation that needs none.
+    pub fn poles(self) -> &'static [f64] {
+        self.b_spline().map_or(&[], |(_, poles)| poles)
+    }
+
+    /// Weight, in the grey level at a point, of the pixel `x` px away: the cardinal function eta(x).
+    pub fn cardinal(self, x: f64) -> f64 {
+        let a = x.abs();
+        match self {
+            Interpolation::Bilinear => (1.0 - a).max(0.0),
+            Interpolation::Keys if a < 1.0 => (1.5 * a - 2.5) * a * a + 1.0,
+            Interpolation::Keys if a < 2.0 => ((-0.5 * a + 2.5) * a - 4.0) * a + 2.0,
+            Interpolation::Keys => 0.0,
+            Interpolation::Cubic | Interpolation::Quintic => {
+                let (degree, poles) = self.b_spline().unwrap_or((3, &[]));
+                (-REACH..=REACH)
+                    .map(|k| {
+                        let spline = b_spline(degree, x - f64::from(k));
+                        if spline == 0.0 { 0.0 } else { prefilter_response(poles, k) * spline }
+                    })
+                    .sum()
+            }
+        }
+    }
+
+    /// Variance of the interpolated grey level `t` px beyond a pixel, per axis, for white noise of
+    /// variance 1 in the pixels: `v(t) = sum_k eta(t + k)^2` (THEORY 2).
+    ///
+    /// ```
+    /// use quadrille::imaging::Interpolation;
+    /// assert!((Interpolation::Cubic.noise_gain(0.0) - 1.0).abs() < 1e-9);
+    /// assert!((Interpolation::Cubic.noise_gain(0.5) - 0.756).abs() < 1e-3);
+    /// ```
+    pub fn noise_gain(self, t: f64) -> f64 {
+        (-REACH..=REACH).map(|k| self.cardinal(t + f64::from(k)).powi(2)).sum()
+    }
+
+    /// Variance of the reference gradient at a pixel, per axis, for white noise of variance 1.
+    pub fn gradient_noise_gain(self) -> f64 {
+        let h = 1e-5; // central difference of a C1 function: error h^2, round-off 1e-11
+        (-REACH..=REACH)
+            .map(|k| {
+                let slope = match self {
+                    // The reference gradient of these two is the central difference.
+                    Interpolation::Keys | Interpolation::Bilinear => [0.0, 0.5][usize::from(k.abs() == 1)],
+                    _ => (self.cardinal(f64::from(k) + h) - self.cardinal(f64::from(k) - h)) / (2.0 * h),
+                };
+                slope * slope
+            })
+            .sum()
+    }
+}
+
+/// beta_n(x) by its truncated powers (Schoenberg 1946).
+fn b_spline(degree: i32, x: f64) -> f64 {
+    if x.abs() >= f64::from(degree + 1) / 2.0 {
+        return 0.0;
+    }
+    let (mut sum, mut binomial, mut factorial) = (0.0, 1.0, 1.0);
+    for k in 0..=degree + 1 {
+        let y = x + f64::from(degree + 1) / 2.0 - f64::from(k);
+        sum += binomial * if y > 0.0 { y.powi(degree) } else { 0.0 };
+        binomial *= -f64::from(degree + 1 - k) / f64::from(k + 1);
+        factorial *= f64::from(k.clamp(1, degree));
+    }
+    sum / factorial
+}
+
+/// Impulse response of the prefilter `k` pixels away: the convolution of the poles' geometric series.
+fn prefilter_response(poles: &[f64], k: i32) -> f64 {
+    let one = |z: f64, k: i32| (1.0 - z) * (1.0 - 1.0 / z) * (z / (z * z - 1.0)) * z.powi(k.abs());
+    match *poles {
+        [z] => one(z, k),
+        [a, b] => (-REACH..=REACH).map(|j| one(a, k - j) * one(b, j)).sum(),
+        _ => f64::from(u8::from(k == 0)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cardinal_functions_are_one_at_their_pixel_and_zero_at_the_others() {
+        for interpolation in
+            [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
+        {
+            for k in -5..=5 {
+                let want = if k == 0 { 1.0 } else { 0.0 };
+                let got = interpolation.cardinal(f64::from(k));
+                assert!((got - want).abs() < 1e-10, "{interpolation:?} at {k}: {got}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_gain_is_that_of_the_theory_at_half_a_pixel() {
+        // THEORY 2: 0.756 per axis for the cubic spline; two equal weights for the bilinear one.
+        assert!((Interpolation::Cubic.noise_gain(0.5) - 0.756).abs() < 5e-4);
+        assert!((Interpolation::Bilinear.noise_gain(0.5) - 0.5).abs() < 1e-12);
+        assert!((Interpolation::Keys.gradient_noise_gain() - 0.5).abs() < 1e-12);
+    }
+}

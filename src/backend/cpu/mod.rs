@@ -1,0 +1,418 @@
+//! The CPU backend: `f32` kernels on all cores, vectorised for the instruction path found at run time.
+//!
+//! The unit of parallel work is a fixed number of elements or rows and every sum has a fixed order, so
+//! results have the same bits for any number of threads.
+
+mod normal_matrix;
+mod pixels;
+mod plane;
+mod prefilter;
+mod residual;
+mod spline;
+
+use crate::backend::{
+    Backend, BackendError, ElementMoments, GreyMap, GreyTransfer, KEPT_SHARE, KernelOptions, PixelSums, Step,
+};
+use crate::field::Brightness;
+use crate::imaging::{Image, Interpolation, Pixels};
+use crate::isa::Isa;
+use crate::linalg::{Pattern, Solver};
+use crate::mesh::{Grid, Mesh};
+use crate::units::Px;
+use plane::Plane;
+use rayon::prelude::*;
+use residual::{Corners, ElementPixels, ElementSums, Pass, Reference, Scratch};
+use spline::Spline;
+use std::sync::Arc;
+
+/// Elements per piece of parallel work.
+const PIECE: usize = 32;
+
+/// The CPU as a correlation device.
+#[derive(Debug, Clone, Copy)]
+pub struct CpuBackend {
+    isa: Isa,
+}
+
+impl CpuBackend {
+    /// The CPU with the given instruction path.
+    pub fn new(isa: Isa) -> Self {
+        Self { isa }
+    }
+}
+
+impl Default for CpuBackend {
+    /// The fastest instruction path of this machine.
+    fn default() -> Self {
+        Self::new(Isa::detect())
+    }
+}
+
+/// One pyramid level of an image.
+#[derive(Debug, Default)]
+struct FrameLevel {
+    grey: Option<GreyMap>,
+    coefficients: Option<Plane>,
+}
+
+/// An image and what has been made of it so far.
+#[derive(Debug)]
+pub struct CpuFrame {
+    image: Arc<Image>,
+    options: KernelOptions,
+    levels: Vec<FrameLevel>,
+}
+
+impl CpuFrame {
+    fn level(&mut self, level: usize) -> &mut FrameLevel {
+        if self.levels.len() <= level {
+            self.levels.resize_with(level + 1, FrameLevel::default);
+        }
+        &mut self.levels[level]
+    }
+
+    fn grey(&mut self, level: usize) -> &GreyMap {
+        if self.level(level).grey.is_none() {
+            let (offset, image) = (self.options.grey_offset, self.image.clone());
+            let (width, height) = (image.width(), image.height());
+            let grey = match level {
+                0 => match image.pixels() {
+                    Pixels::U8(p) => pixels::convert(p, width, height, offset),
+                    Pixels::U16(p) => pixels::convert(p, width, height, offset),
+                    Pixels::F32(p) => pixels::convert(p, width, height, offset),
+                },
+                1 => match image.pixels() {
+                    Pixels::U8(p) => pixels::halve(p, width, height, offset),
+                    Pixels::U16(p) => pixels::halve(p, width, height, offset),
+                    Pixels::F32(p) => pixels::halve(p, width, height, offset),
+                },
+                _ => {
+                    let finer = self.grey(level - 1);
+                    pixels::halve(&finer.values, finer.width, finer.height, 0.0)
+                }
+            };
+            self.level(level).grey = Some(grey);
+        }
+        self.levels[level].grey.as_ref().expect("made above")
+    }
+
+    fn coefficients(&mut self, isa: Isa, level: usize) -> &Plane {
+        if self.level(level).coefficients.is_none() {
+            let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
+            let plane = if level == 0 {
+                let image = self.image.clone();
+                let (width, height) = (image.width(), image.height());
+                match image.pixels() {
+                    Pixels::U8(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
+                    Pixels::U16(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
+                    Pixels::F32(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
+                }
+            } else {
+                let grey = self.grey(level);
+                prefilter::coefficients(isa, &grey.values, grey.width, grey.height, 0.0, interpolation)
+            };
+            self.level(level).coefficients = Some(plane);
+        }
+        self.levels[level].coefficients.as_ref().expect("made above")
+    }
+}
+
+/// A reference prepared at one scale.
+#[derive(Debug)]
+pub struct CpuLevel {
+    mesh: Arc<Mesh<Px>>,
+    pattern: Arc<Pattern>,
+    reference: Reference,
+    /// Pixels, sum of f and of f^2 of each element.
+    whole: Vec<[f64; 3]>,
+    level: usize,
+    narrow: bool,
+    options: KernelOptions,
+}
+
+/// A displacement field under iteration.
+#[derive(Debug)]
+pub struct CpuField {
+    displacement: Vec<[f64; 2]>,
+    /// Per zone.
+    transfer: Vec<GreyTransfer>,
+    corners: Vec<Corners>,
+    sums: Vec<ElementSums>,
+    /// Gain and offset per element.
+    element_transfer: Vec<(f32, f32)>,
+}
+
+impl CpuLevel {
+    fn own_transfer(&self) -> bool {
+        self.options.brightness == Brightness::Element
+    }
+
+    /// Evaluates residual and sums of all elements at the field's displacement.
+    fn evaluate(&self, isa: Isa, deformed: &Plane, field: &mut CpuField) {
+        let displacement = &field.displacement;
+        field.corners.par_iter_mut().with_min_len(1024).zip(self.mesh.elements()).for_each(|(corners, nodes)| {
+            *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
+        });
+        if !self.own_transfer() {
+            for (at, zone) in self.mesh.element_zone().iter().enumerate() {
+                let GreyTransfer { gain, offset } = field.transfer[*zone as usize];
+                field.element_transfer[at] = (gain as f32, offset as f32);
+            }
+        }
+        let pass = Pass { reference: &self.reference, deformed, scalar: residual::is_scalar(isa) };
+        match (self.options.interpolation, self.narrow) {
+            (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Cubic),
+            (Interpolation::Cubic, true) => self.run::<_, 4, 8>(isa, &pass, field, spline::Cubic),
+            (Interpolation::Quintic, false) => self.run::<_, 6, 16>(isa, &pass, field, spline::Quintic),
+            (Interpolation::Quintic, true) => self.run::<_, 6, 8>(isa, &pass, field, spline::Quintic),
+            (Interpolation::Keys, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Keys),
+            (Interpolation::Keys, true) => self.run::<_, 4, 8>(isa, &pass, field, spline::Keys),
+            (Interpolation::Bilinear, false) => self.run::<_, 2, 16>(isa, &pass, field, spline::Bilinear),
+            (Interpolation::Bilinear, true) => self.run::<_, 2, 8>(isa, &pass, field, spline::Bilinear),
+        }
+    }
+
+    fn run<S: Spline<K>, const K: usize, const L: usize>(
+        &self,
+        isa: Isa,
+        pass: &Pass<'_>,
+        field: &mut CpuField,
+        spline: S,
+    ) {
+        let corners = &field.corners;
+        let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE)).enumerate();
+        pieces.for_each_init(Scratch::default, |scratch, (piece, (sums, transfer))| {
+            let first = piece * PIECE;
+            let corners = &corners[first..first + sums.len()];
+            if self.own_transfer() {
+                residual::residual_sums_own_transfer::<S, K, L>(
+                    isa, pass, first, corners, transfer, sums, scratch, spline,
+                );
+            } else {
+                residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, spline);
+            }
+            for (k, sums) in sums.iter_mut().enumerate() {
+                let [n_all, f, ff] = self.whole[first + k];
+                if f64::from(sums.n) < KEPT_SHARE * n_all {
+                    *sums = ElementSums { f_lost: f as f32, ff_lost: ff as f32, ..Default::default() };
+                }
+            }
+        });
+    }
+
+    fn pixel_sums(&self, element: usize, sums: &ElementSums) -> PixelSums {
+        let [n_all, f, ff] = self.whole[element];
+        if sums.n == 0.0 {
+            return PixelSums { n_all, ..PixelSums::default() };
+        }
+        PixelSums {
+            n: f64::from(sums.n),
+            n_all,
+            f: f - f64::from(sums.f_lost),
+            ff: ff - f64::from(sums.ff_lost),
+            g: f64::from(sums.g),
+            gg: f64::from(sums.gg),
+            fg: f64::from(sums.fg),
+            rr: f64::from(sums.rr),
+        }
+    }
+
+    fn zone_sums(&self, field: &CpuField) -> Vec<PixelSums> {
+        (0..self.mesh.zones().len())
+            .map(|zone| {
+                let mut total = PixelSums::default();
+                for element in self.mesh.zone_elements(zone) {
+                    total.add(&self.pixel_sums(element, &field.sums[element]));
+                }
+                total
+            })
+            .collect()
+    }
+
+    /// The gain and offset of each zone that the last sums ask for (kept where they say nothing).
+    fn fit_transfer(&self, zones: &[PixelSums], field: &mut CpuField) {
+        if self.options.brightness != Brightness::Zone {
+            return;
+        }
+        for (transfer, sums) in field.transfer.iter_mut().zip(zones) {
+            if let Some(fitted) = sums.transfer() {
+                *transfer = fitted;
+            }
+        }
+    }
+}
+
+/// The pixels of each element of a regular grid: those whose centre lies in its half-open square.
+fn element_pixels(grid: &Grid, width: usize, height: usize) -> impl Iterator<Item = ElementPixels> {
+    let start = |origin: f64, h: f64, k: usize, n: usize| (origin + k as f64 * h).ceil().clamp(0.0, n as f64);
+    let Grid { x0, y0, hx, hy, nx, ny, .. } = *grid;
+    (0..ny).flat_map(move |j| {
+        let (y, end_y) = (start(y0, hy, j, height), start(y0, hy, j + 1, height));
+        (0..nx).map(move |i| {
+            let (x, end_x) = (start(x0, hx, i, width), start(x0, hx, i + 1, width));
+            ElementPixels {
+                x: x as i32,
+                y: y as i32,
+                nx: (end_x - x) as u16,
+                ny: (end_y - y) as u16,
+                xi0: ((x - (x0 + i as f64 * hx)) / hx) as f32,
+                dxi: (1.0 / hx) as f32,
+                eta0: ((y - (y0 + j as f64 * hy)) / hy) as f32,
+                deta: (1.0 / hy) as f32,
+            }
+        })
+    })
+}
+
+impl Backend for CpuBackend {
+    type Frame = CpuFrame;
+    type Level = CpuLevel;
+    type Field = CpuField;
+
+    fn device(&self) -> String {
+        format!("cpu ({})", self.isa)
+    }
+
+    fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<CpuFrame, BackendError> {
+        Ok(CpuFrame { image, options: *options, levels: Vec::new() })
+    }
+
+    fn grey_map(&self, frame: &mut CpuFrame, level: usize) -> Result<GreyMap, BackendError> {
+        Ok(frame.grey(level).clone())
+    }
+
+    fn reference(
+        &self,
+        frame: &mut CpuFrame,
+        level: usize,
+        mesh: Arc<Mesh<Px>>,
+        options: &KernelOptions,
+    ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
+        let (fx, fy) = pixels::gradient(self.isa, frame.coefficients(self.isa, level), options.interpolation);
+        frame.level(level).coefficients = None;
+        let f = if level == 0 {
+            let (width, height, offset) = (frame.image.width(), frame.image.height(), options.grey_offset);
+            match frame.image.pixels() {
+                Pixels::U8(p) => pixels::plane_of(p, width, height, offset),
+                Pixels::U16(p) => pixels::plane_of(p, width, height, offset),
+                Pixels::F32(p) => pixels::plane_of(p, width, height, offset),
+            }
+        } else {
+            let grey = frame.grey(level);
+            pixels::plane_of(&grey.values, grey.width, grey.height, 0.0)
+        };
+        let elements: Vec<_> =
+            mesh.grids().iter().flat_map(|grid| element_pixels(grid, f.width, f.height)).collect();
+        let narrow = elements.iter().all(|e| e.nx <= 8);
+        let with_transfer = options.brightness == Brightness::Element;
+        let reference = Reference { f, fx, fy, elements };
+        let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
+        moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {
+            let first = piece * PIECE;
+            if narrow {
+                normal_matrix::element_moments::<8>(self.isa, &reference, first, with_transfer, moments);
+            } else {
+                normal_matrix::element_moments::<16>(self.isa, &reference, first, with_transfer, moments);
+            }
+        });
+        let whole = moments.iter().map(|m| [m.n, m.f, m.ff]).collect();
+        let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+        Ok((CpuLevel { mesh, pattern, reference, whole, level, narrow, options: *options }, moments))
+    }
+
+    fn start(&self, level: &CpuLevel, displacement: &[[f64; 2]], transfer: &[GreyTransfer]) -> CpuField {
+        let n = level.mesh.n_elements();
+        CpuField {
+            displacement: displacement.to_vec(),
+            transfer: transfer.to_vec(),
+            corners: vec![Corners::new([[0.0; 2]; 4]); n],
+            sums: vec![ElementSums::default(); n],
+            element_transfer: vec![(1.0, 0.0); n],
+        }
+    }
+
+    fn observe(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        field: &mut CpuField,
+    ) -> Result<Vec<PixelSums>, BackendError> {
+        level.evaluate(self.isa, frame.coefficients(self.isa, level.level), field);
+        let zones = level.zone_sums(field);
+        level.fit_transfer(&zones, field);
+        Ok(zones)
+    }
+
+    fn restrict(&self, level: &mut CpuLevel, active: &[bool]) {
+        for (at, active) in active.iter().enumerate() {
+            if !active {
+                level.reference.elements[at].nx = 0;
+                level.whole[at] = [0.0; 3];
+            }
+        }
+    }
+
+    fn step(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        field: &mut CpuField,
+        solver: &Solver,
+        damping: f64,
+    ) -> Result<Step, BackendError> {
+        level.evaluate(self.isa, frame.coefficients(self.isa, level.level), field);
+        let zones = level.zone_sums(field);
+        let rhs = level.pattern.gather(|element| field.sums[element].b.map(f64::from));
+        let correction = solver.solve(rhs);
+        let mut largest = 0.0f64;
+        for (u, du) in field.displacement.iter_mut().zip(&correction) {
+            for c in 0..2 {
+                u[c] += damping * du[c];
+                // `max` would drop a NaN; a correction that is not a number must be seen.
+                if !(du[c].abs() <= largest) {
+                    largest = du[c].abs();
+                }
+            }
+        }
+        level.fit_transfer(&zones, field);
+        Ok(Step { correction_px: largest, zones })
+    }
+
+    fn remaining_moments(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        field: &CpuField,
+    ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
+        let deformed = frame.coefficients(self.isa, level.level);
+        let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums[e].n) < level.whole[e][0]);
+        Ok(lost
+            .map(|at| {
+                let element = &level.reference.elements[at];
+                let mut counted = vec![false; element.nx as usize * element.ny as usize];
+                residual::visit_pixels(element, &field.corners[at], deformed, |column, row, inside| {
+                    counted[row * element.nx as usize + column] = inside;
+                });
+                let moments = normal_matrix::partial_moments(
+                    &level.reference,
+                    element,
+                    level.own_transfer(),
+                    |column, row| counted[row * element.nx as usize + column],
+                );
+                (at, moments)
+            })
+            .collect())
+    }
+
+    fn displacement(&self, field: &CpuField) -> Result<Vec<[f64; 2]>, BackendError> {
+        Ok(field.displacement.clone())
+    }
+
+    fn transfer(&self, field: &CpuField) -> Vec<GreyTransfer> {
+        field.transfer.clone()
+    }
+
+    fn element_sums(&self, level: &CpuLevel, field: &CpuField) -> Result<Vec<PixelSums>, BackendError> {
+        Ok(field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect())
+    }
+}

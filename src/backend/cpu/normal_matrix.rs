@@ -1,0 +1,147 @@
+//! Moments of the reference gradient per element, from which the normal matrices are made (THEORY 2):
+//! 27 sums instead of the 36 entries (see [`ElementMoments`]).
+
+use super::residual::{ElementPixels, Reference, chunk, total};
+use crate::backend::ElementMoments;
+use crate::isa::{mul_add, multiversioned};
+
+multiversioned! {
+    /// Moments of the elements from `first` on; the coupling with the transfer only when asked for.
+    pub(super) fn element_moments[const L: usize][L](reference: &Reference, first: usize, with_transfer: bool, moments: &mut [ElementMoments])
+        => element_moments_body
+}
+
+#[inline(always)]
+fn element_moments_body<const FMA: bool, const L: usize>(
+    reference: &Reference,
+    first: usize,
+    with_transfer: bool,
+    moments: &mut [ElementMoments],
+) {
+    for (k, moments) in moments.iter_mut().enumerate() {
+        let element = &reference.elements[first + k];
+        *moments = one_element::<FMA, L>(reference, element);
+        if with_transfer {
+            moments.transfer = transfer_coupling(reference, element, |_, _| true);
+        }
+    }
+}
+
+#[inline(always)]
+fn one_element<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> ElementMoments {
+    let Reference { f, fx, fy, .. } = reference;
+    let mut moments = ElementMoments { n: f64::from(element.nx) * f64::from(element.ny), ..Default::default() };
+    let mut column = 0;
+    while column < element.nx as usize {
+        let (_, xi, mask) = chunk::<L>(element, column);
+        // Products fx fx, fx fy, fy fy times 1, eta, eta^2; the other weights follow from these.
+        let mut acc = [[[0.0f32; L]; 3]; 3];
+        let (mut sf, mut sff) = ([0.0f32; L], [0.0f32; L]);
+        for k in 0..element.ny as i32 {
+            let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+            let at = f.at((element.x + column as i32) as isize, (element.y + k) as isize);
+            let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
+            for i in 0..L {
+                let (gx, gy, grey) = (mask[i] * fx[i], mask[i] * fy[i], mask[i] * f[i]);
+                for (p, value) in [gx * gx, gx * gy, gy * gy].into_iter().enumerate() {
+                    let first = eta * value;
+                    acc[p][0][i] += value;
+                    acc[p][1][i] += first;
+                    acc[p][2][i] = mul_add::<FMA>(eta, first, acc[p][2][i]);
+                }
+                sf[i] += grey;
+                sff[i] = mul_add::<FMA>(grey, grey, sff[i]);
+            }
+        }
+        moments.f += f64::from(total(&sf));
+        moments.ff += f64::from(total(&sff));
+        for (acc, moments) in acc.iter().zip(&mut moments.gradient) {
+            let mut powers = [[0.0f64; 3]; 3];
+            for (acc, powers) in acc.iter().zip(&mut powers) {
+                let (mut one, mut two) = ([0.0; L], [0.0; L]);
+                for i in 0..L {
+                    one[i] = xi[i] * acc[i];
+                    two[i] = xi[i] * one[i];
+                }
+                *powers = [f64::from(total(acc)), f64::from(total(&one)), f64::from(total(&two))];
+            }
+            let along = powers.map(shape_products);
+            for w in 0..3 {
+                let column = shape_products([along[0][w], along[1][w], along[2][w]]);
+                for (q, value) in column.into_iter().enumerate() {
+                    moments[q][w] += value;
+                }
+            }
+        }
+        column += L;
+    }
+    moments
+}
+
+/// Sums weighted by (1-s)^2, s (1-s), s^2 from those weighted by 1, s, s^2.
+#[inline(always)]
+fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
+    [zero - 2.0 * one + two, one - two, two]
+}
+
+/// `sum psi_a grad f` times f and times 1, over the pixels that `counts` (column, row).
+fn transfer_coupling(
+    reference: &Reference,
+    element: &ElementPixels,
+    counts: impl Fn(usize, usize) -> bool,
+) -> [[f64; 8]; 2] {
+    let mut sums = [[0.0; 8]; 2];
+    for_each_pixel(reference, element, counts, |psi, f, gradient| {
+        for (i, sum) in (0..8).map(|i| (i, psi[i / 2] * gradient[i % 2])) {
+            sums[0][i] += sum * f;
+            sums[1][i] += sum;
+        }
+    });
+    sums
+}
+
+/// Moments over the pixels that `counts` (column, row), in plain f64 loops: for the few elements that a
+/// frame has moved partly out of the image.
+pub(super) fn partial_moments(
+    reference: &Reference,
+    element: &ElementPixels,
+    with_transfer: bool,
+    counts: impl Fn(usize, usize) -> bool,
+) -> ElementMoments {
+    let mut moments = ElementMoments::default();
+    for_each_pixel(reference, element, &counts, |psi, f, [fx, fy]| {
+        let (xi, eta) = (psi[1] + psi[2], psi[2] + psi[3]);
+        let (wx, wy) = (shape_products([1.0, xi, xi * xi]), shape_products([1.0, eta, eta * eta]));
+        for (p, value) in [fx * fx, fx * fy, fy * fy].into_iter().enumerate() {
+            for q in 0..3 {
+                for w in 0..3 {
+                    moments.gradient[p][q][w] += value * wy[q] * wx[w];
+                }
+            }
+        }
+        moments.n += 1.0;
+        moments.f += f;
+        moments.ff += f * f;
+    });
+    if with_transfer {
+        moments.transfer = transfer_coupling(reference, element, counts);
+    }
+    moments
+}
+
+fn for_each_pixel(
+    reference: &Reference,
+    element: &ElementPixels,
+    counts: impl Fn(usize, usize) -> bool,
+    mut visit: impl FnMut([f64; 4], f64, [f64; 2]),
+) {
+    for row in 0..element.ny as usize {
+        let eta = f64::from(element.eta0) + row as f64 * f64::from(element.deta);
+        for column in (0..element.nx as usize).filter(|&column| counts(column, row)) {
+            let xi = f64::from(element.xi0) + column as f64 * f64::from(element.dxi);
+            let at = reference.f.at(element.x as isize + column as isize, element.y as isize + row as isize);
+            let gradient = [f64::from(reference.fx.data[at]), f64::from(reference.fy.data[at])];
+            visit(crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data[at]), gradient);
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Conversion, downsampling and gradients of pixels.
+
+use super::plane::Plane;
+use super::prefilter::Grey;
+use super::spline::at_pixel;
+use crate::backend::GreyMap;
+use crate::imaging::Interpolation;
+use crate::isa::{Isa, mul_add, multiversioned};
+use rayon::prelude::*;
+
+/// Grey levels less `offset`.
+pub(super) fn convert<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> GreyMap {
+    let mut values = vec![0.0; grey.len()];
+    values.par_chunks_mut(width).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
+        for (out, grey) in out.iter_mut().zip(row) {
+            *out = grey.value() - offset;
+        }
+    });
+    GreyMap { width, height, values }
+}
+
+/// Mean of each 2x2 block of pixels; an odd last column or row is left out.
+pub(super) fn halve<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> GreyMap {
+    let (w, h) = (width / 2, height / 2);
+    let mut values = vec![0.0; w * h];
+    if w > 0 {
+        values.par_chunks_mut(w).with_min_len(32).enumerate().for_each(|(y, out)| {
+            let upper = &grey[2 * y * width..][..2 * w];
+            let lower = &grey[(2 * y + 1) * width..][..2 * w];
+            for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
+                *out = 0.25 * ((a[0].value() + a[1].value()) + (b[0].value() + b[1].value())) - offset;
+            }
+        });
+    }
+    GreyMap { width: w, height: h, values }
+}
+
+/// Grey levels as a plane (its border is not filled).
+pub(super) fn plane_of<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> Plane {
+    let mut plane = Plane::zeros(width, height);
+    let (stride, first) = (plane.stride, plane.at(0, 0));
+    plane.data[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
+        for (out, grey) in out.iter_mut().zip(row) {
+            *out = grey.value() - offset;
+        }
+    });
+    plane
+}
+
+/// Gradient at the pixels of the spline with these coefficients: d/dx and d/dy, grey levels per px.
+pub(super) fn gradient(isa: Isa, coefficients: &Plane, interpolation: Interpolation) -> (Plane, Plane) {
+    let (width, height) = (coefficients.width, coefficients.height);
+    let (mut fx, mut fy) = (Plane::zeros(width, height), Plane::zeros(width, height));
+    let (stride, first) = (fx.stride, fx.at(0, 0));
+    let (value, derivative) = at_pixel(interpolation);
+    fx.data[first..]
+        .par_chunks_mut(stride)
+        .take(height)
+        .with_min_len(16)
+        .zip(fy.data[first..].par_chunks_mut(stride))
+        .enumerate()
+        .for_each_init(
+            || (vec![0.0; stride], vec![0.0; stride]),
+            |(smooth, slope), (y, (fx, fy))| {
+                gradient_row(isa, coefficients, y, &value, &derivative, smooth, slope, fx, fy);
+            },
+        );
+    (fx, fy)
+}
+
+multiversioned! {
+    fn gradient_row[][](c: &Plane, y: usize, value: &[f32; 5], derivative: &[f32; 5], smooth: &mut [f32], slope: &mut [f32], fx: &mut [f32], fy: &mut [f32])
+        => gradient_row_body
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn gradient_row_body<const FMA: bool>(
+    c: &Plane,
+    y: usize,
+    value: &[f32; 5],
+    derivative: &[f32; 5],
+    smooth: &mut [f32],
+    slope: &mut [f32],
+    fx: &mut [f32],
+    fy: &mut [f32],
+) {
+    // Along y first, two pixels beyond both ends, then along x.
+    let n = c.width + 4;
+    let rows: [&[f32]; 5] = std::array::from_fn(|k| &c.data[c.at(-2, y as isize + k as isize - 2)..][..n]);
+    let (smooth, slope) = (&mut smooth[..n], &mut slope[..n]);
+    for x in 0..n {
+        let (mut v, mut d) = (0.0, 0.0);
+        for k in 0..5 {
+            v = mul_add::<FMA>(value[k], rows[k][x], v);
+            d = mul_add::<FMA>(derivative[k], rows[k][x], d);
+        }
+        smooth[x] = v;
+        slope[x] = d;
+    }
+    let (fx, fy) = (&mut fx[..c.width], &mut fy[..c.width]);
+    for x in 0..c.width {
+        let (mut gx, mut gy) = (0.0, 0.0);
+        for k in 0..5 {
+            gx = mul_add::<FMA>(derivative[k], smooth[x + k], gx);
+            gy = mul_add::<FMA>(value[k], slope[x + k], gy);
+        }
+        fx[x] = gx;
+        fy[x] = gy;
+    }
+}

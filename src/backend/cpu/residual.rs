@@ -1,0 +1,518 @@
+//! Residual and right-hand side of every element in one pass over its pixels (THEORY 2):
+//! `b_i = sum (psi_i . grad f)(f - gain g(X + u) - offset)`.
+//!
+//! Inside an element u is affine along a row, so the floor of u is constant over most rows and the taps
+//! of 16 neighbouring pixels are contiguous: 16 unaligned vector loads, no gather. Where the floor
+//! changes within a row the row is evaluated for each floor and the lanes are selected. A pixel's
+//! position is its whole column and row plus the element's whole offset plus a small f32 rest; the sum
+//! X + u is never formed in f32.
+//!
+//! The shape functions are separable: lanes accumulate `(1 - eta) r grad f` and `eta r grad f` down the
+//! rows of a chunk of columns, and the weights in xi come once, at the end.
+
+use super::plane::Plane;
+use super::spline::Spline;
+use crate::isa::{Isa, Path, mul_add, multiversioned};
+
+/// A reference image at one scale with its elements.
+#[derive(Debug)]
+pub(super) struct Reference {
+    pub f: Plane,
+    pub fx: Plane,
+    pub fy: Plane,
+    pub elements: Vec<ElementPixels>,
+}
+
+/// The pixels of one element and their local coordinates: pixel column k is at `xi0 + k dxi`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ElementPixels {
+    pub x: i32,
+    pub y: i32,
+    pub nx: u16,
+    pub ny: u16,
+    pub xi0: f32,
+    pub dxi: f32,
+    pub eta0: f32,
+    pub deta: f32,
+}
+
+/// The displacement of an element's corners: whole pixels plus the rest, in the order of its nodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Corners {
+    pub whole: [i32; 2],
+    pub x: [f32; 4],
+    pub y: [f32; 4],
+}
+
+impl Corners {
+    /// Splits the corner displacements so that the rest lies within 0..1 at the element's centre.
+    pub fn new(displacement: [[f64; 2]; 4]) -> Self {
+        let mean = |c: usize| displacement.iter().map(|u| u[c]).sum::<f64>() / 4.0;
+        // A wild field must not overflow; such pixels are outside any image.
+        let whole = [0, 1].map(|c| mean(c).floor().clamp(-1e6, 1e6));
+        Self {
+            whole: whole.map(|w| w as i32),
+            x: displacement.map(|u| (u[0] - whole[0]) as f32),
+            y: displacement.map(|u| (u[1] - whole[1]) as f32),
+        }
+    }
+}
+
+/// Sums of one element, as the kernel leaves them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[repr(C)]
+pub(super) struct ElementSums {
+    /// Right-hand side, unknown `2 k + c` of corner k.
+    pub b: [f32; 8],
+    /// Pixels counted.
+    pub n: f32,
+    /// Sums of r^2, g, g^2, f g over the pixels counted.
+    pub rr: f32,
+    pub g: f32,
+    pub gg: f32,
+    pub fg: f32,
+    /// Sums of f, f^2 over the pixels not counted.
+    pub f_lost: f32,
+    pub ff_lost: f32,
+}
+
+/// A position counts as inside up to this far beyond the outermost pixel centres, so that round-off at
+/// rest does not drop the border pixels.
+const EDGE: f32 = 1e-3;
+
+/// Where a pixel lands along one axis: tap column of its floor and the fraction beyond it.
+#[inline(always)]
+fn place(pixel: i32, u: f32) -> (i32, f32) {
+    let floor = u.floor();
+    (pixel + floor as i32, u - floor)
+}
+
+#[inline(always)]
+pub(super) fn inside(at: i32, t: f32, n: usize) -> bool {
+    let last = n as i32 - 1;
+    (at >= 0 || (at == -1 && t >= 1.0 - EDGE)) && (at < last || (at == last && t <= EDGE))
+}
+
+/// `L` lanes at `at`, which the caller has checked.
+#[inline(always)]
+fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
+    debug_assert!(at + L <= values.len());
+    // SAFETY: every caller has compared `at + L` (of the farthest load) with the length.
+    unsafe { &*values.as_ptr().add(at).cast::<[f32; L]>() }
+}
+
+/// Grey levels of the deformed image at one row of lanes, and which of them count.
+struct Row<const L: usize> {
+    g: [f32; L],
+    counted: [f32; L],
+    all_counted: bool,
+}
+
+/// Interpolates the row of `lanes` pixels from column `x`, row `y`, with displacements (less the whole
+/// offset, which `x` and `y` already contain) `ux`, `uy`.
+#[inline(always)]
+fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: &Plane,
+    scalar: bool,
+    [x, y]: [i32; 2],
+    lanes: usize,
+    ux: &[f32; L],
+    uy: &[f32; L],
+) -> Row<L> {
+    let before = (K / 2 - 1) as isize;
+    let (first_x, last_x) = (place(x, ux[0]), place(x + lanes as i32 - 1, ux[lanes - 1]));
+    let (first_y, last_y) = (place(y, uy[0]), place(y, uy[lanes - 1]));
+    // u is affine along the row: if both ends are inside, all lanes are, and floors lie between the ends'.
+    let all_inside = inside(first_x.0, first_x.1, c.width)
+        && inside(last_x.0, last_x.1, c.width)
+        && inside(first_y.0, first_y.1, c.height)
+        && inside(last_y.0, last_y.1, c.height);
+    let shift_ends = (first_x.0 - x, last_x.0 - x - (lanes as i32 - 1));
+    let (sx0, sx1) = (shift_ends.0.min(shift_ends.1), shift_ends.0.max(shift_ends.1));
+    let (y0, y1) = (first_y.0.min(last_y.0), first_y.0.max(last_y.0));
+    let combinations = (sx1 - sx0 + 1) * (y1 - y0 + 1);
+    let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
+    if !scalar && all_inside && combinations <= 6 {
+        let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
+        // A floor just outside the image is allowed by `EDGE`; its taps lie in the border.
+        if farthest <= c.data.len() && x + sx0 >= -1 && y0 >= -1 {
+            row.all_counted = true;
+            for sy in y0..=y1 {
+                for sx in sx0..=sx1 {
+                    let at = c.at((x + sx) as isize - before, sy as isize - before);
+                    let (fx, fy) = (sx as f32, (sy - y) as f32);
+                    if combinations == 1 {
+                        let (tx, ty) = (ux.map(|u| u - fx), uy.map(|u| u - fy));
+                        row.g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
+                    } else {
+                        let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
+                        for i in 0..L {
+                            tx[i] = ux[i] - fx;
+                            ty[i] = uy[i] - fy;
+                        }
+                        let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
+                        for i in 0..L {
+                            // Without short-circuits: a branch per lane would undo the vectors.
+                            let here = (tx[i] >= 0.0) & (tx[i] < 1.0) & (ty[i] >= 0.0) & (ty[i] < 1.0);
+                            row.g[i] = if here { g[i] } else { row.g[i] };
+                        }
+                    }
+                }
+            }
+            return row;
+        }
+    }
+    for i in 0..lanes {
+        let ((px, tx), (py, ty)) = (place(x + i as i32, ux[i]), place(y, uy[i]));
+        if inside(px, tx, c.width) && inside(py, ty, c.height) {
+            row.counted[i] = 1.0;
+            row.g[i] = interpolate_one::<FMA, S, K>(c, px, py, tx, ty);
+        }
+    }
+    row
+}
+
+#[inline(always)]
+fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: &Plane,
+    at: usize,
+    tx: &[f32; L],
+    ty: &[f32; L],
+) -> [f32; L] {
+    let (wx, wy) = (S::weights::<FMA, L>(tx), S::weights::<FMA, L>(ty));
+    let mut g = [0.0; L];
+    for j in 0..K {
+        let mut along = [0.0; L];
+        for k in 0..K {
+            let taps = load::<L>(&c.data, at + j * c.stride + k);
+            for i in 0..L {
+                along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
+            }
+        }
+        for i in 0..L {
+            g[i] = mul_add::<FMA>(wy[j][i], along[i], g[i]);
+        }
+    }
+    g
+}
+
+/// One pixel, the same sums in the same order.
+#[inline(always)]
+fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(c: &Plane, x: i32, y: i32, tx: f32, ty: f32) -> f32 {
+    let before = (K / 2 - 1) as isize;
+    let (wx, wy) = (S::weights::<FMA, 1>(&[tx]), S::weights::<FMA, 1>(&[ty]));
+    let mut g = 0.0;
+    for (j, wy) in wy.iter().enumerate() {
+        let at = c.at(x as isize - before, y as isize - before + j as isize);
+        let mut along = 0.0;
+        for (wx, tap) in wx.iter().zip(&c.data[at..at + K]) {
+            along = mul_add::<FMA>(wx[0], *tap, along);
+        }
+        g = mul_add::<FMA>(wy[0], along, g);
+    }
+    g
+}
+
+/// Affine run of the displacement along row `eta`: its value at xi = 0 and its change to xi = 1.
+#[inline(always)]
+fn along_row(corner: &[f32; 4], eta: f32) -> (f32, f32) {
+    let left = corner[0] + eta * (corner[3] - corner[0]);
+    let right = corner[1] + eta * (corner[2] - corner[1]);
+    (left, right - left)
+}
+
+/// Everything a kernel call needs besides the elements themselves.
+pub(super) struct Pass<'a> {
+    pub reference: &'a Reference,
+    pub deformed: &'a Plane,
+    pub scalar: bool,
+}
+
+multiversioned! {
+    /// Sums of the elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them.
+    pub(super) fn residual_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], sums: &mut [ElementSums], spline: S,
+    ) => residual_sums_body
+}
+
+#[inline(always)]
+fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    first: usize,
+    corners: &[Corners],
+    transfer: &[(f32, f32)],
+    sums: &mut [ElementSums],
+    _: S,
+) {
+    for (k, sums) in sums.iter_mut().enumerate() {
+        let element = &pass.reference.elements[first + k];
+        *sums = element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k]);
+    }
+}
+
+/// Lane accumulators of one chunk of columns.
+struct Accumulators<const L: usize> {
+    /// Near and far in eta, times fx and fy.
+    b: [[[f32; L]; 2]; 2],
+    rr: [f32; L],
+    g: [f32; L],
+    gg: [f32; L],
+    fg: [f32; L],
+}
+
+impl<const L: usize> Accumulators<L> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { b: [[[0.0; L]; 2]; 2], rr: [0.0; L], g: [0.0; L], gg: [0.0; L], fg: [0.0; L] }
+    }
+
+    /// Adds one row; `weight` is 1 where a lane counts, else 0.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
+    fn add<const FMA: bool>(
+        &mut self,
+        f: &[f32; L],
+        fx: &[f32; L],
+        fy: &[f32; L],
+        g: &[f32; L],
+        weight: &[f32; L],
+        (gain, offset): (f32, f32),
+        eta: f32,
+    ) {
+        for i in 0..L {
+            let g = weight[i] * g[i];
+            let r = weight[i] * mul_add::<FMA>(-gain, g, f[i] - offset);
+            let (rx, ry) = (r * fx[i], r * fy[i]);
+            self.b[0][0][i] += rx;
+            self.b[0][1][i] += ry;
+            self.b[1][0][i] = mul_add::<FMA>(eta, rx, self.b[1][0][i]);
+            self.b[1][1][i] = mul_add::<FMA>(eta, ry, self.b[1][1][i]);
+            self.rr[i] = mul_add::<FMA>(r, r, self.rr[i]);
+            self.g[i] += g;
+            self.gg[i] = mul_add::<FMA>(g, g, self.gg[i]);
+            self.fg[i] = mul_add::<FMA>(f[i], g, self.fg[i]);
+        }
+    }
+
+    /// Applies the weights in xi and sums the lanes.
+    #[inline(always)]
+    fn finish<const FMA: bool>(&self, xi: &[f32; L], sums: &mut ElementSums) {
+        for c in 0..2 {
+            // b[0] holds the whole sum, b[1] its far part: near = whole - far, once, here.
+            let (mut near, mut far) = ([0.0; L], self.b[1][c]);
+            let (mut near_right, mut far_right) = ([0.0; L], [0.0; L]);
+            for i in 0..L {
+                near[i] = self.b[0][c][i] - far[i];
+                near_right[i] = xi[i] * near[i];
+                far_right[i] = xi[i] * far[i];
+                near[i] -= near_right[i];
+                far[i] -= far_right[i];
+            }
+            sums.b[c] += total(&near);
+            sums.b[2 + c] += total(&near_right);
+            sums.b[4 + c] += total(&far_right);
+            sums.b[6 + c] += total(&far);
+        }
+        sums.rr += total(&self.rr);
+        sums.g += total(&self.g);
+        sums.gg += total(&self.gg);
+        sums.fg += total(&self.fg);
+    }
+}
+
+/// Sum of the lanes, pairwise.
+#[inline(always)]
+pub(super) fn total<const L: usize>(lanes: &[f32; L]) -> f32 {
+    let mut part = *lanes;
+    let mut n = L;
+    while n > 1 {
+        n /= 2;
+        for i in 0..n {
+            part[i] += part[i + n];
+        }
+    }
+    part[0]
+}
+
+/// Local coordinates and lane mask of a chunk of columns.
+#[inline(always)]
+pub(super) fn chunk<const L: usize>(element: &ElementPixels, column: usize) -> (usize, [f32; L], [f32; L]) {
+    let lanes = (element.nx as usize - column).min(L);
+    let (mut xi, mut mask) = ([0.0; L], [0.0; L]);
+    for i in 0..L {
+        xi[i] = element.xi0 + (column + i) as f32 * element.dxi;
+        mask[i] = if i < lanes { 1.0 } else { 0.0 };
+    }
+    (lanes, xi, mask)
+}
+
+#[inline(always)]
+fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    transfer: (f32, f32),
+) -> ElementSums {
+    let Reference { f, fx, fy, .. } = pass.reference;
+    let mut sums = ElementSums::default();
+    let mut column = 0;
+    while column < element.nx as usize {
+        let (lanes, xi, mask) = chunk::<L>(element, column);
+        let mut acc = Accumulators::<L>::new();
+        let x = element.x + column as i32;
+        for k in 0..element.ny as i32 {
+            let y = element.y + k;
+            let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+            let ((ax, dx), (ay, dy)) = (along_row(&corners.x, eta), along_row(&corners.y, eta));
+            let ux: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dx, ax));
+            let uy: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dy, ay));
+            let to = [x + corners.whole[0], y + corners.whole[1]];
+            let row = sample_row::<FMA, S, K, L>(pass.deformed, pass.scalar, to, lanes, &ux, &uy);
+            let at = f.at(x as isize, y as isize);
+            let (f, fx, fy) = (load::<L>(&f.data, at), load::<L>(&fx.data, at), load::<L>(&fy.data, at));
+            if row.all_counted {
+                acc.add::<FMA>(f, fx, fy, &row.g, &mask, transfer, eta);
+                sums.n += lanes as f32;
+            } else {
+                acc.add::<FMA>(f, fx, fy, &row.g, &row.counted, transfer, eta);
+                for i in 0..lanes {
+                    let lost = 1.0 - row.counted[i];
+                    sums.n += row.counted[i];
+                    sums.f_lost += lost * f[i];
+                    sums.ff_lost += lost * f[i] * f[i];
+                }
+            }
+        }
+        acc.finish::<FMA>(&xi, &mut sums);
+        column += L;
+    }
+    sums
+}
+
+/// Room for the grey levels of one element between the two passes of [`residual_sums_own_transfer`].
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    g: Vec<f32>,
+    counted: Vec<f32>,
+}
+
+multiversioned! {
+    /// As [`residual_sums`] with gain and offset eliminated in each element: a first pass interpolates and
+    /// fits them, a second forms the residual. `transfer` receives what was fitted.
+    pub(super) fn residual_sums_own_transfer[S: Spline<K>, const K: usize, const L: usize][S, K, L](
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
+    ) => residual_sums_own_transfer_body
+}
+
+#[inline(always)]
+fn residual_sums_own_transfer_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    first: usize,
+    corners: &[Corners],
+    transfer: &mut [(f32, f32)],
+    sums: &mut [ElementSums],
+    scratch: &mut Scratch,
+    _: S,
+) {
+    for (k, sums) in sums.iter_mut().enumerate() {
+        let element = &pass.reference.elements[first + k];
+        *sums = own_transfer_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], scratch);
+    }
+}
+
+#[inline(always)]
+fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    transfer: &mut (f32, f32),
+    scratch: &mut Scratch,
+) -> ElementSums {
+    let Reference { f, fx, fy, .. } = pass.reference;
+    let rows = element.ny as usize;
+    let chunks = (element.nx as usize).div_ceil(L);
+    scratch.g.resize(rows * chunks * L, 0.0);
+    scratch.counted.resize(rows * chunks * L, 0.0);
+    // [n, f, g, gg, fg] over the counted pixels, in f64: the fit subtracts nearly equal sums.
+    let mut moments = [0.0f64; 5];
+    let mut sums = ElementSums::default();
+    for part in 0..chunks {
+        let (lanes, xi, mask) = chunk::<L>(element, part * L);
+        let x = element.x + (part * L) as i32;
+        for k in 0..rows {
+            let y = element.y + k as i32;
+            let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+            let ((ax, dx), (ay, dy)) = (along_row(&corners.x, eta), along_row(&corners.y, eta));
+            let ux: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dx, ax));
+            let uy: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dy, ay));
+            let to = [x + corners.whole[0], y + corners.whole[1]];
+            let row = sample_row::<FMA, S, K, L>(pass.deformed, pass.scalar, to, lanes, &ux, &uy);
+            let counted = if row.all_counted { mask } else { row.counted };
+            let f = load::<L>(&f.data, f.at(x as isize, y as isize));
+            let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
+            for i in 0..L {
+                let (w, g) = (counted[i], counted[i] * row.g[i]);
+                sf[i] = w * f[i];
+                sg[i] = g;
+                sgg[i] = g * g;
+                sfg[i] = f[i] * g;
+            }
+            for (moment, lanes) in moments.iter_mut().zip([&counted, &sf, &sg, &sgg, &sfg]) {
+                *moment += f64::from(total(lanes));
+            }
+            for i in 0..lanes {
+                let lost = 1.0 - counted[i];
+                sums.f_lost += lost * f[i];
+                sums.ff_lost += lost * f[i] * f[i];
+            }
+            let at = (part * rows + k) * L;
+            scratch.g[at..at + L].copy_from_slice(&row.g);
+            scratch.counted[at..at + L].copy_from_slice(&counted);
+        }
+    }
+    let [n, sf, sg, sgg, sfg] = moments;
+    let (variance, covariance) = (n * sgg - sg * sg, n * sfg - sf * sg);
+    // A flat element has no contrast to fit: keep the gain of 1.
+    let gain = if variance > 0.0 && covariance > 0.0 { covariance / variance } else { 1.0 };
+    let offset = if n > 0.0 { (sf - gain * sg) / n } else { 0.0 };
+    *transfer = (gain as f32, offset as f32);
+    sums.n = n as f32;
+    for part in 0..chunks {
+        let (_, xi, _) = chunk::<L>(element, part * L);
+        let mut acc = Accumulators::<L>::new();
+        for k in 0..rows {
+            let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+            let at = f.at((element.x + (part * L) as i32) as isize, (element.y + k as i32) as isize);
+            let (f, fx, fy) = (load::<L>(&f.data, at), load::<L>(&fx.data, at), load::<L>(&fy.data, at));
+            let at = (part * rows + k) * L;
+            let (g, counted) = (load::<L>(&scratch.g, at), load::<L>(&scratch.counted, at));
+            acc.add::<FMA>(f, fx, fy, g, counted, *transfer, eta);
+        }
+        acc.finish::<FMA>(&xi, &mut sums);
+    }
+    sums
+}
+
+/// Which pixels of an element are inside the deformed image: calls `visit(column, row, inside)`.
+pub(super) fn visit_pixels(
+    element: &ElementPixels,
+    corners: &Corners,
+    deformed: &Plane,
+    mut visit: impl FnMut(usize, usize, bool),
+) {
+    for row in 0..element.ny as usize {
+        let eta = element.eta0 + row as f32 * element.deta;
+        let ((ax, dx), (ay, dy)) = (along_row(&corners.x, eta), along_row(&corners.y, eta));
+        for column in 0..element.nx as usize {
+            let xi = element.xi0 + column as f32 * element.dxi;
+            let (px, tx) = place(element.x + column as i32 + corners.whole[0], xi * dx + ax);
+            let (py, ty) = place(element.y + row as i32 + corners.whole[1], xi * dy + ay);
+            visit(column, row, inside(px, tx, deformed.width) && inside(py, ty, deformed.height));
+        }
+    }
+}
+
+/// Whether the path is the plain per-pixel loop.
+pub(super) fn is_scalar(isa: Isa) -> bool {
+    isa.path() == Path::Scalar
+}

@@ -1,0 +1,176 @@
+//! Weights of the sub-pixel interpolations, and the derivative at the pixels.
+
+use crate::imaging::Interpolation;
+use crate::isa::mul_add;
+
+/// An interpolation with `K` taps per axis; the taps start `K / 2 - 1` pixels before the floor.
+pub(super) trait Spline<const K: usize>: Copy + Send + Sync {
+    /// Weights of the taps at the fractions `t` (0..1) of `L` points.
+    fn weights<const FMA: bool, const L: usize>(t: &[f32; L]) -> [[f32; L]; K];
+}
+
+/// Cubic B-spline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cubic;
+
+/// Quintic B-spline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quintic;
+
+/// Keys' cubic convolution, a = -1/2 (Keys 1981).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Keys;
+
+/// Bilinear.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bilinear;
+
+impl Spline<4> for Cubic {
+    #[inline(always)]
+    fn weights<const FMA: bool, const L: usize>(t: &[f32; L]) -> [[f32; L]; 4] {
+        let mut w = [[0.0; L]; 4];
+        for i in 0..L {
+            let t = t[i];
+            let s = 1.0 - t;
+            let (t2, s2) = (t * t, s * s);
+            w[0][i] = s2 * s * (1.0 / 6.0);
+            w[1][i] = mul_add::<FMA>(t2, mul_add::<FMA>(t, 0.5, -1.0), 2.0 / 3.0);
+            w[2][i] = mul_add::<FMA>(s2, mul_add::<FMA>(s, 0.5, -1.0), 2.0 / 3.0);
+            w[3][i] = t2 * t * (1.0 / 6.0);
+        }
+        w
+    }
+}
+
+impl Spline<6> for Quintic {
+    #[inline(always)]
+    fn weights<const FMA: bool, const L: usize>(t: &[f32; L]) -> [[f32; L]; 6] {
+        let mut w = [[0.0; L]; 6];
+        for i in 0..L {
+            let t = t[i];
+            let s = 1.0 - t;
+            let (t2, s2) = (t * t, s * s);
+            w[0][i] = s2 * s2 * s * (1.0 / 120.0);
+            w[5][i] = t2 * t2 * t * (1.0 / 120.0);
+            // beta5(1 + t): the ring between one and two pixels from the knot.
+            let ring = |t: f32, t2: f32| {
+                let a = mul_add::<FMA>(t, 5.0 / 120.0, -20.0 / 120.0);
+                let b = mul_add::<FMA>(t2, a, 20.0 / 120.0 * t + 20.0 / 120.0);
+                mul_add::<FMA>(t2, b, mul_add::<FMA>(t, -50.0 / 120.0, 26.0 / 120.0))
+            };
+            // beta5(t): within one pixel.
+            let core = |t: f32, t2: f32| {
+                let a = mul_add::<FMA>(t, -10.0 / 120.0, 30.0 / 120.0);
+                mul_add::<FMA>(t2, mul_add::<FMA>(t2, a, -60.0 / 120.0), 66.0 / 120.0)
+            };
+            w[1][i] = ring(t, t2);
+            w[2][i] = core(t, t2);
+            w[3][i] = core(s, s2);
+            w[4][i] = ring(s, s2);
+        }
+        w
+    }
+}
+
+impl Spline<4> for Keys {
+    #[inline(always)]
+    fn weights<const FMA: bool, const L: usize>(t: &[f32; L]) -> [[f32; L]; 4] {
+        let mut w = [[0.0; L]; 4];
+        for i in 0..L {
+            let t = t[i];
+            let s = 1.0 - t;
+            let (t2, s2) = (t * t, s * s);
+            w[0][i] = -0.5 * t * s2;
+            w[1][i] = mul_add::<FMA>(t2, mul_add::<FMA>(1.5, t, -2.5), 1.0);
+            w[2][i] = mul_add::<FMA>(s2, mul_add::<FMA>(1.5, s, -2.5), 1.0);
+            w[3][i] = -0.5 * s * t2;
+        }
+        w
+    }
+}
+
+impl Spline<2> for Bilinear {
+    #[inline(always)]
+    fn weights<const FMA: bool, const L: usize>(t: &[f32; L]) -> [[f32; L]; 2] {
+        [t.map(|t| 1.0 - t), *t]
+    }
+}
+
+/// Weights, on the coefficients two pixels before to two after, of the value and of the derivative at a
+/// pixel.
+pub(super) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
+    match interpolation {
+        Interpolation::Cubic => ([0.0, 1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
+        Interpolation::Quintic => (
+            [1.0 / 120.0, 26.0 / 120.0, 66.0 / 120.0, 26.0 / 120.0, 1.0 / 120.0],
+            [-1.0 / 24.0, -10.0 / 24.0, 0.0, 10.0 / 24.0, 1.0 / 24.0],
+        ),
+        // The derivative of Keys' kernel at a pixel is the central difference; bilinear has none, and
+        // takes the same.
+        Interpolation::Keys | Interpolation::Bilinear => {
+            ([0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// beta_n(x) by its truncated-power sum (Schoenberg 1946), in f64.
+    fn b_spline(degree: i32, x: f64) -> f64 {
+        let (mut sum, mut binomial, mut factorial) = (0.0, 1.0, 1.0);
+        for k in 1..=degree {
+            factorial *= f64::from(k);
+        }
+        for k in 0..=degree + 1 {
+            let y = x + f64::from(degree + 1) / 2.0 - f64::from(k);
+            sum += binomial * if y > 0.0 { y.powi(degree) } else { 0.0 };
+            binomial *= -f64::from(degree + 1 - k) / f64::from(k + 1);
+        }
+        sum / factorial
+    }
+
+    fn check<S: Spline<K>, const K: usize>(degree: i32) {
+        for step in 0..=20 {
+            let t = f64::from(step) / 20.0;
+            let w = S::weights::<false, 1>(&[t as f32]);
+            for (k, w) in w.iter().enumerate() {
+                let want = b_spline(degree, t - (k as f64 - (K / 2 - 1) as f64));
+                assert!((f64::from(w[0]) - want).abs() < 2e-7, "degree {degree}, t {t}, tap {k}: {} {want}", w[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn weights_are_the_b_splines_of_their_degree() {
+        check::<Cubic, 4>(3);
+        check::<Quintic, 6>(5);
+        check::<Bilinear, 2>(1);
+    }
+
+    #[test]
+    fn keys_weights_reproduce_a_parabola() {
+        for step in 0..=10 {
+            let t = step as f32 / 10.0;
+            let w = Keys::weights::<false, 1>(&[t]);
+            let at = |k: f32| 2.0 + 0.5 * k - k * k;
+            let got: f32 = (0..4).map(|k| w[k][0] * at(k as f32 - 1.0)).sum();
+            assert!((got - at(t)).abs() < 1e-5, "t {t}: {got} instead of {}", at(t));
+        }
+    }
+
+    #[test]
+    fn value_and_derivative_at_a_pixel_are_those_of_the_spline() {
+        for (interpolation, degree) in [(Interpolation::Cubic, 3), (Interpolation::Quintic, 5)] {
+            let (value, derivative) = at_pixel(interpolation);
+            for k in 0..5 {
+                let x = 2.0 - k as f64; // the pixel seen from tap k
+                let h = 1e-4; // truncation h^2, round-off 1e-16 / h: both far below f32
+                let slope = (b_spline(degree, x + h) - b_spline(degree, x - h)) / (2.0 * h);
+                assert!((f64::from(value[k]) - b_spline(degree, x)).abs() < 1e-7);
+                assert!((f64::from(derivative[k]) - slope).abs() < 1e-7, "{degree} {k} {slope}");
+            }
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Sums over pixels that backends hand back.
+
+use crate::linalg::ElementMatrix;
+
+/// Grey-level sums over a set of pixels; `f` reference, `g` deformed, both less the series' offset.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PixelSums {
+    /// Pixels counted: those inside the deformed image.
+    pub n: f64,
+    /// Pixels of the set, counted or not.
+    pub n_all: f64,
+    /// Sum of f.
+    pub f: f64,
+    /// Sum of f^2.
+    pub ff: f64,
+    /// Sum of g.
+    pub g: f64,
+    /// Sum of g^2.
+    pub gg: f64,
+    /// Sum of f g.
+    pub fg: f64,
+    /// Sum of the squared residual (f - gain g - offset)^2.
+    pub rr: f64,
+}
+
+impl PixelSums {
+    /// Adds the sums of another set.
+    pub fn add(&mut self, other: &Self) {
+        self.n += other.n;
+        self.n_all += other.n_all;
+        self.f += other.f;
+        self.ff += other.ff;
+        self.g += other.g;
+        self.gg += other.gg;
+        self.fg += other.fg;
+        self.rr += other.rr;
+    }
+
+    fn covariances(&self) -> (f64, f64, f64) {
+        let (mf, mg) = (self.f / self.n, self.g / self.n);
+        (self.ff / self.n - mf * mf, self.gg / self.n - mg * mg, self.fg / self.n - mf * mg)
+    }
+
+    /// Correlation coefficient of f and g, 0 when one of them is constant or nothing is counted.
+    pub fn correlation(&self) -> f64 {
+        if self.n < 2.0 {
+            return 0.0;
+        }
+        let (vf, vg, c) = self.covariances();
+        if vf > 0.0 && vg > 0.0 { (c / (vf * vg).sqrt()).clamp(-1.0, 1.0) } else { 0.0 }
+    }
+
+    /// Gain and offset that bring g closest to f: `(gain, offset)`; `None` when g is constant or the
+    /// two are not positively correlated (no sensible change of light turns dark into bright).
+    pub fn transfer(&self) -> Option<super::GreyTransfer> {
+        if self.n < 2.0 {
+            return None;
+        }
+        let (_, vg, c) = self.covariances();
+        if !(vg > 0.0 && c > 0.0) {
+            return None;
+        }
+        let gain = c / vg;
+        Some(super::GreyTransfer { gain, offset: (self.f - gain * self.g) / self.n })
+    }
+
+    /// Root mean square of the residual, grey levels; 0 when nothing is counted.
+    pub fn residual_rms(&self) -> f64 {
+        if self.n > 0.0 { (self.rr / self.n).max(0.0).sqrt() } else { 0.0 }
+    }
+}
+
+/// The sums of one element from which its normal matrix is made (THEORY 2).
+///
+/// A product of two Q4 shape functions is a product of one of three functions of xi and one of three of
+/// eta, so the 36 entries of the 8x8 matrix are combinations of 27 sums.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ElementMoments {
+    /// `gradient[p][q][w]`: product p of (fx fx, fx fy, fy fy), eta weight q and xi weight w of
+    /// ((1-s)^2, s(1-s), s^2).
+    pub gradient: [[[f64; 3]; 3]; 3],
+    /// Sums of `psi_a fx`, `psi_a fy` (unknown 2 a + c), times f and times 1: the coupling of displacement
+    /// and grey-level transfer. Filled only when the transfer is per element.
+    pub transfer: [[f64; 8]; 2],
+    /// Pixels.
+    pub n: f64,
+    /// Sum of f.
+    pub f: f64,
+    /// Sum of f^2.
+    pub ff: f64,
+}
+
+/// Whether corner a of an element is at the far end along xi and along eta.
+const FAR: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
+
+impl ElementMoments {
+    /// The element's normal matrix `sum (psi_i . grad f)(psi_j . grad f)`.
+    pub fn matrix(&self) -> ElementMatrix {
+        let mut matrix = [0.0; 36];
+        let mut at = 0;
+        for i in 0..8 {
+            for j in i..8 {
+                let ([xa, ya], [xb, yb]) = (FAR[i / 2], FAR[j / 2]);
+                matrix[at] = self.gradient[i % 2 + j % 2][ya + yb][xa + xb];
+                at += 1;
+            }
+        }
+        matrix
+    }
+
+    /// The normal matrix with the element's own gain and offset eliminated: `M - B D^-1 B^T` (THEORY 2).
+    pub fn matrix_without_transfer(&self) -> ElementMatrix {
+        let mut matrix = self.matrix();
+        let determinant = self.ff * self.n - self.f * self.f;
+        if determinant > 0.0 {
+            let [bf, b1] = &self.transfer;
+            let mut at = 0;
+            for i in 0..8 {
+                for j in i..8 {
+                    matrix[at] -= (self.n * bf[i] * bf[j] - self.f * (bf[i] * b1[j] + b1[i] * bf[j])
+                        + self.ff * b1[i] * b1[j])
+                        / determinant;
+                    at += 1;
+                }
+            }
+        }
+        matrix
+    }
+}

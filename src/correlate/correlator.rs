@@ -1,0 +1,611 @@
+//! A prepared reference that correlates deformed images with itself.
+
+use super::iterate::{Limits, Outcome, iterate};
+use super::level::{Level, assemble, coarse_mesh, elimination_order, support};
+use super::search::{Affine, motions};
+use super::texture::{TextureFault, assumed_noise, faults};
+use super::uncertainty::{NoiseGain, inverse_variances};
+use crate::backend::{Backend, BackendError, GreyMap, GreyTransfer, KernelOptions, PixelSums};
+use crate::field::{Brightness, Measurement, RigidMotion, StartFrom, Status};
+use crate::imaging::{Image, Interpolation};
+use crate::isa::Isa;
+use crate::linalg::{NotPositiveDefinite, Pattern, Solver, SolverChoice};
+use crate::mesh::{Mesh, MeshError, Zone};
+use crate::units::Px;
+use serde::Serialize;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Choices of a correlation; the defaults suit a first try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Element size, px (4..=128).
+    pub element_size: usize,
+    /// Interpolation of the deformed image.
+    pub interpolation: Interpolation,
+    /// Largest nodal correction at which a frame counts as converged, px.
+    pub tolerance_px: f64,
+    /// Gauss-Newton iterations on the finest level after which a frame is given up.
+    pub max_iterations: usize,
+    /// How brightness and contrast are followed.
+    pub brightness: Brightness,
+    /// Where frames of a series start.
+    pub start: StartFrom,
+    /// Standard deviation of the noise of one image, grey levels; estimated from the residual if `None`.
+    pub noise: Option<f64>,
+    /// Leave nodes without texture out instead of refusing the reference.
+    pub drop_textureless: bool,
+    /// Solver of the normal equations.
+    pub solver: SolverChoice,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            element_size: 16,
+            interpolation: Interpolation::default(),
+            tolerance_px: 1e-4,
+            max_iterations: 50,
+            brightness: Brightness::default(),
+            start: StartFrom::default(),
+            noise: None,
+            drop_textureless: false,
+            solver: SolverChoice::default(),
+        }
+    }
+}
+
+/// Why a reference cannot be prepared, or a frame not be tried.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CorrelationError {
+    /// The zones or the element size do not fit the image.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A number among the options makes no sense.
+    #[error("{name} is {value}; give {wanted}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// What was given.
+        value: String,
+        /// What is allowed.
+        wanted: &'static str,
+    },
+    /// Nodes of the reference see no texture.
+    #[error("{} of {n_nodes} nodes see no texture in the reference image: {}; move the zone off them, enlarge the elements, or leave them out with --drop-textureless", faults.len(), first_few(faults))]
+    NoTexture {
+        /// The nodes.
+        faults: Vec<TextureFault>,
+        /// Nodes of the mesh.
+        n_nodes: usize,
+    },
+    /// Nothing is left to measure.
+    #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
+    Textureless,
+    /// The normal matrix has no factor.
+    #[error("the texture of the reference image does not determine the displacement: {0}; enlarge the elements or leave the place out")]
+    Singular(#[from] NotPositiveDefinite),
+    /// A deformed image of another size.
+    #[error("the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
+    Size {
+        /// Columns of the deformed image.
+        width: usize,
+        /// Rows of the deformed image.
+        height: usize,
+        /// Columns of the reference.
+        reference_width: usize,
+        /// Rows of the reference.
+        reference_height: usize,
+    },
+    /// The device failed.
+    #[error("the device failed")]
+    Backend(#[from] BackendError),
+}
+
+fn first_few(faults: &[TextureFault]) -> String {
+    const SHOWN: usize = 3;
+    let mut text: Vec<String> = faults.iter().take(SHOWN).map(ToString::to_string).collect();
+    if faults.len() > SHOWN {
+        text.push(format!("and {} more", faults.len() - SHOWN));
+    }
+    text.join("; ")
+}
+
+/// Where a frame's iteration started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartUsed {
+    /// At the prediction, on the finest level.
+    Predicted,
+    /// At the prediction, down the pyramid.
+    PredictedCoarse,
+    /// From the search.
+    Cold,
+}
+
+/// What is known of one zone in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZoneResult {
+    /// Zone's name.
+    pub name: String,
+    /// Rigid motion of its measured nodes.
+    pub rigid: Option<RigidMotion>,
+    /// Brightness and contrast found.
+    pub transfer: GreyTransfer,
+    /// Correlation coefficient of the reference and the deformed image brought back.
+    pub correlation: f64,
+    /// Root mean square of the residual, grey levels.
+    pub residual_rms: f64,
+    /// Noise of one image, grey levels, that the uncertainty is made with.
+    pub noise: f64,
+}
+
+/// The result for one frame.
+#[derive(Debug, Clone)]
+pub struct Correlation {
+    /// Field, uncertainty, status.
+    pub measurement: Measurement<Px>,
+    /// Gauss-Newton iterations on the finest level.
+    pub iterations: usize,
+    /// Largest nodal correction of the last iteration, px.
+    pub correction_px: f64,
+    /// Root mean square of the residual over all zones, grey levels, at the field before the last
+    /// correction.
+    pub residual_rms: f64,
+    /// The same in per cent of the reference's range of grey levels.
+    pub residual_percent: f64,
+    /// Rigid motion of all measured nodes.
+    pub rigid: Option<RigidMotion>,
+    /// Zone by zone.
+    pub zones: Vec<ZoneResult>,
+    /// Where it started.
+    pub start: StartUsed,
+    /// Nodes not measured because their elements have left the deformed image.
+    pub nodes_left: usize,
+    /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
+    /// a shadow, or a false match).
+    pub poor_elements: usize,
+    /// Displacement of all nodes, those not measured included: the start of the next frame.
+    pub(super) full_displacement: Vec<[f64; 2]>,
+}
+
+/// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
+const MATCHED: f64 = 0.5;
+/// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
+const PREDICTION_OFF_PX: f64 = 1.0;
+/// A zone of which this share of elements has left the deformed image is lost.
+const LEFT_SHARE: f64 = 0.5;
+/// On coarse levels: good enough for the next finer one.
+const COARSE: Limits = Limits { tolerance_px: 0.03, max_iterations: 12 };
+/// The search works on images of about this many pixels a side.
+const SEARCH_SIDE: f64 = 320.0;
+/// and zones at least this wide there, px.
+const SEARCH_ZONE: f64 = 20.0;
+
+/// A reference image prepared for correlation: levels, factors, uncertainty. Frames are correlated
+/// independently of each other; see [`super::Tracker`] for a series.
+pub struct Correlator<B: Backend> {
+    backend: B,
+    options: Options,
+    kernel: KernelOptions,
+    size: [usize; 2],
+    levels: Vec<Level<B>>,
+    search_map: GreyMap,
+    inverse_variance: Vec<[f64; 2]>,
+    noise_gain: NoiseGain,
+    dropped: Vec<TextureFault>,
+    grey_range: f64,
+    isa: Isa,
+}
+
+impl<B: Backend> Correlator<B> {
+    /// Prepares `reference` for the given zones: meshes, gradients, normal matrices and factors of all
+    /// levels, texture check, uncertainty.
+    ///
+    /// # Errors
+    /// Options, zones or texture that do not allow a measurement; a device that fails.
+    pub fn new(
+        backend: B,
+        reference: Arc<Image>,
+        zones: &[Zone],
+        options: Options,
+    ) -> Result<Self, CorrelationError> {
+        check(&options)?;
+        let isa = Isa::detect();
+        let size = [reference.width(), reference.height()];
+        let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
+        let (low, high) = reference.range();
+        let kernel = KernelOptions {
+            interpolation: options.interpolation,
+            grey_offset: 0.5 * (low + high),
+            brightness: options.brightness,
+        };
+        let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
+        let mut frame = backend.frame(reference, &kernel)?;
+        let (finest, dropped) = finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
+        let inverse_variance = inverse_variances(isa, &mesh, &finest.solver);
+        let mut levels = vec![finest];
+        for level in 1..=search_level(&mesh) {
+            let coarse = Arc::new(coarse_mesh(&levels[level - 1].mesh, options.element_size));
+            levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel)?);
+        }
+        let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
+        Ok(Self {
+            noise_gain: NoiseGain::new(options.interpolation),
+            grey_range: f64::from(high - low),
+            backend,
+            options,
+            kernel,
+            size,
+            levels,
+            search_map,
+            inverse_variance,
+            dropped,
+            isa,
+        })
+    }
+
+    /// The device.
+    pub fn backend(&self) -> &B {
+        &self.backend
+    }
+
+    /// The options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The mesh, px of the reference image.
+    pub fn mesh(&self) -> &Arc<Mesh<Px>> {
+        &self.levels[0].mesh
+    }
+
+    /// Nodes left out because the reference has no texture there.
+    pub fn dropped(&self) -> &[TextureFault] {
+        &self.dropped
+    }
+
+    /// Range of grey levels of the reference: 100 % for residuals.
+    pub fn grey_range(&self) -> f64 {
+        self.grey_range
+    }
+
+    /// Number of pyramid levels, the image itself included.
+    pub fn n_levels(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// The solver of the finest level: `direct` or `iterative`.
+    pub fn solver_name(&self) -> &'static str {
+        self.levels[0].solver.name()
+    }
+
+    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px.
+    pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
+        self.inverse_variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
+    }
+
+    /// Correlates one deformed image. `start` is a displacement of all nodes to begin with (and the grey
+    /// transfer per zone); when it fails, or there is none, the frame is searched for.
+    ///
+    /// # Errors
+    /// An image of another size, or a device that fails. Not converging is a result, not an error.
+    pub fn correlate(
+        &self,
+        image: Arc<Image>,
+        start: Option<(Vec<[f64; 2]>, &[GreyTransfer])>,
+    ) -> Result<Correlation, CorrelationError> {
+        if [image.width(), image.height()] != self.size {
+            return Err(CorrelationError::Size {
+                width: image.width(),
+                height: image.height(),
+                reference_width: self.size[0],
+                reference_height: self.size[1],
+            });
+        }
+        let mut frame = self.backend.frame(image, &self.kernel)?;
+        if let Some((displacement, transfer)) = start {
+            let attempt = self.from_prediction(&mut frame, &displacement, transfer)?;
+            if attempt.measurement.status == Status::Converged {
+                return Ok(attempt);
+            }
+            let cold = self.from_search(&mut frame)?;
+            // Both failed: the one that matches better tells more.
+            let better = cold.measurement.status == Status::Converged || worst(&cold) >= worst(&attempt);
+            return Ok(if better { cold } else { attempt });
+        }
+        self.from_search(&mut frame)
+    }
+
+    fn limits(&self) -> Limits {
+        Limits { tolerance_px: self.options.tolerance_px, max_iterations: self.options.max_iterations }
+    }
+
+    fn from_prediction(
+        &self,
+        frame: &mut B::Frame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<Correlation, CorrelationError> {
+        let finest = &self.levels[0];
+        let mut field = self.backend.start(&finest.prepared, displacement, transfer);
+        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
+        let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first.iter().all(matched);
+        let result = self.finish(&field, outcome, StartUsed::Predicted)?;
+        if near && result.measurement.status == Status::Converged {
+            return Ok(result);
+        }
+        let mut coarse = displacement.to_vec();
+        for pair in self.levels.windows(2) {
+            coarse = pair[1].from_finer(&pair[0].mesh, &coarse);
+        }
+        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse)
+    }
+
+    /// Finds each zone on the coarsest level and iterates down the pyramid.
+    fn from_search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+        let top = self.levels.len() - 1;
+        let level = &self.levels[top];
+        let deformed = self.backend.grey_map(frame, top)?;
+        let n_zones = level.mesh.zones().len();
+        let candidates: Vec<Vec<Affine>> =
+            level.mesh.grids().iter().map(|grid| motions(&self.search_map, &deformed, grid)).collect();
+        // Every zone tries its own next candidate in each round and keeps the best match.
+        let mut best: Vec<(f64, Affine, GreyTransfer)> =
+            vec![(f64::NEG_INFINITY, Affine::translation([0.0; 2]), GreyTransfer::NONE); n_zones];
+        let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
+        for round in 0..rounds {
+            if best.iter().all(|b| b.0 > 0.8) {
+                break;
+            }
+            let tried: Vec<Affine> = candidates.iter().map(|c| c[round.min(c.len() - 1)]).collect();
+            let displacement = self.affine_field(level, &tried);
+            let mut field =
+                self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
+            let sums = self.backend.observe(&level.prepared, frame, &mut field)?;
+            for (zone, transfer) in self.backend.transfer(&field).into_iter().enumerate() {
+                let score = sums[zone].correlation();
+                if score > best[zone].0 {
+                    best[zone] = (score, tried[zone], transfer);
+                }
+            }
+        }
+        let motions: Vec<Affine> = best.iter().map(|b| b.1).collect();
+        let transfer = best.iter().map(|b| b.2).collect();
+        self.down_the_pyramid(frame, self.affine_field(level, &motions), transfer, StartUsed::Cold)
+    }
+
+    fn affine_field(&self, level: &Level<B>, motions: &[Affine]) -> Vec<[f64; 2]> {
+        let zones = level.mesh.node_zone();
+        level.mesh.nodes().iter().zip(zones).map(|(&x, &zone)| motions[zone as usize].displacement(x)).collect()
+    }
+
+    /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest.
+    fn down_the_pyramid(
+        &self,
+        frame: &mut B::Frame,
+        mut displacement: Vec<[f64; 2]>,
+        mut transfer: Vec<GreyTransfer>,
+        start: StartUsed,
+    ) -> Result<Correlation, CorrelationError> {
+        for at in (1..self.levels.len()).rev() {
+            let level = &self.levels[at];
+            let mut field = self.backend.start(&level.prepared, &displacement, &transfer);
+            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel)?;
+            // A coarse level whose texture is gone can only harm: keep what it made worse as it was.
+            let usable = outcome.correction_px.is_finite()
+                && outcome.first.iter().zip(&outcome.last).all(|(a, b)| b.correlation() >= a.correlation() - 0.02);
+            if usable {
+                displacement = self.backend.displacement(&field)?;
+                transfer = self.backend.transfer(&field);
+            }
+            displacement = self.levels[at - 1].from_coarser(&level.mesh, &displacement);
+        }
+        let finest = &self.levels[0];
+        let mut field = self.backend.start(&finest.prepared, &displacement, &transfer);
+        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
+        self.finish(&field, outcome, start)
+    }
+
+    /// Status, uncertainty and summary of a finished iteration.
+    fn finish(
+        &self,
+        field: &B::Field,
+        outcome: Outcome,
+        start: StartUsed,
+    ) -> Result<Correlation, CorrelationError> {
+        let level = &self.levels[0];
+        let mesh = &level.mesh;
+        let full_displacement = self.backend.displacement(field)?;
+        let elements = self.backend.element_sums(&level.prepared, field)?;
+        let transfers = self.backend.transfer(field);
+        let mut measured = vec![false; mesh.n_nodes()];
+        for (nodes, sums) in mesh.elements().iter().zip(&elements) {
+            for &node in nodes {
+                measured[node as usize] |= sums.n > 0.0;
+            }
+        }
+        let mut nodes_left = 0;
+        for node in 0..mesh.n_nodes() {
+            nodes_left += usize::from(level.keep[node] && !measured[node]);
+            measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
+        }
+        let status = self.judge(&outcome, &elements);
+        let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.isa, mesh, own));
+        let variance = own_variance.as_ref().unwrap_or(&self.inverse_variance);
+        let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
+        let mut zones = Vec::new();
+        for (zone, name) in mesh.zones().iter().enumerate() {
+            let nodes = mesh.zone_nodes(zone);
+            let sums = &outcome.last[zone];
+            let transfer = transfers[zone];
+            let n_transfers = match self.options.brightness {
+                Brightness::Zone => 1,
+                Brightness::Element => mesh.zone_elements(zone).len(),
+                Brightness::Off => 0,
+            };
+            let n_measured = nodes.clone().filter(|&node| measured[node]).count();
+            let unknowns = 2.0 * (n_measured + n_transfers) as f64;
+            let noise = self.options.noise.unwrap_or_else(|| {
+                self.noise_gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns)
+            });
+            for node in nodes.clone().filter(|&node| measured[node]) {
+                sigma[node] = variance[node].map(|v| noise * (2.0 * v).sqrt());
+            }
+            zones.push(ZoneResult {
+                name: name.clone(),
+                rigid: rigid(mesh, &full_displacement, &measured, nodes),
+                transfer,
+                correlation: sums.correlation(),
+                residual_rms: sums.residual_rms(),
+                noise,
+            });
+        }
+        let mut all = PixelSums::default();
+        outcome.last.iter().for_each(|sums| all.add(sums));
+        let displacement =
+            full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
+        let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
+        Ok(Correlation {
+            measurement: Measurement {
+                mesh: mesh.clone(),
+                status,
+                displacement,
+                sigma,
+                measured,
+                element_residual: elements.iter().map(PixelSums::residual_rms).collect(),
+            },
+            iterations: outcome.iterations,
+            correction_px: outcome.correction_px,
+            residual_rms: all.residual_rms(),
+            residual_percent: 100.0 * all.residual_rms() / self.grey_range.max(f64::MIN_POSITIVE),
+            rigid,
+            zones,
+            start,
+            nodes_left,
+            poor_elements: elements.iter().filter(|s| s.n > 0.0 && s.correlation() < MATCHED).count(),
+            full_displacement,
+        })
+    }
+
+    fn judge(&self, outcome: &Outcome, elements: &[PixelSums]) -> Status {
+        let mesh = &self.levels[0].mesh;
+        let left = (0..mesh.zones().len()).any(|zone| {
+            let of_zone = &elements[mesh.zone_elements(zone)];
+            let all = of_zone.iter().filter(|s| s.n_all > 0.0).count();
+            let left = of_zone.iter().filter(|s| s.n_all > 0.0 && s.n == 0.0).count();
+            left as f64 > LEFT_SHARE * all as f64
+        });
+        if left {
+            Status::LeftImage
+        } else if outcome.status != Status::Diverged && !outcome.last.iter().all(matched) {
+            Status::Diverged
+        } else {
+            outcome.status
+        }
+    }
+}
+
+fn matched(sums: &PixelSums) -> bool {
+    sums.correlation() > MATCHED
+}
+
+fn worst(correlation: &Correlation) -> f64 {
+    correlation.zones.iter().map(|zone| zone.correlation).fold(f64::INFINITY, f64::min)
+}
+
+fn rigid(
+    mesh: &Mesh<Px>,
+    displacement: &[[f64; 2]],
+    measured: &[bool],
+    nodes: std::ops::Range<usize>,
+) -> Option<RigidMotion> {
+    RigidMotion::fit(nodes.filter(|&n| measured[n]).map(|n| (mesh.nodes()[n], displacement[n])))
+}
+
+fn check(options: &Options) -> Result<(), CorrelationError> {
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
+    if !positive(options.tolerance_px) || options.tolerance_px > 1.0 {
+        return fault("the tolerance", options.tolerance_px.to_string(), "a positive number of pixels up to 1");
+    }
+    if options.max_iterations == 0 {
+        return fault("the largest number of iterations", "0".into(), "at least 1");
+    }
+    if let Some(noise) = options.noise
+        && !positive(noise)
+    {
+        return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
+    }
+    Ok(())
+}
+
+/// The number of halvings after which the largest zone is small enough to be searched, as far as the
+/// smallest zone stays wide enough.
+fn search_level(mesh: &Mesh<Px>) -> usize {
+    let (mut longest, mut shortest) = (0.0f64, f64::INFINITY);
+    for grid in mesh.grids() {
+        let (width, height) = (grid.nx as f64 * grid.hx, grid.ny as f64 * grid.hy);
+        longest = longest.max(width.max(height));
+        shortest = shortest.min(width.min(height));
+    }
+    let mut level = 0;
+    while longest > SEARCH_SIDE && shortest / 2.0 >= SEARCH_ZONE {
+        longest /= 2.0;
+        shortest /= 2.0;
+        level += 1;
+    }
+    level
+}
+
+/// Prepares the finest level: texture check, elements left out, matrix and factor.
+fn finest_level<B: Backend>(
+    backend: &B,
+    frame: &mut B::Frame,
+    mesh: Arc<Mesh<Px>>,
+    noise: f64,
+    kernel: &KernelOptions,
+    options: &Options,
+) -> Result<(Level<B>, Vec<TextureFault>), CorrelationError> {
+    let (mut prepared, mut moments) = backend.reference(frame, 0, mesh.clone(), kernel)?;
+    let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+    let mut keep = vec![true; mesh.n_nodes()];
+    let mut active = vec![true; mesh.n_elements()];
+    let mut dropped: Vec<TextureFault> = Vec::new();
+    let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
+    loop {
+        let found: Vec<TextureFault> =
+            faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation)
+                .into_iter()
+                .filter(|fault| keep[fault.node])
+                .collect();
+        if found.is_empty() {
+            break;
+        }
+        if !options.drop_textureless {
+            return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
+        }
+        // An element with a node that is left out would be read at a guess there, so it is left out
+        // too; that may leave further nodes without texture.
+        for fault in &found {
+            keep[fault.node] = false;
+        }
+        for (element, nodes) in mesh.elements().iter().enumerate() {
+            if active[element] && nodes.iter().any(|&node| !keep[node as usize]) {
+                active[element] = false;
+                moments[element] = Default::default();
+            }
+        }
+        dropped.extend(found);
+        if !keep.contains(&true) {
+            return Err(CorrelationError::Textureless);
+        }
+        matrix = assemble(&mesh, &pattern, &moments, kernel);
+    }
+    backend.restrict(&mut prepared, &active);
+    matrix.hold(&keep);
+    let solver = Solver::new(matrix, options.solver, || elimination_order(&mesh))?;
+    dropped.sort_by_key(|fault| fault.node);
+    Ok((Level { mesh, prepared, moments, pattern, solver, keep }, dropped))
+}

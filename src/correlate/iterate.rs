@@ -1,0 +1,131 @@
+//! The Gauss-Newton iteration on one level.
+
+use super::level::{Level, assemble};
+use crate::backend::{Backend, BackendError, KernelOptions, PixelSums};
+use crate::field::Status;
+use crate::linalg::Solver;
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    pub tolerance_px: f64,
+    pub max_iterations: usize,
+}
+
+/// How an iteration ended.
+#[derive(Debug)]
+pub(super) struct Outcome {
+    pub status: Status,
+    pub iterations: usize,
+    pub correction_px: f64,
+    /// Largest correction of the first step: how far off the start was.
+    pub first_correction_px: f64,
+    /// Sums at the start.
+    pub first: Vec<PixelSums>,
+    /// Sums at the last evaluation, before the last correction.
+    pub last: Vec<PixelSums>,
+    /// The frame's own solver, when it has lost pixels.
+    pub own: Option<Solver>,
+}
+
+/// Elements that have lost more than this share of their pixels make the constant matrix too stiff for
+/// the right-hand side: the frame then gets its own.
+const LOST_SHARE: f64 = 0.05;
+/// The frame's own matrix is renewed when the pixels counted have changed by this share since.
+const RENEW_SHARE: f64 = 2e-3;
+/// A correction that falls by less than this has stalled.
+const STALLED: f64 = 0.8;
+/// Corrections of this many element sizes belong to no displacement field.
+const WILD_ELEMENTS: f64 = 8.0;
+
+/// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance.
+///
+/// The iteration contracts by the rate c(k) / c(k-1) of its corrections, so after a correction c the error
+/// left is about `c rate / (1 - rate)`: both must be below the tolerance.
+pub(super) fn iterate<B: Backend>(
+    backend: &B,
+    level: &Level<B>,
+    frame: &mut B::Frame,
+    field: &mut B::Field,
+    limits: Limits,
+    options: &KernelOptions,
+) -> Result<Outcome, BackendError> {
+    let size = level.mesh.grids().first().map_or(1.0, |grid| grid.hx);
+    let mut outcome = Outcome {
+        status: Status::IterationLimit,
+        iterations: 0,
+        correction_px: f64::INFINITY,
+        first_correction_px: 0.0,
+        first: Vec::new(),
+        last: Vec::new(),
+        own: None,
+    };
+    let (mut previous, mut stalls, mut damping) = (f64::INFINITY, 0, 1.0);
+    let mut counted_then = f64::NAN;
+    for iteration in 1..=limits.max_iterations {
+        if let Some(counted) = counted_with_loss(backend, level, field)? {
+            let renew = !((counted - counted_then).abs() <= RENEW_SHARE * counted);
+            if renew && iteration > 1 {
+                outcome.own = Some(own_solver(backend, level, frame, field, options)?);
+                counted_then = counted;
+            }
+        }
+        let solver = outcome.own.as_ref().unwrap_or(&level.solver);
+        let step = backend.step(&level.prepared, frame, field, solver, damping)?;
+        let correction = step.correction_px;
+        outcome.iterations = iteration;
+        outcome.correction_px = correction;
+        outcome.last = step.zones;
+        if iteration == 1 {
+            outcome.first = outcome.last.clone();
+            outcome.first_correction_px = correction;
+        }
+        if !correction.is_finite() || correction > WILD_ELEMENTS * size {
+            outcome.status = Status::Diverged;
+            break;
+        }
+        let rate = if previous.is_finite() && previous > 0.0 { (correction / previous).min(0.99) } else { 0.5 };
+        if correction * (rate / (1.0 - rate)).max(1.0) < limits.tolerance_px {
+            outcome.status = Status::Converged;
+            break;
+        }
+        // A correction that comes back with the other sign each time is an overshoot somewhere: half
+        // steps settle it.
+        stalls = if correction > STALLED * previous { stalls + 1 } else { 0 };
+        if stalls == 3 {
+            damping *= 0.5;
+            stalls = 0;
+        }
+        previous = correction;
+    }
+    Ok(outcome)
+}
+
+/// Number of pixels counted, when some element has lost enough of its own; `None` when none has.
+fn counted_with_loss<B: Backend>(
+    backend: &B,
+    level: &Level<B>,
+    field: &B::Field,
+) -> Result<Option<f64>, BackendError> {
+    let sums = backend.element_sums(&level.prepared, field)?;
+    let lost = sums.iter().any(|s| s.n < (1.0 - LOST_SHARE) * s.n_all);
+    Ok(lost.then(|| sums.iter().map(|s| s.n).sum()))
+}
+
+/// The solver of the pixels that are inside the deformed image.
+fn own_solver<B: Backend>(
+    backend: &B,
+    level: &Level<B>,
+    frame: &mut B::Frame,
+    field: &B::Field,
+    options: &KernelOptions,
+) -> Result<Solver, BackendError> {
+    let sums = backend.element_sums(&level.prepared, field)?;
+    let mut moments = level.moments.clone();
+    for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
+        moments[element] = if sums[element].n > 0.0 { partial } else { Default::default() };
+    }
+    let mut matrix = assemble(&level.mesh, &level.pattern, &moments, options);
+    matrix.hold(&level.keep);
+    Ok(Solver::iterative(matrix))
+}

@@ -1,0 +1,151 @@
+//! One scale of the pyramid: its mesh, its prepared reference, its factor.
+
+use crate::backend::{Backend, ElementMoments, KernelOptions};
+use crate::field::Brightness;
+use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, nested_dissection};
+use crate::mesh::{Grid, Mesh};
+use crate::units::Px;
+use std::sync::Arc;
+
+/// A scale of the pyramid; level 0 is the image, each further level halves it.
+pub(super) struct Level<B: Backend> {
+    pub mesh: Arc<Mesh<Px>>,
+    pub prepared: B::Level,
+    pub moments: Vec<ElementMoments>,
+    pub pattern: Arc<Pattern>,
+    pub solver: Solver,
+    /// Nodes that are solved for; the others see no texture.
+    pub keep: Vec<bool>,
+}
+
+/// Position on the finer level of the point `x` of the next coarser one, and back: a coarse pixel is the
+/// mean of two fine ones, so its centre lies between theirs.
+pub(super) fn finer(x: f64) -> f64 {
+    2.0 * x + 0.5
+}
+
+pub(super) fn coarser(x: f64) -> f64 {
+    0.5 * (x - 0.5)
+}
+
+/// The mesh of the next coarser level: each zone keeps its extent, with elements at least as large in
+/// pixels as on the finest level.
+pub(super) fn coarse_mesh(mesh: &Mesh<Px>, element_size: usize) -> Mesh<Px> {
+    let grids = mesh.grids().iter().map(|grid| {
+        let (x0, y0) = (coarser(grid.x0), coarser(grid.y0));
+        let (width, height) = (0.5 * grid.nx as f64 * grid.hx, 0.5 * grid.ny as f64 * grid.hy);
+        let count = |length: f64| ((length / element_size as f64).floor() as usize).max(1);
+        let (nx, ny) = (count(width), count(height));
+        let (hx, hy) = (width / nx as f64, height / ny as f64);
+        Grid { x0, y0, hx, hy, nx, ny, first_node: 0, first_element: 0 }
+    });
+    Mesh::from_grids(mesh.zones().to_vec(), grids.collect())
+}
+
+/// The normal matrix of the given moments.
+pub(super) fn assemble(
+    mesh: &Mesh<Px>,
+    pattern: &Arc<Pattern>,
+    moments: &[ElementMoments],
+    options: &KernelOptions,
+) -> BlockMatrix {
+    let matrices: Vec<ElementMatrix> = moments
+        .iter()
+        .map(|m| if options.brightness == Brightness::Element { m.matrix_without_transfer() } else { m.matrix() })
+        .collect();
+    BlockMatrix::assemble(pattern, mesh.elements(), &matrices)
+}
+
+/// Elimination order of all zones, one after the other.
+pub(super) fn elimination_order(mesh: &Mesh<Px>) -> Vec<usize> {
+    mesh.grids()
+        .iter()
+        .flat_map(|grid| {
+            nested_dissection(grid.nx + 1, grid.ny + 1).into_iter().map(|node| grid.first_node + node)
+        })
+        .collect()
+}
+
+/// `sum psi^2` per node over the pixels of its elements (about 4/9 l^2 inside): what a gradient of one
+/// grey level per pixel in one direction would give on the diagonal.
+pub(super) fn support(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<f64> {
+    let mut support = vec![0.0; mesh.n_nodes()];
+    for (nodes, moments) in mesh.elements().iter().zip(moments) {
+        for &node in nodes {
+            support[node as usize] += moments.n / 9.0; // the mean of psi^2 over an element
+        }
+    }
+    support
+}
+
+impl<B: Backend> Level<B> {
+    /// A coarse level: nodes without texture are held where the start puts them, nothing is refused.
+    pub fn coarse(
+        backend: &B,
+        frame: &mut B::Frame,
+        level: usize,
+        mesh: Arc<Mesh<Px>>,
+        noise: f64,
+        options: &KernelOptions,
+    ) -> Result<Self, crate::backend::BackendError> {
+        let (prepared, moments) = backend.reference(frame, level, mesh.clone(), options)?;
+        let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+        let mut matrix = assemble(&mesh, &pattern, &moments, options);
+        // Averaging 2^l by 2^l pixels divides the noise by 2^l.
+        let noise = noise / f64::from(1u32 << level.min(30));
+        let mut keep = vec![true; mesh.n_nodes()];
+        for fault in
+            super::texture::faults(&mesh, &matrix, &support(&mesh, &moments), noise, options.interpolation)
+        {
+            keep[fault.node] = false;
+        }
+        matrix.hold(&keep);
+        let solver = iterative_or_direct(matrix, &mesh);
+        Ok(Self { mesh, prepared, moments, pattern, solver, keep })
+    }
+
+    /// The displacement on this level's nodes from that on the next coarser level's.
+    pub fn from_coarser(&self, coarse: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        resample(coarse, displacement, &self.mesh, coarser, 2.0)
+    }
+
+    /// The displacement on this level's nodes from that on the next finer level's.
+    pub fn from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        resample(fine, displacement, &self.mesh, finer, 0.5)
+    }
+}
+
+/// A factor where it exists, conjugate gradients else (a coarse level must not refuse what the fine one
+/// accepts).
+fn iterative_or_direct(matrix: BlockMatrix, mesh: &Mesh<Px>) -> Solver {
+    match Solver::new(matrix.clone(), SolverChoice::Auto, || elimination_order(mesh)) {
+        Ok(solver) => solver,
+        Err(_) => Solver::iterative(matrix),
+    }
+}
+
+fn resample(
+    from: &Mesh<Px>,
+    displacement: &[[f64; 2]],
+    to: &Mesh<Px>,
+    place: impl Fn(f64) -> f64,
+    scale: f64,
+) -> Vec<[f64; 2]> {
+    let mut values = Vec::with_capacity(to.n_nodes());
+    for zone in 0..to.zones().len() {
+        let grid = &from.grids()[zone];
+        for node in to.zone_nodes(zone) {
+            let [x, y] = to.nodes()[node];
+            let (element, xi, eta) = grid.locate(place(x), place(y));
+            let psi = crate::mesh::shape_functions(xi, eta);
+            let mut u = [0.0; 2];
+            for (&corner, psi) in from.elements()[element].iter().zip(psi) {
+                for c in 0..2 {
+                    u[c] += scale * psi * displacement[corner as usize][c];
+                }
+            }
+            values.push(u);
+        }
+    }
+    values
+}

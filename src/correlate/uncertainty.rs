@@ -1,0 +1,66 @@
+//! Standard uncertainty of the nodal displacements (THEORY 2): `Cov(a) = 2 sigma^2 M^-1`.
+
+use crate::backend::{GreyTransfer, PixelSums};
+use crate::imaging::Interpolation;
+use crate::isa::Isa;
+use crate::linalg::{Solver, inverse_diagonal};
+use crate::mesh::{Mesh, shape_functions};
+use crate::units::Px;
+
+/// Diagonal of `M^-1` per node.
+pub(super) fn inverse_variances(isa: Isa, mesh: &Mesh<Px>, solver: &Solver) -> Vec<[f64; 2]> {
+    inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh))
+}
+
+/// Sixteen colours such that nodes of one colour are four elements apart (zones do not touch each other).
+fn colours(mesh: &Mesh<Px>) -> Vec<u32> {
+    let mut colour = Vec::with_capacity(mesh.n_nodes());
+    for grid in mesh.grids() {
+        for j in 0..=grid.ny {
+            colour.extend((0..=grid.nx).map(|i| (4 * (j % 4) + i % 4) as u32));
+        }
+    }
+    colour
+}
+
+/// Variance gain of the interpolation, tabulated over the sub-pixel offset.
+#[derive(Debug)]
+pub(super) struct NoiseGain([f64; 65]);
+
+impl NoiseGain {
+    pub fn new(interpolation: Interpolation) -> Self {
+        Self(std::array::from_fn(|k| interpolation.noise_gain(k as f64 / 64.0)))
+    }
+
+    fn at(&self, u: f64) -> f64 {
+        let t = 64.0 * (u - u.floor());
+        let k = (t as usize).min(63);
+        self.0[k] + (t - k as f64) * (self.0[k + 1] - self.0[k])
+    }
+
+    /// Standard deviation of the noise of one image from the residual of one zone, grey levels: the
+    /// residual holds the noise of f and the interpolated (filtered) noise of g,
+    /// `var(r) = sigma^2 (1 + gain^2 v_x v_y)`; each node and the transfer take degrees of freedom.
+    pub fn noise_of_residual(
+        &self,
+        mesh: &Mesh<Px>,
+        zone: usize,
+        displacement: &[[f64; 2]],
+        sums: &PixelSums,
+        transfer: GreyTransfer,
+        unknowns: f64,
+    ) -> f64 {
+        let mut gain = 0.0;
+        let elements = mesh.zone_elements(zone);
+        let n_elements = elements.len() as f64;
+        let middle = shape_functions(0.5, 0.5);
+        for nodes in &mesh.elements()[elements] {
+            let u: [f64; 2] = std::array::from_fn(|c| {
+                nodes.iter().zip(middle).map(|(&node, psi)| psi * displacement[node as usize][c]).sum()
+            });
+            gain += self.at(u[0]) * self.at(u[1]);
+        }
+        let freedom = (sums.n - unknowns).max(1.0);
+        (sums.rr / freedom / (1.0 + transfer.gain.powi(2) * gain / n_elements)).max(0.0).sqrt()
+    }
+}

@@ -1,0 +1,194 @@
+//! Sparse symmetric matrices of 2x2 blocks, one row of blocks per node.
+
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The 8x8 symmetric matrix of one Q4 element, upper triangle by rows. Unknown `2 k + c` is component
+/// `c` of the element's node `k`.
+pub type ElementMatrix = [f64; 36];
+
+/// Place of entry (row, col), in either order, in an [`ElementMatrix`].
+pub(crate) fn upper(row: usize, col: usize) -> usize {
+    let (r, c) = if row <= col { (row, col) } else { (col, row) };
+    r * 8 - r * (r + 1) / 2 + c
+}
+
+/// Which blocks of a matrix are filled: nodes coupled by an element.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pattern {
+    /// Per node, where its row of blocks starts in `columns`; one more entry closes the last.
+    row_starts: Vec<u32>,
+    /// Column (node) of each block, ascending within a row.
+    columns: Vec<u32>,
+    /// Per node, where its elements start in `incidence`.
+    incidence_starts: Vec<u32>,
+    /// Element and the node's corner (0..4) in it, ascending by element.
+    incidence: Vec<(u32, u8)>,
+}
+
+impl Pattern {
+    /// The pattern of `n_nodes` nodes joined by four-node elements.
+    ///
+    /// # Panics
+    /// When an element names a node that does not exist.
+    pub fn new(n_nodes: usize, elements: &[[u32; 4]]) -> Self {
+        let mut incidence_starts = vec![0u32; n_nodes + 1];
+        for corner in elements.iter().flatten() {
+            incidence_starts[*corner as usize + 1] += 1;
+        }
+        for node in 0..n_nodes {
+            incidence_starts[node + 1] += incidence_starts[node];
+        }
+        let mut next = incidence_starts.clone();
+        let mut incidence = vec![(0, 0); elements.len() * 4];
+        for (element, corners) in elements.iter().enumerate() {
+            for (corner, &node) in corners.iter().enumerate() {
+                incidence[next[node as usize] as usize] = (element as u32, corner as u8);
+                next[node as usize] += 1;
+            }
+        }
+        let mut row_starts = Vec::with_capacity(n_nodes + 1);
+        let mut columns = Vec::with_capacity(n_nodes * 9);
+        row_starts.push(0);
+        let mut row = Vec::with_capacity(16);
+        for node in 0..n_nodes {
+            row.clear();
+            row.push(node as u32);
+            for &(element, _) in &incidence[incidence_starts[node] as usize..incidence_starts[node + 1] as usize] {
+                row.extend_from_slice(&elements[element as usize]);
+            }
+            row.sort_unstable();
+            row.dedup();
+            columns.extend_from_slice(&row);
+            row_starts.push(columns.len() as u32);
+        }
+        Self { row_starts, columns, incidence_starts, incidence }
+    }
+
+    /// Number of nodes (rows of blocks).
+    pub fn n_nodes(&self) -> usize {
+        self.row_starts.len() - 1
+    }
+
+    /// Number of stored blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.columns.len()
+    }
+
+    pub(crate) fn row(&self, node: usize) -> std::ops::Range<usize> {
+        self.row_starts[node] as usize..self.row_starts[node + 1] as usize
+    }
+
+    pub(crate) fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// The elements of a node, with the node's corner in each.
+    pub(crate) fn elements_of(&self, node: usize) -> &[(u32, u8)] {
+        &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
+    }
+
+    /// Sums element vectors (unknown `2 k + c` of corner `k`) into nodal ones, in element order.
+    pub fn gather(&self, element_vector: impl Fn(usize) -> [f64; 8] + Sync) -> Vec<[f64; 2]> {
+        (0..self.n_nodes())
+            .into_par_iter()
+            .with_min_len(2048)
+            .map(|node| {
+                let mut sum = [0.0; 2];
+                for &(element, corner) in self.elements_of(node) {
+                    let vector = element_vector(element as usize);
+                    sum[0] += vector[2 * corner as usize];
+                    sum[1] += vector[2 * corner as usize + 1];
+                }
+                sum
+            })
+            .collect()
+    }
+}
+
+/// A symmetric matrix on a [`Pattern`]; both triangles are stored. A block is `[xx, xy, yx, yy]`.
+#[derive(Debug, Clone)]
+pub struct BlockMatrix {
+    pattern: Arc<Pattern>,
+    blocks: Vec<[f64; 4]>,
+}
+
+impl BlockMatrix {
+    /// Assembles element matrices; `elements` must be those of the pattern. The sum at a node runs in
+    /// element order, so the bits do not depend on the number of threads.
+    pub fn assemble(pattern: &Arc<Pattern>, elements: &[[u32; 4]], matrices: &[ElementMatrix]) -> Self {
+        let mut blocks = vec![[0.0; 4]; pattern.n_blocks()];
+        let mut rows = Vec::with_capacity(pattern.n_nodes());
+        let mut rest = blocks.as_mut_slice();
+        for node in 0..pattern.n_nodes() {
+            let (row, tail) = rest.split_at_mut(pattern.row(node).len());
+            rows.push(row);
+            rest = tail;
+        }
+        rows.into_par_iter().with_min_len(512).enumerate().for_each(|(node, row)| {
+            let columns = &pattern.columns[pattern.row(node)];
+            for &(element, corner) in pattern.elements_of(node) {
+                let matrix = &matrices[element as usize];
+                let a = 2 * corner as usize;
+                for (b, other) in elements[element as usize].iter().enumerate() {
+                    // A row has at most nine blocks: looking is faster than an index table in memory.
+                    let Some(at) = columns.iter().position(|c| c == other) else { continue };
+                    let b = 2 * b;
+                    row[at][0] += matrix[upper(a, b)];
+                    row[at][1] += matrix[upper(a, b + 1)];
+                    row[at][2] += matrix[upper(a + 1, b)];
+                    row[at][3] += matrix[upper(a + 1, b + 1)];
+                }
+            }
+        });
+        Self { pattern: pattern.clone(), blocks }
+    }
+
+    /// The pattern.
+    pub fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// All blocks, row after row.
+    pub fn blocks(&self) -> &[[f64; 4]] {
+        &self.blocks
+    }
+
+    /// The block on the diagonal at `node`, as `[xx, xy, yy]`.
+    pub fn diagonal(&self, node: usize) -> [f64; 3] {
+        let range = self.pattern.row(node);
+        let at = self.pattern.columns[range.clone()].iter().position(|&c| c as usize == node).unwrap_or(0);
+        let [xx, xy, _, yy] = self.blocks[range.start + at];
+        [xx, xy, yy]
+    }
+
+    /// Replaces the rows and columns of the nodes where `keep` is false by those of the identity: their
+    /// unknowns stay zero and couple to nothing.
+    pub fn hold(&mut self, keep: &[bool]) {
+        for node in 0..self.pattern.n_nodes() {
+            for at in self.pattern.row(node) {
+                let other = self.pattern.columns[at] as usize;
+                if !(keep[node] && keep[other]) {
+                    self.blocks[at] = if node == other { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
+                }
+            }
+        }
+    }
+
+    /// `self * x`.
+    pub fn multiply(&self, x: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        (0..self.pattern.n_nodes()).map(|node| self.row_times(node, x)).collect()
+    }
+
+    #[inline(always)]
+    pub(crate) fn row_times(&self, node: usize, x: &[[f64; 2]]) -> [f64; 2] {
+        let range = self.pattern.row(node);
+        let (mut sx, mut sy) = (0.0, 0.0);
+        for (block, &column) in self.blocks[range.clone()].iter().zip(&self.pattern.columns[range]) {
+            let v = x[column as usize];
+            sx += block[0] * v[0] + block[1] * v[1];
+            sy += block[2] * v[0] + block[3] * v[1];
+        }
+        [sx, sy]
+    }
+}

@@ -1,0 +1,15 @@
+//! Symmetric systems of 2x2 nodal blocks: assembly, sparse Cholesky, block-Jacobi conjugate gradients.
+
+mod blocks;
+mod cholesky;
+mod conjugate_gradients;
+mod dissection;
+mod inverse_diagonal;
+mod solver;
+
+pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
+pub use cholesky::{Cholesky, NotPositiveDefinite};
+pub use conjugate_gradients::{BlockJacobi, CgOutcome};
+pub use dissection::nested_dissection;
+pub use inverse_diagonal::inverse_diagonal;
+pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};

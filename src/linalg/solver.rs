@@ -1,0 +1,86 @@
+//! The solver of the normal equations: direct or iterative, by size.
+
+use super::blocks::BlockMatrix;
+use super::cholesky::{Cholesky, NotPositiveDefinite};
+use super::conjugate_gradients::BlockJacobi;
+
+/// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
+/// (`benches/RESULTS.md`, table of solvers).
+pub const DIRECT_UP_TO: usize = 20_000;
+
+/// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
+/// about ninefold, so a correction exact to 1 % loses nothing.
+const REDUCTION: f64 = 1e-2;
+const MAX_ITERATIONS: usize = 60;
+
+/// Which solver to use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SolverChoice {
+    /// By size: see [`DIRECT_UP_TO`].
+    #[default]
+    Auto,
+    /// Sparse Cholesky factor.
+    Direct,
+    /// Block-Jacobi conjugate gradients.
+    Iterative,
+}
+
+/// A symmetric positive definite matrix, ready to be solved with.
+#[derive(Debug)]
+pub struct Solver {
+    matrix: BlockMatrix,
+    jacobi: BlockJacobi,
+    factor: Option<Cholesky>,
+}
+
+impl Solver {
+    /// Prepares `matrix`; `order` is the elimination order, asked for only when a factor is made.
+    ///
+    /// # Errors
+    /// [`NotPositiveDefinite`] when a factor is asked for and does not exist.
+    pub fn new(
+        matrix: BlockMatrix,
+        choice: SolverChoice,
+        order: impl FnOnce() -> Vec<usize>,
+    ) -> Result<Self, NotPositiveDefinite> {
+        let direct = match choice {
+            SolverChoice::Auto => matrix.pattern().n_nodes() <= DIRECT_UP_TO,
+            SolverChoice::Direct => true,
+            SolverChoice::Iterative => false,
+        };
+        let factor = if direct { Some(Cholesky::new(&matrix, &order())?) } else { None };
+        Ok(Self { factor, ..Self::iterative(matrix) })
+    }
+
+    /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
+    pub fn iterative(matrix: BlockMatrix) -> Self {
+        let jacobi = BlockJacobi::new(&matrix);
+        Self { matrix, jacobi, factor: None }
+    }
+
+    /// The matrix.
+    pub fn matrix(&self) -> &BlockMatrix {
+        &self.matrix
+    }
+
+    /// The inverse nodal blocks.
+    pub fn jacobi(&self) -> &BlockJacobi {
+        &self.jacobi
+    }
+
+    /// `direct` or `iterative`.
+    pub fn name(&self) -> &'static str {
+        if self.factor.is_some() { "direct" } else { "iterative" }
+    }
+
+    /// Solves for `rhs`: exactly with a factor, else to 1 % (enough inside an outer iteration).
+    pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        match &self.factor {
+            Some(factor) => {
+                factor.solve(&mut rhs);
+                rhs
+            }
+            None => self.jacobi.solve(&self.matrix, &rhs, REDUCTION, MAX_ITERATIONS).0,
+        }
+    }
+}
