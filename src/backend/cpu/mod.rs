@@ -19,7 +19,7 @@ use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Grid, Mesh};
 use crate::units::Px;
-use plane::Plane;
+use plane::{Plane, Pool};
 use rayon::prelude::*;
 use residual::{Corners, ElementPixels, ElementSums, Pass, Reference, Scratch};
 use spline::Spline;
@@ -29,15 +29,25 @@ use std::sync::Arc;
 const PIECE: usize = 32;
 
 /// The CPU as a correlation device.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct CpuBackend {
     isa: Isa,
+    pool: Pool,
 }
 
 impl CpuBackend {
     /// The CPU with the given instruction path.
     pub fn new(isa: Isa) -> Self {
-        Self { isa }
+        Self { isa, pool: Pool::default() }
+    }
+
+    /// Makes the interpolation coefficients of one level now rather than at their first use.
+    ///
+    /// # Errors
+    /// When there is no memory left.
+    pub fn prefilter(&self, frame: &mut CpuFrame, level: usize) -> Result<(), BackendError> {
+        frame.coefficients(self, level)?;
+        Ok(())
     }
 }
 
@@ -96,24 +106,25 @@ impl CpuFrame {
         self.levels[level].grey.as_ref().expect("made above")
     }
 
-    fn coefficients(&mut self, isa: Isa, level: usize) -> &Plane {
+    fn coefficients(&mut self, backend: &CpuBackend, level: usize) -> Result<&Plane, BackendError> {
         if self.level(level).coefficients.is_none() {
             let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
+            let (isa, pool) = (backend.isa, &backend.pool);
             let plane = if level == 0 {
                 let image = self.image.clone();
                 let (width, height) = (image.width(), image.height());
                 match image.pixels() {
-                    Pixels::U8(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
-                    Pixels::U16(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
-                    Pixels::F32(p) => prefilter::coefficients(isa, p, width, height, offset, interpolation),
+                    Pixels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+                    Pixels::U16(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+                    Pixels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
                 }
             } else {
                 let grey = self.grey(level);
-                prefilter::coefficients(isa, &grey.values, grey.width, grey.height, 0.0, interpolation)
-            };
+                prefilter::coefficients(pool, isa, &grey.values, grey.width, grey.height, 0.0, interpolation)
+            }?;
             self.level(level).coefficients = Some(plane);
         }
-        self.levels[level].coefficients.as_ref().expect("made above")
+        Ok(self.levels[level].coefficients.as_ref().expect("made above"))
     }
 }
 
@@ -159,7 +170,7 @@ impl CpuLevel {
                 field.element_transfer[at] = (gain as f32, offset as f32);
             }
         }
-        let pass = Pass { reference: &self.reference, deformed, scalar: residual::is_scalar(isa) };
+        let pass = Pass::new(isa, &self.reference, deformed);
         match (self.options.interpolation, self.narrow) {
             (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Cubic),
             (Interpolation::Cubic, true) => self.run::<_, 4, 8>(isa, &pass, field, spline::Cubic),
@@ -288,19 +299,19 @@ impl Backend for CpuBackend {
         mesh: Arc<Mesh<Px>>,
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        let (fx, fy) = pixels::gradient(self.isa, frame.coefficients(self.isa, level), options.interpolation);
+        let (fx, fy) = pixels::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
         frame.level(level).coefficients = None;
         let f = if level == 0 {
             let (width, height, offset) = (frame.image.width(), frame.image.height(), options.grey_offset);
             match frame.image.pixels() {
-                Pixels::U8(p) => pixels::plane_of(p, width, height, offset),
-                Pixels::U16(p) => pixels::plane_of(p, width, height, offset),
-                Pixels::F32(p) => pixels::plane_of(p, width, height, offset),
+                Pixels::U8(p) => pixels::plane_of(&self.pool, p, width, height, offset),
+                Pixels::U16(p) => pixels::plane_of(&self.pool, p, width, height, offset),
+                Pixels::F32(p) => pixels::plane_of(&self.pool, p, width, height, offset),
             }
         } else {
             let grey = frame.grey(level);
-            pixels::plane_of(&grey.values, grey.width, grey.height, 0.0)
-        };
+            pixels::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
+        }?;
         let elements: Vec<_> =
             mesh.grids().iter().flat_map(|grid| element_pixels(grid, f.width, f.height)).collect();
         let narrow = elements.iter().all(|e| e.nx <= 8);
@@ -337,7 +348,7 @@ impl Backend for CpuBackend {
         frame: &mut CpuFrame,
         field: &mut CpuField,
     ) -> Result<Vec<PixelSums>, BackendError> {
-        level.evaluate(self.isa, frame.coefficients(self.isa, level.level), field);
+        level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
         level.fit_transfer(&zones, field);
         Ok(zones)
@@ -360,7 +371,7 @@ impl Backend for CpuBackend {
         solver: &Solver,
         damping: f64,
     ) -> Result<Step, BackendError> {
-        level.evaluate(self.isa, frame.coefficients(self.isa, level.level), field);
+        level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
         let rhs = level.pattern.gather(|element| field.sums[element].b.map(f64::from));
         let correction = solver.solve(rhs);
@@ -384,7 +395,7 @@ impl Backend for CpuBackend {
         frame: &mut CpuFrame,
         field: &CpuField,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
-        let deformed = frame.coefficients(self.isa, level.level);
+        let deformed = frame.coefficients(self, level.level)?;
         let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums[e].n) < level.whole[e][0]);
         Ok(lost
             .map(|at| {

@@ -29,7 +29,7 @@ fn element_moments_body<const FMA: bool, const L: usize>(
 
 #[inline(always)]
 fn one_element<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> ElementMoments {
-    let Reference { f, fx, fy, .. } = reference;
+    let (f, fx, fy) = (reference.f.view(), reference.fx.view(), reference.fy.view());
     let mut moments = ElementMoments { n: f64::from(element.nx) * f64::from(element.ny), ..Default::default() };
     let mut column = 0;
     while column < element.nx as usize {
@@ -140,8 +140,8 @@ fn for_each_pixel(
         for column in (0..element.nx as usize).filter(|&column| counts(column, row)) {
             let xi = f64::from(element.xi0) + column as f64 * f64::from(element.dxi);
             let at = reference.f.at(element.x as isize + column as isize, element.y as isize + row as isize);
-            let gradient = [f64::from(reference.fx.data[at]), f64::from(reference.fy.data[at])];
-            visit(crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data[at]), gradient);
+            let gradient = [f64::from(reference.fx.data()[at]), f64::from(reference.fy.data()[at])];
+            visit(crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data()[at]), gradient);
         }
     }
 }

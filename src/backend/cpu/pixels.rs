@@ -1,9 +1,9 @@
 //! Conversion, downsampling and gradients of pixels.
 
-use super::plane::Plane;
+use super::plane::{Plane, Pool, View};
 use super::prefilter::Grey;
 use super::spline::at_pixel;
-use crate::backend::GreyMap;
+use crate::backend::{BackendError, GreyMap};
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
@@ -36,47 +36,47 @@ pub(super) fn halve<G: Grey>(grey: &[G], width: usize, height: usize, offset: f3
 }
 
 /// Grey levels as a plane (its border is not filled).
-pub(super) fn plane_of<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> Plane {
-    let mut plane = Plane::zeros(width, height);
+pub(super) fn plane_of<G: Grey>(pool: &Pool, grey: &[G], width: usize, height: usize, offset: f32) -> Result<Plane, BackendError> {
+    let mut plane = pool.plane(width, height)?;
     let (stride, first) = (plane.stride, plane.at(0, 0));
-    plane.data[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
+    plane.data_mut()[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
         for (out, grey) in out.iter_mut().zip(row) {
             *out = grey.value() - offset;
         }
     });
-    plane
+    Ok(plane)
 }
 
 /// Gradient at the pixels of the spline with these coefficients: d/dx and d/dy, grey levels per px.
-pub(super) fn gradient(isa: Isa, coefficients: &Plane, interpolation: Interpolation) -> (Plane, Plane) {
+pub(super) fn gradient(pool: &Pool, isa: Isa, coefficients: &Plane, interpolation: Interpolation) -> Result<(Plane, Plane), BackendError> {
     let (width, height) = (coefficients.width, coefficients.height);
-    let (mut fx, mut fy) = (Plane::zeros(width, height), Plane::zeros(width, height));
-    let (stride, first) = (fx.stride, fx.at(0, 0));
+    let (mut fx, mut fy) = (pool.plane(width, height)?, pool.plane(width, height)?);
+    let (stride, first, c) = (fx.stride, fx.at(0, 0), coefficients.view());
     let (value, derivative) = at_pixel(interpolation);
-    fx.data[first..]
+    fx.data_mut()[first..]
         .par_chunks_mut(stride)
         .take(height)
         .with_min_len(16)
-        .zip(fy.data[first..].par_chunks_mut(stride))
+        .zip(fy.data_mut()[first..].par_chunks_mut(stride))
         .enumerate()
         .for_each_init(
             || (vec![0.0; stride], vec![0.0; stride]),
             |(smooth, slope), (y, (fx, fy))| {
-                gradient_row(isa, coefficients, y, &value, &derivative, smooth, slope, fx, fy);
+                gradient_row(isa, c, y, &value, &derivative, smooth, slope, fx, fy);
             },
         );
-    (fx, fy)
+    Ok((fx, fy))
 }
 
 multiversioned! {
-    fn gradient_row[][](c: &Plane, y: usize, value: &[f32; 5], derivative: &[f32; 5], smooth: &mut [f32], slope: &mut [f32], fx: &mut [f32], fy: &mut [f32])
+    fn gradient_row[][](c: View<'_>, y: usize, value: &[f32; 5], derivative: &[f32; 5], smooth: &mut [f32], slope: &mut [f32], fx: &mut [f32], fy: &mut [f32])
         => gradient_row_body
 }
 
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 fn gradient_row_body<const FMA: bool>(
-    c: &Plane,
+    c: View<'_>,
     y: usize,
     value: &[f32; 5],
     derivative: &[f32; 5],

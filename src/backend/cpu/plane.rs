@@ -1,57 +1,163 @@
 //! A plane of `f32` with a border, laid out for unaligned vector loads.
 
-/// Border on every side, px: the six taps of the quintic spline at a pixel just inside reach three
-/// pixels out, and one more when the floor falls just outside.
-pub(super) const BORDER: usize = 4;
+use crate::backend::BackendError;
+use memmap2::MmapMut;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Border on every side, px: a whole cache line, so that column 0 starts one. The six taps of the quintic
+/// spline at a pixel just inside reach three pixels out, and one more when the floor falls just outside.
+pub(super) const BORDER: usize = LANES;
+const LANES: usize = 16;
 
 /// Values beyond the last row that a vector load may touch.
-const TAIL: usize = 64;
+const TAIL: usize = 4 * LANES;
+
+/// Border above and below, px.
+pub(super) const BORDER_ROWS: usize = 4;
+
+/// `f32` values on pages of their own: aligned to cache lines (64-byte accesses that straddle two cost
+/// double), and on huge pages where the system has them (a column of 16 rows touches dozens of small ones).
+#[derive(Debug)]
+pub(super) struct Values(MmapMut);
+
+impl Values {
+    fn zeros(len: usize) -> Result<Self, BackendError> {
+        let out_of_memory = |_| BackendError::OutOfMemory { what: format!("{len} values of an image plane") };
+        let map = MmapMut::map_anon(len * size_of::<f32>()).map_err(out_of_memory)?;
+        // Only a hint: without huge pages it is merely slower.
+        #[cfg(target_os = "linux")]
+        let _ = map.advise(memmap2::Advice::HugePage);
+        Ok(Self(map))
+    }
+}
+
+impl Deref for Values {
+    type Target = [f32];
+
+    #[inline(always)]
+    fn deref(&self) -> &[f32] {
+        bytemuck::cast_slice(&self.0)
+    }
+}
+
+impl DerefMut for Values {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [f32] {
+        bytemuck::cast_slice_mut(&mut self.0)
+    }
+}
+
+/// Memory of planes that are no longer used, for the next ones of the same size: fresh pages cost as much
+/// as the work done on them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pool(Arc<Mutex<Vec<Values>>>);
+
+/// Planes kept at most.
+const KEPT: usize = 12;
+
+impl Pool {
+    /// A plane for `width` x `height` px; what it holds is arbitrary but finite.
+    pub fn plane(&self, width: usize, height: usize) -> Result<Plane, BackendError> {
+        let mut stride = (width + 2 * BORDER).next_multiple_of(LANES);
+        if stride.is_multiple_of(1024) {
+            stride += LANES; // rows a multiple of 4 KiB apart would share cache sets
+        }
+        let len = stride * (height + 2 * BORDER_ROWS) + TAIL;
+        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let data = match free.iter().position(|values| values.len() == len) {
+            Some(at) => free.swap_remove(at),
+            None => Values::zeros(len)?,
+        };
+        Ok(Plane { width, height, stride, data: Some(data), pool: self.clone() })
+    }
+}
+
+impl Drop for Plane {
+    fn drop(&mut self) {
+        let mut free = self.pool.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if free.len() >= KEPT {
+            free.remove(0);
+        }
+        free.extend(self.data.take());
+    }
+}
 
 /// Row-major `f32` values with [`BORDER`] px around them.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
     pub stride: usize,
-    pub data: Vec<f32>,
+    data: Option<Values>,
+    pool: Pool,
 }
 
 impl Plane {
-    pub fn zeros(width: usize, height: usize) -> Self {
-        let mut stride = (width + 2 * BORDER).next_multiple_of(16);
-        if stride.is_multiple_of(1024) {
-            stride += 16; // rows a multiple of 4 KiB apart would share cache sets
-        }
-        let data = vec![0.0; stride * (height + 2 * BORDER) + TAIL];
-        Self { width, height, stride, data }
+    /// The values, border included.
+    pub fn data(&self) -> &[f32] {
+        self.data.as_deref().unwrap_or(&[]) // taken only when dropped
+    }
+
+    /// The values, to be written.
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        self.data.as_deref_mut().unwrap_or(&mut [])
     }
 
     /// Index in `data` of the value at column `x`, row `y`, which may lie in the border.
     #[inline(always)]
     pub fn at(&self, x: isize, y: isize) -> usize {
-        debug_assert!(x >= -(BORDER as isize) && y >= -(BORDER as isize));
-        ((y + BORDER as isize) * self.stride as isize + x + BORDER as isize) as usize
+        index(self.stride, x, y)
+    }
+
+    /// The plane as kernels read it: the slice is taken once, not at every access.
+    pub fn view(&self) -> View<'_> {
+        View { width: self.width, height: self.height, stride: self.stride, data: self.data() }
     }
 
     /// Fills the border by reflection about the outermost pixel centres (the rule of the prefilter).
     pub fn reflect_border(&mut self) {
-        let (width, height, border) = (self.width, self.height, BORDER as isize);
+        let (width, height) = (self.width, self.height);
+        let border = BORDER as isize;
         for y in 0..height {
             let row = self.at(-border, y as isize);
-            let row = &mut self.data[row..row + width + 2 * BORDER];
+            let row = &mut self.data_mut()[row..row + width + 2 * BORDER];
             for k in 1..=BORDER {
                 row[BORDER - k] = row[BORDER + reflect(-(k as isize), width)];
                 row[BORDER + width - 1 + k] = row[BORDER + reflect((width - 1 + k) as isize, width)];
             }
         }
-        for k in 1..=border {
+        for k in 1..=BORDER_ROWS as isize {
             for y in [-k, height as isize - 1 + k] {
                 let from = self.at(-border, reflect(y, height) as isize);
                 let to = self.at(-border, y);
-                self.data.copy_within(from..from + width + 2 * BORDER, to);
+                self.data_mut().copy_within(from..from + width + 2 * BORDER, to);
             }
         }
     }
+}
+
+/// A borrowed plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View<'a> {
+    pub width: usize,
+    pub height: usize,
+    pub stride: usize,
+    pub data: &'a [f32],
+}
+
+impl View<'_> {
+    /// As [`Plane::at`].
+    #[inline(always)]
+    pub fn at(&self, x: isize, y: isize) -> usize {
+        index(self.stride, x, y)
+    }
+}
+
+#[inline(always)]
+fn index(stride: usize, x: isize, y: isize) -> usize {
+    debug_assert!(x >= -(BORDER as isize) && y >= -(BORDER_ROWS as isize));
+    ((y + BORDER_ROWS as isize) * stride as isize + x + BORDER as isize) as usize
 }
 
 /// Index inside 0..n of the pixel that `at` is reflected to (about the first and last centre).

@@ -4,7 +4,8 @@
 //! Columns: strips narrow enough that a strip of the whole height stays in the cache, lanes along x.
 //! Both run over the full length from the exact boundary value, so nothing depends on a tiling.
 
-use super::plane::Plane;
+use super::plane::{Plane, Pool};
+use crate::backend::BackendError;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
@@ -39,18 +40,20 @@ impl Grey for f32 {
 }
 
 /// Coefficients of `grey - offset`, border included.
+#[allow(clippy::too_many_arguments)]
 pub(super) fn coefficients<G: Grey>(
+    pool: &Pool,
     isa: Isa,
     grey: &[G],
     width: usize,
     height: usize,
     offset: f32,
     interpolation: Interpolation,
-) -> Plane {
-    let mut plane = Plane::zeros(width, height);
+) -> Result<Plane, BackendError> {
+    let mut plane = pool.plane(width, height)?;
     let poles = interpolation.poles();
     let (stride, first) = (plane.stride, plane.at(0, 0));
-    let inner = &mut plane.data[first..];
+    let inner = &mut plane.data_mut()[first..];
     let bands = height.div_ceil(BAND);
     inner.par_chunks_mut(BAND * stride).take(bands).enumerate().for_each_init(
         || vec![[0.0; BAND]; width],
@@ -59,14 +62,14 @@ pub(super) fn coefficients<G: Grey>(
             filter_rows(isa, rows, width, offset, poles, band, out, stride);
         },
     );
-    let columns = Columns { data: plane.data[first..].as_mut_ptr(), stride, height };
+    let columns = Columns { data: plane.data_mut()[first..].as_mut_ptr(), stride, height };
     (0..width.div_ceil(STRIP)).into_par_iter().for_each(|strip| {
         // SAFETY: strips are disjoint columns of the plane, which outlives the loop and is not touched
         // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
         unsafe { filter_columns(isa, &columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
     });
     plane.reflect_border();
-    plane
+    Ok(plane)
 }
 
 multiversioned! {

@@ -10,7 +10,7 @@
 //! The shape functions are separable: lanes accumulate `(1 - eta) r grad f` and `eta r grad f` down the
 //! rows of a chunk of columns, and the weights in xi come once, at the end.
 
-use super::plane::Plane;
+use super::plane::{BORDER, Plane, View};
 use super::spline::Spline;
 use crate::isa::{Isa, Path, mul_add, multiversioned};
 
@@ -101,6 +101,19 @@ fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
     unsafe { &*values.as_ptr().add(at).cast::<[f32; L]>() }
 }
 
+/// Asks the cache for the line of `values` at `at`; a hint, so any index will do.
+#[inline(always)]
+fn prefetch(values: &[f32], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch never faults, and the address is formed without leaving the wrapping rules.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, at);
+}
+
 /// Grey levels of the deformed image at one row of lanes, and which of them count.
 struct Row<const L: usize> {
     g: [f32; L],
@@ -112,7 +125,7 @@ struct Row<const L: usize> {
 /// offset, which `x` and `y` already contain) `ux`, `uy`.
 #[inline(always)]
 fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    c: &Plane,
+    c: View<'_>,
     scalar: bool,
     [x, y]: [i32; 2],
     lanes: usize,
@@ -152,8 +165,10 @@ fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                         }
                         let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
                         for i in 0..L {
-                            // Without short-circuits: a branch per lane would undo the vectors.
-                            let here = (tx[i] >= 0.0) & (tx[i] < 1.0) & (ty[i] >= 0.0) & (ty[i] < 1.0);
+                            // Floors rise, and the last one not above a lane keeps it, so that every lane
+                            // gets a value whatever u - floor rounds to. Without short-circuits: a branch
+                            // per lane would undo the vectors.
+                            let here = ((tx[i] >= 0.0) | (sx == sx0)) & ((ty[i] >= 0.0) | (sy == y0));
                             row.g[i] = if here { g[i] } else { row.g[i] };
                         }
                     }
@@ -174,7 +189,7 @@ fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
 
 #[inline(always)]
 fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    c: &Plane,
+    c: View<'_>,
     at: usize,
     tx: &[f32; L],
     ty: &[f32; L],
@@ -184,7 +199,7 @@ fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     for j in 0..K {
         let mut along = [0.0; L];
         for k in 0..K {
-            let taps = load::<L>(&c.data, at + j * c.stride + k);
+            let taps = load::<L>(c.data, at + j * c.stride + k);
             for i in 0..L {
                 along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
             }
@@ -196,9 +211,16 @@ fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     g
 }
 
+/// Index of the value `ahead` columns and `below` rows from a position that may be anywhere.
+#[inline(always)]
+fn next_taps(plane: View<'_>, [x, y]: [i32; 2], below: usize, ahead: usize) -> usize {
+    let row = (y as isize + below as isize).wrapping_mul(plane.stride as isize);
+    plane.at(0, 0).wrapping_add_signed(row.wrapping_add(x as isize + ahead as isize))
+}
+
 /// One pixel, the same sums in the same order.
 #[inline(always)]
-fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(c: &Plane, x: i32, y: i32, tx: f32, ty: f32) -> f32 {
+fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(c: View<'_>, x: i32, y: i32, tx: f32, ty: f32) -> f32 {
     let before = (K / 2 - 1) as isize;
     let (wx, wy) = (S::weights::<FMA, 1>(&[tx]), S::weights::<FMA, 1>(&[ty]));
     let mut g = 0.0;
@@ -223,9 +245,25 @@ fn along_row(corner: &[f32; 4], eta: f32) -> (f32, f32) {
 
 /// Everything a kernel call needs besides the elements themselves.
 pub(super) struct Pass<'a> {
-    pub reference: &'a Reference,
-    pub deformed: &'a Plane,
-    pub scalar: bool,
+    elements: &'a [ElementPixels],
+    f: View<'a>,
+    fx: View<'a>,
+    fy: View<'a>,
+    deformed: View<'a>,
+    scalar: bool,
+}
+
+impl<'a> Pass<'a> {
+    pub fn new(isa: Isa, reference: &'a Reference, deformed: &'a Plane) -> Self {
+        Self {
+            elements: &reference.elements,
+            f: reference.f.view(),
+            fx: reference.fx.view(),
+            fy: reference.fy.view(),
+            deformed: deformed.view(),
+            scalar: isa.path() == Path::Scalar,
+        }
+    }
 }
 
 multiversioned! {
@@ -245,7 +283,7 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
-        let element = &pass.reference.elements[first + k];
+        let element = &pass.elements[first + k];
         *sums = element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k]);
     }
 }
@@ -346,6 +384,80 @@ pub(super) fn chunk<const L: usize>(element: &ElementPixels, column: usize) -> (
     (lanes, xi, mask)
 }
 
+/// Whether every pixel of the element has the floor of the element's whole offset and lands inside the
+/// image: true for most elements, and worth knowing, since their rows then need no look at all.
+#[inline(always)]
+fn is_uniform<const K: usize, const L: usize>(element: &ElementPixels, corners: &Corners, deformed: View<'_>) -> bool {
+    let rests_in_unit = corners.x.iter().chain(&corners.y).all(|u| (0.0..1.0).contains(u));
+    let [x, y] = [element.x + corners.whole[0], element.y + corners.whole[1]];
+    // Rows of whole chunks are read: the last may reach past the image, not past the plane's own row.
+    let columns = (element.nx as usize).next_multiple_of(L) as i32;
+    rests_in_unit
+        && x >= 0
+        && y >= 0
+        && x + i32::from(element.nx) < deformed.width as i32
+        && y + i32::from(element.ny) < deformed.height as i32
+        && x + columns + (K as i32) <= (deformed.stride - BORDER) as i32
+}
+
+/// One chunk of columns of a uniform element. The accumulators are plain arrays so that they stay in
+/// registers.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    (gain, offset): (f32, f32),
+    column: usize,
+    xi: &[f32; L],
+    mask: &[f32; L],
+    sums: &mut ElementSums,
+) {
+    let Pass { f, fx, fy, deformed, .. } = *pass;
+    let before = (K / 2 - 1) as isize;
+    let x = element.x + column as i32;
+    let mut at = f.at(x as isize, element.y as isize);
+    let to = [x + corners.whole[0], element.y + corners.whole[1]];
+    let mut taps_at = deformed.at(to[0] as isize - before, to[1] as isize - before);
+    let (mut bx, mut by, mut ex, mut ey) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
+    let (mut rr, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
+    for k in 0..element.ny as i32 {
+        // The next chunk to the right, row by row: rows are a stride apart, more streams than the
+        // hardware follows. The lowest tap row of each row is the one not seen before.
+        for plane in [f, fx, fy] {
+            prefetch(plane.data, at + L);
+        }
+        prefetch(deformed.data, taps_at + (K - 1) * deformed.stride + 2 * L);
+        let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+        let ((ax, dx), (ay, dy)) = (along_row(&corners.x, eta), along_row(&corners.y, eta));
+        let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
+        for i in 0..L {
+            tx[i] = mul_add::<FMA>(xi[i], dx, ax);
+            ty[i] = mul_add::<FMA>(xi[i], dy, ay);
+        }
+        let g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
+        let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
+        for i in 0..L {
+            let g = mask[i] * g[i];
+            let r = mask[i] * mul_add::<FMA>(-gain, g, f[i] - offset);
+            let (rx, ry) = (r * fx[i], r * fy[i]);
+            bx[i] += rx;
+            by[i] += ry;
+            ex[i] = mul_add::<FMA>(eta, rx, ex[i]);
+            ey[i] = mul_add::<FMA>(eta, ry, ey[i]);
+            rr[i] = mul_add::<FMA>(r, r, rr[i]);
+            sg[i] += g;
+            sgg[i] = mul_add::<FMA>(g, g, sgg[i]);
+            sfg[i] = mul_add::<FMA>(f[i], g, sfg[i]);
+        }
+        at += pass.f.stride;
+        taps_at += deformed.stride;
+    }
+    let acc = Accumulators { b: [[bx, by], [ex, ey]], rr, g: sg, gg: sgg, fg: sfg };
+    acc.finish::<FMA>(xi, sums);
+}
+
 #[inline(always)]
 fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
@@ -353,8 +465,16 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     corners: &Corners,
     transfer: (f32, f32),
 ) -> ElementSums {
-    let Reference { f, fx, fy, .. } = pass.reference;
+    let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
     let mut sums = ElementSums::default();
+    if !scalar && is_uniform::<K, L>(element, corners, deformed) {
+        for column in (0..element.nx as usize).step_by(L) {
+            let (_, xi, mask) = chunk::<L>(element, column);
+            uniform_chunk::<FMA, S, K, L>(pass, element, corners, transfer, column, &xi, &mask, &mut sums);
+        }
+        sums.n = f32::from(element.nx) * f32::from(element.ny);
+        return sums;
+    }
     let mut column = 0;
     while column < element.nx as usize {
         let (lanes, xi, mask) = chunk::<L>(element, column);
@@ -367,9 +487,15 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
             let ux: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dx, ax));
             let uy: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dy, ay));
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let row = sample_row::<FMA, S, K, L>(pass.deformed, pass.scalar, to, lanes, &ux, &uy);
             let at = f.at(x as isize, y as isize);
-            let (f, fx, fy) = (load::<L>(&f.data, at), load::<L>(&fx.data, at), load::<L>(&fy.data, at));
+            // The next chunk to the right, row by row: rows are a stride apart, more streams than the
+            // hardware follows. The lowest tap row of each row is the one not seen before.
+            for plane in [f, fx, fy] {
+                prefetch(plane.data, at + L);
+            }
+            prefetch(deformed.data, next_taps(deformed, to, K / 2, 2 * L));
+            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
             if row.all_counted {
                 acc.add::<FMA>(f, fx, fy, &row.g, &mask, transfer, eta);
                 sums.n += lanes as f32;
@@ -415,7 +541,7 @@ fn residual_sums_own_transfer_body<const FMA: bool, S: Spline<K>, const K: usize
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
-        let element = &pass.reference.elements[first + k];
+        let element = &pass.elements[first + k];
         *sums = own_transfer_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], scratch);
     }
 }
@@ -428,7 +554,7 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
     transfer: &mut (f32, f32),
     scratch: &mut Scratch,
 ) -> ElementSums {
-    let Reference { f, fx, fy, .. } = pass.reference;
+    let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
     let rows = element.ny as usize;
     let chunks = (element.nx as usize).div_ceil(L);
     scratch.g.resize(rows * chunks * L, 0.0);
@@ -446,9 +572,9 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             let ux: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dx, ax));
             let uy: [f32; L] = std::array::from_fn(|i| mul_add::<FMA>(xi[i], dy, ay));
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let row = sample_row::<FMA, S, K, L>(pass.deformed, pass.scalar, to, lanes, &ux, &uy);
+            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
             let counted = if row.all_counted { mask } else { row.counted };
-            let f = load::<L>(&f.data, f.at(x as isize, y as isize));
+            let f = load::<L>(f.data, f.at(x as isize, y as isize));
             let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
             for i in 0..L {
                 let (w, g) = (counted[i], counted[i] * row.g[i]);
@@ -483,7 +609,7 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
         for k in 0..rows {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let at = f.at((element.x + (part * L) as i32) as isize, (element.y + k as i32) as isize);
-            let (f, fx, fy) = (load::<L>(&f.data, at), load::<L>(&fx.data, at), load::<L>(&fy.data, at));
+            let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
             let at = (part * rows + k) * L;
             let (g, counted) = (load::<L>(&scratch.g, at), load::<L>(&scratch.counted, at));
             acc.add::<FMA>(f, fx, fy, g, counted, *transfer, eta);
@@ -510,9 +636,4 @@ pub(super) fn visit_pixels(
             visit(column, row, inside(px, tx, deformed.width) && inside(py, ty, deformed.height));
         }
     }
-}
-
-/// Whether the path is the plain per-pixel loop.
-pub(super) fn is_scalar(isa: Isa) -> bool {
-    isa.path() == Path::Scalar
 }
