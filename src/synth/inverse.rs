@@ -1,7 +1,7 @@
 //! From a pixel of the deformed image back to its material point.
 
 use super::SynthError;
-use super::kernel::{LANES, add_products};
+use super::kernel::{LANES, product, to_material};
 use super::motion::Motion;
 use std::f64::consts::PI;
 
@@ -67,14 +67,15 @@ pub(super) struct Axis {
     orders: Vec<Order>,
 }
 
-/// Chebyshev-Lobatto nodes and their Lagrange polynomials.
+/// Chebyshev-Lobatto nodes and their Lagrange polynomials, as a matrix with a row for each node or with a
+/// row for each point.
 #[derive(Debug, Clone)]
 struct Order {
     nodes: Vec<f64>,
-    /// `at_positions[j * n_positions + p]`: polynomial of node `j` at position `p`.
-    at_positions: Vec<f64>,
-    /// `at_checks[j * CHECKS.len() + c]`.
-    at_checks: Vec<f64>,
+    by_node: Vec<f64>,
+    by_position: Vec<f64>,
+    checks_by_node: Vec<f64>,
+    checks_by_position: Vec<f64>,
 }
 
 /// Where the interpolated map is checked, as fractions of the tile.
@@ -93,9 +94,11 @@ impl Axis {
             .iter()
             .map(|&n| {
                 let nodes: Vec<f64> = (0..n).map(|j| -(PI * j as f64 / (n - 1) as f64).cos()).collect();
-                let at_positions = lagrange(&nodes, positions.iter().map(|&p| to_unit(p)));
-                let at_checks = lagrange(&nodes, CHECKS.iter().map(|c| 2.0 * c - 1.0));
-                Order { nodes, at_positions, at_checks }
+                let by_node = lagrange(&nodes, positions.iter().map(|&p| to_unit(p)));
+                let checks_by_node = lagrange(&nodes, CHECKS.iter().map(|c| 2.0 * c - 1.0));
+                let by_position = transposed(&by_node, positions.len());
+                let checks_by_position = transposed(&checks_by_node, CHECKS.len());
+                Order { nodes, by_node, by_position, checks_by_node, checks_by_position }
             })
             .collect();
         Self { positions, half, orders }
@@ -131,6 +134,10 @@ fn lagrange(nodes: &[f64], points: impl ExactSizeIterator<Item = f64>) -> Vec<f6
     table
 }
 
+fn transposed(table: &[f64], width: usize) -> Vec<f64> {
+    (0..width).flat_map(|column| table.iter().skip(column).step_by(width).copied()).collect()
+}
+
 /// Material coordinates of all sample points of a tile, row by row.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TileMap {
@@ -138,6 +145,11 @@ pub(super) struct TileMap {
     pub x: Vec<f64>,
     /// Rows.
     pub y: Vec<f64>,
+    /// The smallest rectangle around them: its upper left and its lower right corner.
+    pub bounds: ([f64; 2], [f64; 2]),
+    /// Inverse displacements at the nodes, less that of the first.
+    v: [Vec<f64>; 2],
+    half_way: Vec<f64>,
 }
 
 impl TileMap {
@@ -145,86 +157,111 @@ impl TileMap {
     ///
     /// The inverse displacement is as smooth as the motion: it is solved at Chebyshev nodes and
     /// interpolated between them by polynomials of an order at which the equation holds, to the rounding,
-    /// at points between the nodes. Where no order suffices every point is solved.
+    /// at points between the nodes. Orders from `order` on are tried, and the one used is left there.
+    /// Where none suffices every point is solved.
     pub fn invert<M: Motion + ?Sized>(
         &mut self,
         motion: &M,
         body: usize,
         corner: [f64; 2],
         axes: [&Axis; 2],
+        order: &mut usize,
     ) -> Result<(), SynthError> {
-        let (width, height) = (axes[0].positions.len(), axes[1].positions.len());
-        self.x.clear();
-        self.x.resize(width * height, 0.0);
-        self.y.clear();
-        self.y.resize(width * height, 0.0);
         let [columns, rows] = axes;
-        for (along_x, along_y) in columns.orders.iter().zip(&rows.orders) {
-            let base = solve_at(motion, body, [corner[0] - 0.5, corner[1] - 0.5], None)?;
-            let n = along_x.nodes.len();
-            // Differences to one value, so that a translation passes without rounding.
-            let (mut vx, mut vy) = (vec![0.0; n * n], vec![0.0; n * n]);
-            let mut start = base;
-            for (i, &at_y) in along_y.nodes.iter().enumerate() {
-                for (j, &at_x) in along_x.nodes.iter().enumerate() {
-                    let x = [corner[0] + columns.position(at_x), corner[1] + rows.position(at_y)];
-                    let v = solve_at(motion, body, x, Some(start))?;
-                    (vx[i * n + j], vy[i * n + j]) = (v[0] - base[0], v[1] - base[1]);
-                    start = if j + 1 < n { v } else { [vx[i * n] + base[0], vy[i * n] + base[1]] };
+        let n_points = columns.positions.len() * rows.positions.len();
+        let [at_columns, at_rows] =
+            [0, 1].map(|k| -> Vec<f64> { axes[k].positions.iter().map(|position| corner[k] + position).collect() });
+        self.x.resize(n_points, 0.0);
+        self.y.resize(n_points, 0.0);
+        while let (Some(along_x), Some(along_y)) = (columns.orders.get(*order), rows.orders.get(*order)) {
+            let base = self.solve_at_nodes(motion, body, corner, axes, [along_x, along_y])?;
+            if self.holds(motion, body, corner, axes, [along_x, along_y], base) {
+                let (n, width) = (along_x.nodes.len(), columns.positions.len());
+                self.half_way.resize(n * width, 0.0);
+                for (v, out) in self.v.iter().zip([&mut self.x, &mut self.y]) {
+                    product(v, n, &along_x.by_node, width, &mut self.half_way);
+                    product(&along_y.by_position, n, &self.half_way, width, out);
                 }
-            }
-            let holds = CHECKS.iter().enumerate().all(|(q, &at_y)| {
-                let mut sums = [[0.0; CHECKS.len()]; 2];
-                for (sums, v) in sums.iter_mut().zip([&vx, &vy]) {
-                    let at_row = collapse(&along_y.at_checks, CHECKS.len(), q, v, n);
-                    add_products(&along_x.at_checks, &at_row, sums);
-                }
-                CHECKS.iter().enumerate().all(|(p, &at_x)| {
-                    let v = [base[0] + sums[0][p], base[1] + sums[1][p]];
-                    let x =
-                        [corner[0] + columns.position(2.0 * at_x - 1.0), corner[1] + rows.position(2.0 * at_y - 1.0)];
-                    let u = motion.body_displacement(body, [x[0] - v[0], x[1] - v[1]]);
-                    (u[0] - v[0]).abs() + (u[1] - v[1]).abs() <= rounding(x)
-                })
-            });
-            if holds {
-                for row in 0..height {
-                    for (axis, v, out) in [(0, &vx, &mut self.x), (1, &vy, &mut self.y)] {
-                        let out = &mut out[row * width..][..width];
-                        let at_row = collapse(&along_y.at_positions, height, row, v, n);
-                        add_products(&along_x.at_positions, &at_row, out);
-                        for (out, &column) in out.iter_mut().zip(&columns.positions) {
-                            let position = if axis == 0 { column } else { rows.positions[row] };
-                            *out = (corner[axis] + position) - (base[axis] + *out);
-                        }
-                    }
-                }
+                self.bounds = to_material(&at_columns, &at_rows, base, &mut self.x, &mut self.y);
                 return Ok(());
             }
+            *order += 1;
         }
-        for (row, &at_y) in rows.positions.iter().enumerate() {
+        let mut at = 0;
+        for &y in &at_rows {
             let mut start = None;
-            for (column, &at_x) in columns.positions.iter().enumerate() {
-                let x = [corner[0] + at_x, corner[1] + at_y];
-                let v = solve_at(motion, body, x, start)?;
+            for &x in &at_columns {
+                let v = solve_at(motion, body, [x, y], start)?;
                 start = Some(v);
-                (self.x[row * width + column], self.y[row * width + column]) = (x[0] - v[0], x[1] - v[1]);
+                // Displacements first, to share the step to material coordinates.
+                (self.x[at], self.y[at]) = (v[0], v[1]);
+                at += 1;
             }
         }
+        self.bounds = to_material(&at_columns, &at_rows, [0.0, 0.0], &mut self.x, &mut self.y);
+        // The motion may be gentler in the next tile.
+        *order = ORDERS.len() - 1;
         Ok(())
     }
-}
 
-/// The values of the nodes' columns at one row: `sum_i weights[i][row] v[i][j]`.
-fn collapse(weights: &[f64], n_rows: usize, row: usize, v: &[f64], n: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; n];
-    for (i, v) in v.chunks_exact(n).enumerate() {
-        let weight = weights[i * n_rows + row];
-        for (sum, v) in sums.iter_mut().zip(v) {
-            *sum += weight * v;
+    /// Fills `v`; returns what was subtracted, so that a translation passes without rounding.
+    fn solve_at_nodes<M: Motion + ?Sized>(
+        &mut self,
+        motion: &M,
+        body: usize,
+        corner: [f64; 2],
+        axes: [&Axis; 2],
+        orders: [&Order; 2],
+    ) -> Result<[f64; 2], SynthError> {
+        for v in &mut self.v {
+            v.clear();
         }
+        let base = solve_at(motion, body, corner, None)?;
+        let mut start_of_row = base;
+        for &at_y in &orders[1].nodes {
+            let mut start = start_of_row;
+            for (j, &at_x) in orders[0].nodes.iter().enumerate() {
+                let x = [corner[0] + axes[0].position(at_x), corner[1] + axes[1].position(at_y)];
+                start = solve_at(motion, body, x, Some(start))?;
+                if j == 0 {
+                    start_of_row = start;
+                }
+                for k in 0..2 {
+                    self.v[k].push(start[k] - base[k]);
+                }
+            }
+        }
+        Ok(base)
     }
-    sums
+
+    /// Whether the interpolated map satisfies `v = u(x - v)` between the nodes.
+    fn holds<M: Motion + ?Sized>(
+        &self,
+        motion: &M,
+        body: usize,
+        corner: [f64; 2],
+        axes: [&Axis; 2],
+        orders: [&Order; 2],
+        base: [f64; 2],
+    ) -> bool {
+        const N: usize = CHECKS.len();
+        let n = orders[0].nodes.len();
+        let mut half_way = [0.0; N * ORDERS[ORDERS.len() - 1]];
+        let mut v = [[0.0; N * N]; 2];
+        for (all, v) in self.v.iter().zip(&mut v) {
+            product(all, n, &orders[0].checks_by_node, N, &mut half_way[..N * n]);
+            product(&orders[1].checks_by_position, n, &half_way[..N * n], N, v);
+        }
+        (0..N * N).all(|at| {
+            let x = [0, 1].map(|k| {
+                let check = if k == 0 { CHECKS[at % N] } else { CHECKS[at / N] };
+                corner[k] + axes[k].position(2.0 * check - 1.0)
+            });
+            let v = [base[0] + v[0][at], base[1] + v[1][at]];
+            let u = motion.body_displacement(body, [x[0] - v[0], x[1] - v[1]]);
+            (u[0] - v[0]).abs() + (u[1] - v[1]).abs() <= rounding(x)
+        })
+    }
 }
 
 fn solve_at<M: Motion + ?Sized>(
@@ -250,7 +287,7 @@ mod tests {
         let axes = n_pixels.map(|n| Axis::new(n, &offsets));
         let mut map = TileMap::default();
         for body in 0..motion.n_bodies() {
-            map.invert(motion, body, corner, [&axes[0], &axes[1]]).unwrap();
+            map.invert(motion, body, corner, [&axes[0], &axes[1]], &mut 0).unwrap();
             let width = axes[0].positions.len();
             for (at, (&x, &y)) in map.x.iter().zip(&map.y).enumerate() {
                 let want = [corner[0] + axes[0].positions[at % width], corner[1] + axes[1].positions[at / width]];

@@ -91,16 +91,24 @@ impl Motion for Translation {
 /// A rigid rotation. With y down a positive angle turns x towards y: clockwise on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rotation {
-    /// Angle, degrees.
-    pub degrees: f64,
-    /// The point at rest, px.
-    pub centre: [f64; 2],
+    degrees: f64,
+    affine: Affine,
 }
 
 impl Rotation {
     /// A rotation about the centre of an image.
     pub fn new(degrees: f64, width: usize, height: usize) -> Self {
-        Self { degrees, centre: centre_of(width, height) }
+        Self::about(centre_of(width, height), degrees)
+    }
+
+    /// A rotation about `centre`, px.
+    pub fn about(centre: [f64; 2], degrees: f64) -> Self {
+        Self { degrees, affine: Affine { gradient: rotation_gradient(degrees), centre } }
+    }
+
+    /// The angle, degrees.
+    pub fn degrees(&self) -> f64 {
+        self.degrees
     }
 }
 
@@ -114,15 +122,15 @@ fn rotation_gradient(degrees: f64) -> [[f64; 2]; 2] {
 
 impl Motion for Rotation {
     fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
-        Affine { gradient: rotation_gradient(self.degrees), centre: self.centre }.displacement(x)
+        self.affine.displacement(x)
     }
 
     fn at(&self, fraction: f64) -> Self {
-        Self { degrees: fraction * self.degrees, ..*self }
+        Self::about(self.affine.centre, fraction * self.degrees)
     }
 
     fn body_gradient(&self, _: usize, _: [f64; 2]) -> [[f64; 2]; 2] {
-        rotation_gradient(self.degrees)
+        self.affine.gradient
     }
 }
 
@@ -186,51 +194,41 @@ impl Motion for Sinusoids {
 /// about the image centre, is added: `u = A [sin(2 pi x / L), sin(2 pi y / L)] + (R S - I)(X - centre)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// The sinusoids.
-    pub sinusoids: Sinusoids,
-    /// `S_xx - 1`.
-    pub stretch: f64,
-    /// Angle of `R`, degrees; positive turns x towards y.
-    pub degrees: f64,
-    /// The image centre, px.
-    pub centre: [f64; 2],
+    sinusoids: Sinusoids,
+    stretch: f64,
+    degrees: f64,
+    affine: Affine,
 }
 
 impl Accuracy {
     /// Amplitude 1 px, wavelength 256 px, 0.5 % stretch in x, 0.2 degrees.
     pub fn new(width: usize, height: usize) -> Self {
-        Self {
-            sinusoids: Sinusoids { amplitude: 1.0, wavelength: 256.0 },
-            stretch: 0.005,
-            degrees: 0.2,
-            centre: centre_of(width, height),
-        }
+        let sinusoids = Sinusoids { amplitude: 1.0, wavelength: 256.0 };
+        Self::about(centre_of(width, height), sinusoids, 0.005, 0.2)
     }
 
-    fn affine(&self) -> Affine {
-        let [[xx, xy], [yx, yy]] = rotation_gradient(self.degrees);
-        let gradient = [[xx + (1.0 + xx) * self.stretch, xy], [yx + yx * self.stretch, yy]];
-        Affine { gradient, centre: self.centre }
+    /// Other numbers: the centre (px) of stretch and rotation, the sinusoids, the stretch `S_xx - 1`, and
+    /// the angle of `R` in degrees, positive from x towards y.
+    pub fn about(centre: [f64; 2], sinusoids: Sinusoids, stretch: f64, degrees: f64) -> Self {
+        let [[xx, xy], [yx, yy]] = rotation_gradient(degrees);
+        let gradient = [[xx + (1.0 + xx) * stretch, xy], [yx + yx * stretch, yy]];
+        Self { sinusoids, stretch, degrees, affine: Affine { gradient, centre } }
     }
 }
 
 impl Motion for Accuracy {
     fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
-        let [waves, affine] = [self.sinusoids.displacement(x), self.affine().displacement(x)];
+        let [waves, affine] = [self.sinusoids.displacement(x), self.affine.displacement(x)];
         [waves[0] + affine[0], waves[1] + affine[1]]
     }
 
     fn at(&self, fraction: f64) -> Self {
-        Self {
-            sinusoids: self.sinusoids.at(fraction),
-            stretch: fraction * self.stretch,
-            degrees: fraction * self.degrees,
-            ..*self
-        }
+        let Self { sinusoids, stretch, degrees, affine } = self;
+        Self::about(affine.centre, sinusoids.at(fraction), fraction * stretch, fraction * degrees)
     }
 
     fn body_gradient(&self, body: usize, x: [f64; 2]) -> [[f64; 2]; 2] {
-        let [waves, affine] = [self.sinusoids.body_gradient(body, x), self.affine().gradient];
+        let [waves, affine] = [self.sinusoids.body_gradient(body, x), self.affine.gradient];
         [0, 1].map(|i| [0, 1].map(|j| waves[i][j] + affine[i][j]))
     }
 }

@@ -1,7 +1,7 @@
 //! From a texture and its motion to an image.
 
 use super::inverse::{Axis, TILE, TileMap};
-use super::kernel::{LANES, Patch, texture_at};
+use super::kernel::{Patch, integrate_row, texture_at};
 use super::{Motion, SynthError, Texture};
 use crate::imaging::{Image, ImageError, Pixels};
 use rand::SeedableRng;
@@ -100,6 +100,9 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
     greys.par_chunks_mut(width * TILE).enumerate().try_for_each_init(Scratch::default, |scratch, (band, greys)| {
         let y = band * TILE;
         let row_axis = rows.of(y);
+        // What one band learns stays within it: the bits must not depend on who renders it.
+        scratch.orders.clear();
+        scratch.orders.resize(motion.n_bodies(), 0);
         for x in (0..width).step_by(TILE) {
             let axes = [columns.of(x), row_axis];
             scratch.tile(texture, motion, options.dark, [x, y], axes)?;
@@ -114,9 +117,9 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
     })?;
 
     let pixels = match options.depth {
-        // `as` saturates.
-        Depth::U8 => Pixels::U8(greys.par_iter().map(|grey| grey.round() as u8).collect()),
-        Depth::U16 => Pixels::U16(greys.par_iter().map(|grey| (257.0 * grey).round() as u16).collect()),
+        // `as` cuts off and saturates: rounds half up, clips at both ends.
+        Depth::U8 => Pixels::U8(greys.par_iter().map(|grey| (grey + 0.5) as u8).collect()),
+        Depth::U16 => Pixels::U16(greys.par_iter().map(|grey| (257.0 * grey + 0.5) as u16).collect()),
         Depth::F32 => Pixels::F32(greys),
     };
     Ok(Image::new(width, height, pixels)?)
@@ -158,6 +161,8 @@ impl AxisPair {
 struct Scratch {
     map: TileMap,
     patch: Patch,
+    /// The order of interpolation that served each body last.
+    orders: Vec<usize>,
     owned: Vec<bool>,
     taken: Vec<bool>,
     values: Vec<f32>,
@@ -184,7 +189,10 @@ impl Scratch {
         self.taken.clear();
         self.taken.resize(n_points, false);
         for body in 0..n_bodies {
-            self.map.invert(motion, body, corner.map(|k| k as f64), axes)?;
+            if body > 0 && !self.taken.contains(&false) {
+                break;
+            }
+            self.map.invert(motion, body, corner.map(|k| k as f64), axes, &mut self.orders[body])?;
             let points = || self.map.x.iter().zip(&self.map.y).map(|(&x, &y)| [x, y]);
             self.owned.clear();
             if n_bodies > 1 {
@@ -193,7 +201,7 @@ impl Scratch {
                     continue;
                 }
             }
-            let (low, high) = bounds(&self.map);
+            let (low, high) = self.map.bounds;
             if texture.patch(low, high, &mut self.patch).is_some() {
                 let values = &mut self.values;
                 texture_at(&self.patch, &constants, &self.map.x, &self.map.y, &self.owned, values);
@@ -218,29 +226,10 @@ impl Scratch {
     /// Sums the sample points of each pixel into `out`, an image `stride` wide.
     fn integrate(&self, weights: &[f32], axes: [&Axis; 2], out: &mut [f32], stride: usize, n_columns: usize) {
         let width = axes[0].positions.len();
-        let points = weights.len();
-        for (out, samples) in out.chunks_mut(stride).zip(self.greys.chunks_exact(width * points)) {
-            for (samples, by_row) in samples.chunks_exact(width).zip(weights) {
-                for (out, samples) in out[..n_columns].iter_mut().zip(samples.chunks_exact(points)) {
-                    *out += by_row * samples.iter().zip(weights).map(|(grey, weight)| grey * weight).sum::<f32>();
-                }
+        for (out, samples) in out.chunks_mut(stride).zip(self.greys.chunks_exact(width * weights.len())) {
+            for (samples, &by_row) in samples.chunks_exact(width).zip(weights) {
+                integrate_row(samples, weights, by_row, &mut out[..n_columns]);
             }
         }
     }
-}
-
-/// The smallest rectangle around the points.
-fn bounds(map: &TileMap) -> ([f64; 2], [f64; 2]) {
-    let ends = |x: &[f64]| {
-        let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
-        for x in x.chunks_exact(LANES) {
-            for lane in 0..LANES {
-                low[lane] = if x[lane] < low[lane] { x[lane] } else { low[lane] };
-                high[lane] = if x[lane] > high[lane] { x[lane] } else { high[lane] };
-            }
-        }
-        (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max))
-    };
-    let [(x0, x1), (y0, y1)] = [ends(&map.x), ends(&map.y)];
-    ([x0, y0], [x1, y1])
 }

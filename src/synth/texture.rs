@@ -142,7 +142,7 @@ impl Texture {
             quanta,
             radius: self.radius * quanta,
             per_cell: 1.0 / (self.cell as f64 * quanta),
-            by_radius: (1.0 / (self.radius * quanta)) as f32,
+            by_radius_2: (self.radius * quanta).powi(-2) as f32,
             mean: MEAN as f32,
             by_span: (1.0 / SPAN) as f32,
         }
