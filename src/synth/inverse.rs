@@ -37,7 +37,9 @@ fn rounding(x: [f64; 2]) -> f64 {
 /// Solves `v = u(x - v)` by Newton from `v`; the unknown is the displacement itself, so that a
 /// translation comes out without rounding.
 fn solve<M: Motion + ?Sized>(motion: &M, body: usize, x: [f64; 2], mut v: [f64; 2]) -> Option<[f64; 2]> {
-    for _ in 0..50 {
+    let mut inverse = [[0.0; 2]; 2];
+    let mut before = f64::INFINITY;
+    for iteration in 0..50 {
         let at = [x[0] - v[0], x[1] - v[1]];
         let u = motion.body_displacement(body, at);
         let r = [u[0] - v[0], u[1] - v[1]];
@@ -46,14 +48,25 @@ fn solve<M: Motion + ?Sized>(motion: &M, body: usize, x: [f64; 2], mut v: [f64; 
         if size <= rounding(x) {
             return Some(u);
         }
-        let [[xx, xy], [yx, yy]] = motion.body_gradient(body, at);
-        let [a, d] = [1.0 + xx, 1.0 + yy];
-        let det = a * d - xy * yx;
-        // Written so that NaN ends here.
-        if !(det > 0.0 && size.is_finite()) {
-            return None;
+        // The last gradient contracts by size / before or better: is another step with it the last one?
+        let last = iteration > 0 && size * size <= 1e-14 * before;
+        if !last {
+            let [[xx, xy], [yx, yy]] = motion.body_gradient(body, at);
+            let [a, d] = [1.0 + xx, 1.0 + yy];
+            let det = a * d - xy * yx;
+            // Written so that NaN ends here.
+            if !(det > 0.0 && size.is_finite()) {
+                return None;
+            }
+            inverse = [[d / det, -xy / det], [-yx / det, a / det]];
         }
-        v = [v[0] + (d * r[0] - xy * r[1]) / det, v[1] + (a * r[1] - yx * r[0]) / det];
+        for (v, [by_x, by_y]) in v.iter_mut().zip(inverse) {
+            *v += by_x * r[0] + by_y * r[1];
+        }
+        if last {
+            return Some(v);
+        }
+        before = size;
     }
     None
 }
@@ -72,6 +85,8 @@ pub(super) struct Axis {
 #[derive(Debug, Clone)]
 struct Order {
     nodes: Vec<f64>,
+    /// Distance to each node from the one before it, in terms of the distance before that.
+    reach: Vec<f64>,
     by_node: Vec<f64>,
     by_position: Vec<f64>,
     checks_by_node: Vec<f64>,
@@ -98,7 +113,10 @@ impl Axis {
                 let checks_by_node = lagrange(&nodes, CHECKS.iter().map(|c| 2.0 * c - 1.0));
                 let by_position = transposed(&by_node, positions.len());
                 let checks_by_position = transposed(&checks_by_node, CHECKS.len());
-                Order { nodes, by_node, by_position, checks_by_node, checks_by_position }
+                let reach = (0..n)
+                    .map(|j| if j < 2 { 0.0 } else { (nodes[j] - nodes[j - 1]) / (nodes[j - 1] - nodes[j - 2]) })
+                    .collect();
+                Order { nodes, reach, by_node, by_position, checks_by_node, checks_by_position }
             })
             .collect();
         Self { positions, half, orders }
@@ -219,15 +237,19 @@ impl TileMap {
         let base = solve_at(motion, body, corner, None)?;
         let mut start_of_row = base;
         for &at_y in &orders[1].nodes {
-            let mut start = start_of_row;
+            // The line through the last two nodes is a good start.
+            let (mut near, mut far) = (start_of_row, start_of_row);
             for (j, &at_x) in orders[0].nodes.iter().enumerate() {
                 let x = [corner[0] + axes[0].position(at_x), corner[1] + axes[1].position(at_y)];
-                start = solve_at(motion, body, x, Some(start))?;
+                let reach = orders[0].reach[j];
+                let start = [0, 1].map(|k| near[k] + reach * (near[k] - far[k]));
+                let v = solve_at(motion, body, x, Some(start))?;
                 if j == 0 {
-                    start_of_row = start;
+                    (near, start_of_row) = (v, v);
                 }
+                (far, near) = (near, v);
                 for k in 0..2 {
-                    self.v[k].push(start[k] - base[k]);
+                    self.v[k].push(v[k] - base[k]);
                 }
             }
         }
