@@ -1,30 +1,39 @@
-//! Choices of a correlation that files and command line name alike.
+//! Choices of a correlation that case files and the command line name in words.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
 
-/// A word that names none of the choices.
+/// A word that is none of the choices of an option.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("'{given}' is not one of {known}")]
+#[error("`{given}` is no choice of {option}; expected {expected}")]
 pub struct UnknownChoice {
-    /// The word.
+    /// The option.
+    pub option: &'static str,
+    /// The word given.
     pub given: String,
-    /// The choices there are.
-    pub known: &'static str,
+    /// The words that exist.
+    pub expected: &'static str,
 }
 
-/// How brightness and contrast of the deformed image are followed: `f = (1 + c) g + d` (THEORY 2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// The change of brightness and contrast that is found along with the displacement:
+/// `f = (1 + c) g + d`, with `f` the reference and `g` the deformed image.
+///
+/// ```
+/// use quadrille::field::Brightness;
+/// assert_eq!("element".parse(), Ok(Brightness::Element));
+/// assert_eq!(Brightness::default().to_string(), "zone");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Brightness {
-    /// One c and d per zone; the default.
+    /// One `c` and one `d` for each zone; the default.
     #[default]
     Zone,
-    /// Own c and d in each element, for light that changes within a zone.
+    /// A `c` and a `d` for each element: for light that changes over the specimen.
     Element,
-    /// `c = d = 0`: grey levels are compared as they are.
+    /// `c = d = 0`: grey levels are compared as recorded.
     Off,
 }
 
@@ -41,29 +50,34 @@ impl Brightness {
 
 impl fmt::Display for Brightness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.pad(self.name())
     }
 }
 
 impl FromStr for Brightness {
     type Err = UnknownChoice;
 
-    fn from_str(name: &str) -> Result<Self, UnknownChoice> {
-        [Self::Zone, Self::Element, Self::Off]
-            .into_iter()
-            .find(|choice| choice.name() == name)
-            .ok_or_else(|| UnknownChoice { given: name.to_owned(), known: "zone, element, off" })
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [Brightness::Zone, Brightness::Element, Brightness::Off].into_iter().find(|b| b.name() == word).ok_or_else(
+            || UnknownChoice { option: "brightness", given: word.to_owned(), expected: "zone, element or off" },
+        )
     }
 }
 
-/// Where the iteration of a frame starts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// Where the correlation of a frame starts.
+///
+/// ```
+/// use quadrille::field::StartFrom;
+/// assert_eq!("cold".parse(), Ok(StartFrom::Cold));
+/// assert!("warm".parse::<StartFrom>().is_err());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StartFrom {
-    /// From the extrapolation of the frames before it; the default.
+    /// The field of the frame before; the default.
     #[default]
     Previous,
-    /// From a search in the frame alone, as if it were the only one.
+    /// Nothing known: each frame is searched for on its own.
     Cold,
 }
 
@@ -79,17 +93,18 @@ impl StartFrom {
 
 impl fmt::Display for StartFrom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.pad(self.name())
     }
 }
 
 impl FromStr for StartFrom {
     type Err = UnknownChoice;
 
-    fn from_str(name: &str) -> Result<Self, UnknownChoice> {
-        [Self::Previous, Self::Cold]
-            .into_iter()
-            .find(|choice| choice.name() == name)
-            .ok_or_else(|| UnknownChoice { given: name.to_owned(), known: "previous, cold" })
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [StartFrom::Previous, StartFrom::Cold].into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
+            option: "start",
+            given: word.to_owned(),
+            expected: "previous or cold",
+        })
     }
 }

@@ -1,1 +1,4 @@
 //! (under construction)
+
+pub mod csv;
+pub mod vtk;

@@ -1,0 +1,203 @@
+//! Displacement fields as tables of comma-separated values.
+
+use crate::field::Measurement;
+use crate::units::{PixelSize, Px};
+use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
+use std::io::{self, Read, Write};
+use thiserror::Error;
+
+const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
+const MM_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"];
+
+/// Why a table of displacements cannot be read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CsvError {
+    /// A column that every table of displacements has is not in the header line.
+    #[error("there is no column '{name}'; is this a table that quadrille wrote?")]
+    MissingColumn {
+        /// Name of the column.
+        name: &'static str,
+    },
+    /// A cell does not hold the number that its column promises.
+    #[error("line {line}, column '{column}': '{text}' is not a finite number (a node is a whole number from 0)")]
+    Number {
+        /// Line of the file, from 1.
+        line: u64,
+        /// Name of the column.
+        column: &'static str,
+        /// What stands there.
+        text: String,
+    },
+    /// The line is no row of the table: too short, too long, or not UTF-8.
+    #[error("line {line} is no row of the table")]
+    Row {
+        /// Line of the file, from 1.
+        line: u64,
+        /// What the parser says.
+        source: ::csv::Error,
+    },
+    /// The file cannot be read.
+    #[error("the table cannot be read")]
+    Read(#[source] ::csv::Error),
+}
+
+/// Position, displacement and standard uncertainty of a node, all in one unit; x to the right, y down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NodeValues {
+    /// Position in the reference image.
+    pub position: [f64; 2],
+    /// Displacement from the reference to the deformed image.
+    pub displacement: [f64; 2],
+    /// Standard uncertainty of each component of the displacement.
+    pub sigma: [f64; 2],
+}
+
+impl NodeValues {
+    fn from_columns(v: [f64; 6]) -> Self {
+        Self { position: [v[0], v[1]], displacement: [v[2], v[3]], sigma: [v[4], v[5]] }
+    }
+
+    fn columns(&self) -> [f64; 6] {
+        [self.position[0], self.position[1], self.displacement[0], self.displacement[1], self.sigma[0], self.sigma[1]]
+    }
+}
+
+/// One row of a table of displacements: a measured node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DisplacementRow {
+    /// Number of the node in the mesh, from 0.
+    pub node: usize,
+    /// Name of its zone.
+    pub zone: String,
+    /// The values in pixels.
+    pub px: NodeValues,
+    /// The values in millimetres, when the table was written with a pixel size.
+    pub mm: Option<NodeValues>,
+}
+
+/// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
+///
+/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, and with a `pixel_size`
+/// the same six in mm. Numbers are the shortest that read back to the same bits. The frame is that of
+/// the image in both units: x to the right, **y down**. Nodes are numbered from 0; one that was not
+/// measured has no row.
+///
+/// ```
+/// # use quadrille::{field::{Measurement, Status}, mesh::{Mesh, Roi, Zone}};
+/// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 16.0, y1: 16.0 };
+/// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 32, 32).unwrap();
+/// # let measurement = Measurement { mesh: mesh.into(), status: Status::Converged,
+/// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
+/// #     element_residual: vec![1.5] };
+/// let mut table = Vec::new();
+/// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None).unwrap();
+/// let table = String::from_utf8(table).unwrap();
+/// assert!(table.starts_with("# frame 7\n") && table.ends_with("3,all,16.0,16.0,0.1,-2.0,0.01,0.01\n"));
+/// ```
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_displacements<W: Write>(
+    mut out: W,
+    header: &[String],
+    measurement: &Measurement<Px>,
+    pixel_size: Option<PixelSize>,
+) -> io::Result<()> {
+    for line in header.iter().flat_map(|text| text.split(['\n', '\r'])) {
+        writeln!(out, "# {line}")?;
+    }
+    writeln!(out, "# status: {}", measurement.status.name())?;
+    writeln!(out, "# x to the right, y down, origin at the centre of the top-left pixel of the reference image")?;
+    writeln!(out, "# u leads from the reference to the deformed image; sigma is its standard uncertainty")?;
+    if let Some(size) = pixel_size {
+        writeln!(out, "# 1 px = {:?} mm; the columns in mm have the same frame, y down", size.mm_per_px())?;
+    }
+    let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
+    let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
+    table.write_record(["node", "zone"].iter().chain(&PX_COLUMNS).chain(mm_columns))?;
+    let mesh = &measurement.mesh;
+    for (node, &position) in mesh.nodes().iter().enumerate() {
+        if !measurement.measured[node] {
+            continue;
+        }
+        let zone = mesh.zones()[mesh.node_zone()[node] as usize].as_str();
+        let values =
+            NodeValues { position, displacement: measurement.displacement[node], sigma: measurement.sigma[node] };
+        let px = values.columns();
+        // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
+        match pixel_size {
+            Some(size) => table.serialize((node, zone, px, px.map(|v| size.mm_from_px(v))))?,
+            None => table.serialize((node, zone, px))?,
+        }
+    }
+    table.flush()
+}
+
+/// Reads a table that [`write_displacements`] wrote. Columns are found by their names; others are
+/// passed over.
+///
+/// # Errors
+/// A missing column, a cell that is no number, a row of the wrong length: each names its line.
+pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, CsvError> {
+    let mut table = ReaderBuilder::new().comment(Some(b'#')).from_reader(input);
+    let header = table.headers().map_err(row_error)?.clone();
+    let find = |name: &'static str| {
+        let at = header.iter().position(|column| column == name);
+        at.map(|at| Column { name, at }).ok_or(CsvError::MissingColumn { name })
+    };
+    let (node, zone) = (find("node")?, find("zone")?);
+    let find_all =
+        |names: [&'static str; 6]| -> Result<Vec<Column>, CsvError> { names.into_iter().map(find).collect() };
+    let px = find_all(PX_COLUMNS)?;
+    let mm = if header.iter().any(|column| MM_COLUMNS.contains(&column)) { Some(find_all(MM_COLUMNS)?) } else { None };
+    let mut rows = Vec::new();
+    for record in table.records() {
+        let record = record.map_err(row_error)?;
+        rows.push(DisplacementRow {
+            node: node.parse(&record)?,
+            zone: zone.text(&record).to_owned(),
+            px: values(&px, &record)?,
+            mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?,
+        });
+    }
+    Ok(rows)
+}
+
+struct Column {
+    name: &'static str,
+    at: usize,
+}
+
+impl Column {
+    fn text<'a>(&self, record: &'a StringRecord) -> &'a str {
+        record.get(self.at).unwrap_or("") // the reader has checked the length of the row
+    }
+
+    fn parse<T: std::str::FromStr>(&self, record: &StringRecord) -> Result<T, CsvError> {
+        self.text(record).parse().map_err(|_| self.no_number(record))
+    }
+
+    fn no_number(&self, record: &StringRecord) -> CsvError {
+        let line = record.position().map_or(0, |position| position.line());
+        CsvError::Number { line, column: self.name, text: self.text(record).to_owned() }
+    }
+}
+
+fn values(columns: &[Column], record: &StringRecord) -> Result<NodeValues, CsvError> {
+    let mut numbers = [0.0f64; 6];
+    for (number, column) in numbers.iter_mut().zip(columns) {
+        *number = column.parse(record)?;
+        if !number.is_finite() {
+            return Err(column.no_number(record));
+        }
+    }
+    Ok(NodeValues::from_columns(numbers))
+}
+
+fn row_error(error: ::csv::Error) -> CsvError {
+    match error.position().map(|position| position.line()) {
+        Some(line) => CsvError::Row { line, source: error },
+        None => CsvError::Read(error),
+    }
+}

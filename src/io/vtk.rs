@@ -1,0 +1,233 @@
+//! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
+
+use crate::field::{Measurement, Status};
+use crate::units::Px;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesText, Event};
+use std::io::{self, Write};
+use thiserror::Error;
+
+/// Type of a quadrilateral among VTK's cells.
+const VTK_QUAD: u8 = 9;
+
+/// Why a file for ParaView cannot be written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum VtkError {
+    /// Residuals cannot be given in per cent of this range.
+    #[error("residuals in per cent need a dynamic range above zero, not {range} grey levels")]
+    DynamicRange {
+        /// The range asked for, grey levels.
+        range: f64,
+    },
+    /// The file cannot be written.
+    #[error("the VTK file cannot be written")]
+    Write(#[from] io::Error),
+}
+
+/// Writes `measurement` as a VTK unstructured grid of quadrilaterals (XML, binary inline, little-endian).
+///
+/// Points are the nodes at `(x, y, 0)`, in px and with **y down** as in the image (in ParaView, turn the
+/// view about x by 180 degrees to see it as the image). Point data: `displacement_px` and `sigma_px`
+/// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
+/// with displacement zero, so threshold on `measured`. Cell data: `residual_grey`, the root mean square
+/// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
+/// and `zone`, numbered from 0. Field data: `converged`, 1 or 0, and `dynamic_range_grey`. A comment at
+/// the head holds `title`, status, units and zone names.
+///
+/// # Errors
+/// A dynamic range that is not positive, and the errors of `out`.
+pub fn write_vtu<W: Write>(
+    mut out: W,
+    title: &str,
+    measurement: &Measurement<Px>,
+    dynamic_range: f64,
+) -> Result<(), VtkError> {
+    if !(dynamic_range > 0.0 && dynamic_range.is_finite()) {
+        return Err(VtkError::DynamicRange { range: dynamic_range });
+    }
+    let mesh = &measurement.mesh;
+    let measured = || measurement.measured.iter().copied();
+    let spatial = |pairs: &[[f64; 2]]| -> Vec<[f64; 3]> {
+        let kept = pairs.iter().zip(measured()).map(|(&v, measured)| if measured { v } else { [0.0; 2] });
+        kept.map(|[x, y]| [x, y, 0.0]).collect()
+    };
+    let points: Vec<[f64; 3]> = mesh.nodes().iter().map(|&[x, y]| [x, y, 0.0]).collect();
+    let (displacement, sigma) = (spatial(&measurement.displacement), spatial(&measurement.sigma));
+    let measured: Vec<u8> = measured().map(u8::from).collect();
+    let residual = &measurement.element_residual;
+    let residual_percent: Vec<f64> = residual.iter().map(|r| 100.0 * r / dynamic_range).collect();
+    let zone: Vec<i32> = mesh.element_zone().iter().map(|&zone| zone as i32).collect();
+    // Signed, as VTK itself does: meshio turns unsigned node numbers into floats.
+    let connectivity: Vec<i64> = mesh.elements().iter().flatten().map(|&node| i64::from(node)).collect();
+    let offsets: Vec<i64> = (1..=mesh.n_elements() as i64).map(|element| 4 * element).collect();
+    let types = vec![VTK_QUAD; mesh.n_elements()];
+    let converged = [u8::from(measurement.status == Status::Converged)];
+
+    let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    let comment = format!("\n{}\n", comment(title, measurement, dynamic_range));
+    xml.write_event(Event::Comment(BytesText::from_escaped(comment)))?;
+    let file = xml.create_element("VTKFile").with_attributes([
+        ("type", "UnstructuredGrid"),
+        ("version", "1.0"), // the first with 64-bit headers; meshio knows no later one
+        ("byte_order", "LittleEndian"),
+        ("header_type", "UInt64"),
+    ]);
+    file.write_inner_content(|xml| {
+        inside(xml, "UnstructuredGrid", &[], |xml| {
+            inside(xml, "FieldData", &[], |xml| {
+                one_value(xml, "converged", &converged)?;
+                one_value(xml, "dynamic_range_grey", &[dynamic_range])
+            })?;
+            let size = [("NumberOfPoints", mesh.n_nodes()), ("NumberOfCells", mesh.n_elements())];
+            inside(xml, "Piece", &size, |xml| {
+                inside(xml, "PointData", &[], |xml| {
+                    vectors(xml, "displacement_px", &displacement)?;
+                    vectors(xml, "sigma_px", &sigma)?;
+                    scalars(xml, "measured", &measured)
+                })?;
+                inside(xml, "CellData", &[], |xml| {
+                    scalars(xml, "residual_grey", residual)?;
+                    scalars(xml, "residual_percent", &residual_percent)?;
+                    scalars(xml, "zone", &zone)
+                })?;
+                inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
+                inside(xml, "Cells", &[], |xml| {
+                    scalars(xml, "connectivity", &connectivity)?;
+                    scalars(xml, "offsets", &offsets)?;
+                    scalars(xml, "types", &types)
+                })
+            })
+        })
+    })?;
+    writeln!(out)?;
+    out.flush()?;
+    Ok(())
+}
+
+/// The element `name`, with `content` in it.
+fn inside<W: Write>(
+    xml: &mut Writer<W>,
+    name: &str,
+    attributes: &[(&str, usize)],
+    content: impl FnOnce(&mut Writer<W>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut element = xml.create_element(name);
+    for &(key, value) in attributes {
+        element = element.with_attribute((key, value.to_string().as_str()));
+    }
+    element.write_inner_content(content)?;
+    Ok(())
+}
+
+/// A number that VTK knows.
+trait Scalar: Copy {
+    const VTK_TYPE: &'static str;
+    fn put(self, bytes: &mut Vec<u8>);
+}
+
+macro_rules! scalar {
+    ($($type:ty => $name:literal),*) => { $(
+        impl Scalar for $type {
+            const VTK_TYPE: &'static str = $name;
+            fn put(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+        }
+    )* };
+}
+
+scalar!(u8 => "UInt8", i32 => "Int32", i64 => "Int64", f64 => "Float64");
+
+fn scalars<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, values: &[T]) -> io::Result<()> {
+    data_array(xml, name, &[], values)
+}
+
+fn vectors<W: Write>(xml: &mut Writer<W>, name: &str, values: &[[f64; 3]]) -> io::Result<()> {
+    data_array(xml, name, &[("NumberOfComponents", "3")], values.as_flattened())
+}
+
+fn one_value<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, value: &[T; 1]) -> io::Result<()> {
+    data_array(xml, name, &[("NumberOfTuples", "1")], value)
+}
+
+/// An array in base64: its length in bytes as 64 bits, then its numbers, encoded as one.
+fn data_array<W: Write, T: Scalar>(
+    xml: &mut Writer<W>,
+    name: &str,
+    attributes: &[(&str, &str)],
+    values: &[T],
+) -> io::Result<()> {
+    let n_bytes = size_of_val(values);
+    let mut bytes = Vec::with_capacity(8 + n_bytes);
+    bytes.extend_from_slice(&(n_bytes as u64).to_le_bytes());
+    values.iter().for_each(|value| value.put(&mut bytes));
+    let element = xml.create_element("DataArray").with_attributes([("type", T::VTK_TYPE), ("Name", name)]);
+    let element = element.with_attributes(attributes.iter().copied()).with_attribute(("format", "binary"));
+    element.write_text_content(BytesText::from_escaped(BASE64.encode(bytes)))?;
+    Ok(())
+}
+
+/// The text of the head comment; without `--`, which XML forbids there, and without control characters.
+fn comment(title: &str, measurement: &Measurement<Px>, dynamic_range: f64) -> String {
+    let zones = measurement.mesh.zones().iter().enumerate();
+    let zones: Vec<String> = zones.map(|(number, name)| format!("{number} = {name}")).collect();
+    let lines = [
+        title.to_owned(),
+        format!("status: {}", measurement.status.name()),
+        "lengths in px of the reference image: x to the right, y down, z = 0".to_owned(),
+        "measured: 1, or 0 for a node without measurement (its displacement and sigma are 0 and mean nothing)"
+            .to_owned(),
+        format!(
+            "residual_grey: root mean square of f - g in grey levels; residual_percent: of {dynamic_range} grey levels"
+        ),
+        format!("zones: {}", zones.join(", ")),
+    ];
+    let mut text = String::new();
+    for character in lines.join("\n").chars() {
+        if character == '-' && text.ends_with('-') {
+            text.push(' ');
+        }
+        text.push(if is_xml(character) { character } else { ' ' });
+    }
+    text
+}
+
+fn is_xml(character: char) -> bool {
+    character == '\n' || !(character.is_control() || matches!(character, '\u{fffe}' | '\u{ffff}'))
+}
+
+/// Writes the list of a series for ParaView (`series.pvd`): each entry is a time and the path of its
+/// `.vtu` file, relative to the list, with `/` between folders.
+///
+/// ```
+/// let mut list = Vec::new();
+/// quadrille::io::vtk::write_pvd(&mut list, &[(0.5, "vtu/frame_0001.vtu".into())]).unwrap();
+/// let line = r#"<DataSet timestep="0.5" part="0" file="vtu/frame_0001.vtu"/>"#;
+/// assert!(String::from_utf8(list).unwrap().contains(line));
+/// ```
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_pvd<W: Write>(mut out: W, entries: &[(f64, String)]) -> Result<(), VtkError> {
+    let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    let file = xml.create_element("VTKFile");
+    let file = file.with_attributes([("type", "Collection"), ("version", "0.1"), ("byte_order", "LittleEndian")]);
+    file.write_inner_content(|xml| {
+        inside(xml, "Collection", &[], |xml| {
+            for (time, file) in entries {
+                let time = format!("{time:?}");
+                let attributes = [("timestep", time.as_str()), ("part", "0"), ("file", file)];
+                xml.create_element("DataSet").with_attributes(attributes).write_empty()?;
+            }
+            Ok(())
+        })
+    })?;
+    writeln!(out)?;
+    out.flush()?;
+    Ok(())
+}

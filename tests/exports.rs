@@ -1,0 +1,219 @@
+//! What quadrille writes for other programs reads back as it was.
+
+use quadrille::field::{Measurement, Status};
+use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
+use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
+use quadrille::mesh::{Mesh, Roi, Zone};
+use quadrille::units::{PixelSize, Px};
+use serde_json::json;
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::Command;
+
+/// Two zones with awkward names, 2 x 2 and 3 x 1 elements, numbers that need all their digits, two nodes
+/// without measurement (numbers there are not zero, which nothing may show).
+fn two_zones() -> Measurement<Px> {
+    let zones = [
+        Zone { name: "upper, \"left\"".into(), roi: Roi { x0: 0.5, y0: 2.0, x1: 33.0, y1: 35.0 } },
+        Zone { name: "lower -- ü <&>".into(), roi: Roi { x0: 4.0, y0: 40.25, x1: 52.0, y1: 57.0 } },
+    ];
+    let mesh = Mesh::on_zones(&zones, 16, 64, 64).unwrap();
+    let n = mesh.n_nodes();
+    let awkward = |k: usize| (k as f64 + 0.1).powi(3) / 7.0 * 10f64.powi(-(k as i32));
+    let mut measurement = Measurement {
+        status: Status::IterationLimit,
+        displacement: (0..n).map(|k| [awkward(k), -awkward(k + 1)]).collect(),
+        sigma: (0..n).map(|k| [awkward(k) / 3.0, 0.01]).collect(),
+        measured: vec![true; n],
+        element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
+        mesh: mesh.into(),
+    };
+    for node in [3, 11] {
+        measurement.measured[node] = false;
+    }
+    measurement
+}
+
+fn table(header: &[String], pixel_size: Option<PixelSize>) -> String {
+    let mut out = Vec::new();
+    write_displacements(&mut out, header, &two_zones(), pixel_size).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+#[test]
+fn a_table_of_displacements_reads_back_to_the_same_bits() {
+    let measurement = two_zones();
+    let size = PixelSize::new(0.00193125).unwrap();
+    for pixel_size in [None, Some(size)] {
+        let rows = read_displacements(table(&["frame 3".into()], pixel_size).as_bytes()).unwrap();
+        let nodes: Vec<usize> = (0..measurement.mesh.n_nodes()).filter(|&k| measurement.measured[k]).collect();
+        assert_eq!(rows.iter().map(|row| row.node).collect::<Vec<_>>(), nodes);
+        for row in rows {
+            assert_eq!(row.zone, measurement.mesh.zones()[measurement.mesh.node_zone()[row.node] as usize]);
+            assert_eq!(row.px.position, measurement.mesh.nodes()[row.node]);
+            assert_eq!(row.px.displacement, measurement.displacement[row.node]);
+            assert_eq!(row.px.sigma, measurement.sigma[row.node]);
+            assert_eq!(row.mm.is_some(), pixel_size.is_some());
+            if let Some(mm) = row.mm {
+                assert_eq!(mm.position, row.px.position.map(|v| size.mm_from_px(v)));
+                assert_eq!(mm.displacement, row.px.displacement.map(|v| size.mm_from_px(v)));
+                assert_eq!(mm.sigma, row.px.sigma.map(|v| size.mm_from_px(v)));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_table_begins_with_its_comments_and_the_names_of_its_columns() {
+    let text = table(&["quadrille 0.1.0".into(), "two\nlines".into()], PixelSize::new(0.002));
+    let mut lines = text.lines().skip_while(|line| line.starts_with('#'));
+    let px = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px";
+    assert_eq!(lines.next().unwrap(), format!("{px},x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm"));
+    assert!(text.starts_with("# quadrille 0.1.0\n# two\n# lines\n# status: iteration_limit\n"), "{text}");
+    assert!(text.contains("y down") && text.contains("# 1 px = 0.002 mm"), "{text}");
+    assert!(lines.next().unwrap().starts_with("0,\"upper, \"\"left\"\"\",0.5,2.0,"), "{text}");
+}
+
+#[test]
+fn a_damaged_table_is_refused_with_the_line_and_column() {
+    let text = table(&["one".into()], None);
+    let names = text.lines().position(|line| line.starts_with("node")).unwrap() as u64 + 1;
+    let read = |text: &str| read_displacements(text.as_bytes()).unwrap_err();
+    let error = read(&text.replacen(",0.5,", ",half,", 1));
+    assert!(
+        matches!(&error, CsvError::Number { line, column: "x_px", text } if *line == names + 1 && text == "half"),
+        "{error:?}"
+    );
+    assert!(matches!(read(&text.replacen(",0.5,", ",NaN,", 1)), CsvError::Number { .. }));
+    assert!(matches!(read(&text.replacen("\n0,", "\n-1,", 1)), CsvError::Number { column: "node", .. }));
+    assert!(matches!(read(&text.replacen("uy_px", "uy", 1)), CsvError::MissingColumn { name: "uy_px" }));
+    assert!(matches!(read(""), CsvError::MissingColumn { name: "node" }));
+    let cut = &text[..text.rfind(',').unwrap()];
+    let last = text.lines().count() as u64;
+    assert!(matches!(read(cut), CsvError::Row { line, .. } if line == last), "{:?}", read(cut));
+    struct Broken;
+    impl io::Read for Broken {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(io::Error::other("unplugged"))
+        }
+    }
+    assert!(matches!(read_displacements(Broken).unwrap_err(), CsvError::Read(_)));
+}
+
+/// A disk with room for `room` bytes.
+struct Disk {
+    room: usize,
+}
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = bytes.len().min(self.room);
+        self.room -= written;
+        if written == 0 { Err(io::ErrorKind::StorageFull.into()) } else { Ok(written) }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_full_disk_is_an_error_however_late_it_fills() {
+    let measurement = two_zones();
+    let mut vtu = Vec::new();
+    write_vtu(&mut vtu, "", &measurement, 255.0).unwrap();
+    for room in [0, 100, vtu.len() - 1] {
+        let error = write_vtu(Disk { room }, "", &measurement, 255.0).unwrap_err();
+        assert!(matches!(error, VtkError::Write(_)), "{room}: {error:?}");
+    }
+    let bytes = table(&[], None).len();
+    for room in [0, 100, bytes - 1] {
+        let error = write_displacements(Disk { room }, &[], &measurement, None).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{room}");
+    }
+}
+
+#[test]
+fn residuals_in_per_cent_of_nothing_are_refused() {
+    for range in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = write_vtu(Vec::new(), "", &two_zones(), range).unwrap_err();
+        assert!(matches!(error, VtkError::DynamicRange { .. }), "{range}");
+    }
+}
+
+#[test]
+fn the_head_of_a_grid_names_status_units_and_zones() {
+    let mut out = Vec::new();
+    write_vtu(&mut out, "frame 3 --- of\u{1}7 -->", &two_zones(), 255.0).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    let (start, end) = (text.find("<!--").unwrap() + 4, text.find("-->").unwrap());
+    let head = &text[start..end];
+    assert!(!head.contains("--") && !head.contains('\u{1}'), "{head}");
+    for wanted in
+        ["frame 3 - - - of 7", "status: iteration_limit", "y down", "1 = lower - - ü <&>", "of 255 grey levels"]
+    {
+        assert!(head.contains(wanted), "'{wanted}' is missing in {head}");
+    }
+    assert!(text[end..].starts_with("-->\n<VTKFile"));
+}
+
+#[test]
+fn a_series_lists_times_and_files() {
+    let mut out = Vec::new();
+    write_pvd(&mut out, &[(0.0, "vtu/a.vtu".into()), (2.5, "vtu/\"b\" & <c>.vtu".into())]).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains(r#"<DataSet timestep="0.0" part="0" file="vtu/a.vtu"/>"#), "{text}");
+    assert!(text.contains(r#"timestep="2.5" part="0" file="vtu/&quot;b&quot; &amp; &lt;c&gt;.vtu""#), "{text}");
+}
+
+/// The Python to read with; `None`, after saying so, when meshio is not there and nobody asked for it.
+fn python(script: &Path) -> Option<String> {
+    let asked = std::env::var("QUADRILLE_PYTHON").ok();
+    let python = asked.clone().unwrap_or_else(|| "python3".into());
+    let available = Command::new(&python).arg(script).arg("--available").output();
+    match available {
+        Ok(output) if output.status.success() => return Some(python),
+        Ok(output) => println!("{python}: {}", String::from_utf8_lossy(&output.stderr)),
+        Err(error) => println!("{python}: {error}"),
+    }
+    assert!(asked.is_none(), "QUADRILLE_PYTHON is '{python}', which cannot import meshio");
+    println!("SKIPPED: no meshio in {python}; pip install -r scripts/requirements.txt and set QUADRILLE_PYTHON");
+    None
+}
+
+#[test]
+fn a_grid_reads_back_in_meshio_to_the_same_bits() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/check_vtu.py");
+    let Some(python) = python(&script) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.vtu");
+    let measurement = two_zones();
+    write_vtu(std::fs::File::create(&path).unwrap(), "frame 3", &measurement, 255.0).unwrap();
+    let output = Command::new(python).arg(script).arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+
+    let mesh = &measurement.mesh;
+    let bits = |values: &[f64]| json!(values.iter().map(|v| v.to_bits()).collect::<Vec<_>>());
+    let spatial =
+        |pairs: &[[f64; 2]]| json!(pairs.iter().map(|v| [v[0], v[1], 0.0].map(f64::to_bits)).collect::<Vec<_>>());
+    let kept = |pairs: &[[f64; 2]]| {
+        let kept = pairs.iter().zip(&measurement.measured).map(|(&v, &measured)| if measured { v } else { [0.0; 2] });
+        spatial(&kept.collect::<Vec<_>>())
+    };
+    assert_eq!(read["cell_type"], "quad");
+    assert_eq!(read["points"], spatial(mesh.nodes()));
+    assert_eq!(read["cells"], json!(mesh.elements()));
+    assert_eq!(read["type_of_cells"], "int64"); // meshio makes unsigned ones float64, no longer an index
+    let (point, cell) = (&read["point_data"], &read["cell_data"]);
+    assert_eq!(point["displacement_px"], kept(&measurement.displacement));
+    assert_eq!(point["sigma_px"], kept(&measurement.sigma));
+    assert_eq!(point["measured"], json!(measurement.measured.iter().map(|&m| u8::from(m)).collect::<Vec<_>>()));
+    assert_eq!(read["type_of_measured"], "uint8");
+    let percent: Vec<f64> = measurement.element_residual.iter().map(|r| 100.0 * r / 255.0).collect();
+    assert_eq!(cell["residual_grey"], bits(&measurement.element_residual));
+    assert_eq!(cell["residual_percent"], bits(&percent));
+    assert_eq!(cell["zone"], json!(mesh.element_zone()));
+    assert_eq!(read["field_data"]["converged"], json!([0]));
+    assert_eq!(read["field_data"]["dynamic_range_grey"], bits(&[255.0]));
+}
