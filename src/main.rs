@@ -1,1 +1,7 @@
-fn main() {}
+//! The program `quadrille`; everything is in the library.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    quadrille::cli::main()
+}

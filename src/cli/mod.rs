@@ -1,1 +1,68 @@
-//! (under construction)
+//! The command line: arguments in, files and an exit status out.
+
+mod args;
+mod correlate;
+mod demo;
+mod plan;
+mod progress;
+mod run_folder;
+mod synth;
+
+use clap::Parser;
+use std::error::Error;
+use std::process::ExitCode;
+
+/// What a command came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    /// Everything asked for is there: exit status 0.
+    Fine,
+    /// It ran, but some frame did not converge: exit status 1.
+    Incomplete,
+}
+
+type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
+
+/// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run.
+pub fn main() -> ExitCode {
+    let cli = args::Cli::parse(); // clap itself exits with 2 on arguments it does not know
+    let outcome = match cli.command {
+        args::Command::Correlate(args) => correlate::run(&args),
+        args::Command::Synth(args) => synth::run(&args),
+        args::Command::Demo(args) => demo::run(&args),
+    };
+    match outcome {
+        Ok(Outcome::Fine) => ExitCode::SUCCESS,
+        Ok(Outcome::Incomplete) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("quadrille: {}", chain(error.as_ref()));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// An error and its causes on one line.
+fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        // Many errors already repeat their cause.
+        if !text.contains(&more) {
+            text.push_str(": ");
+            text.push_str(&more);
+        }
+        cause = error.source();
+    }
+    text
+}
+
+/// A pool of `threads` threads, or of one per core.
+fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    match threads {
+        Some(0) => Err("--threads is 0; give at least 1, or leave it out for all cores".into()),
+        Some(n) if n > 1024 => Err(format!("--threads is {n}; this machine has {cores} cores").into()),
+        _ => Ok(rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(cores)).build()?),
+    }
+}

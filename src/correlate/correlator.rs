@@ -98,9 +98,22 @@ pub enum CorrelationError {
         /// Rows of the reference.
         reference_height: usize,
     },
+    /// A deformed image without any contrast.
+    #[error("every pixel has the grey level {grey}: there is no picture to correlate")]
+    Constant {
+        /// The grey level.
+        grey: f32,
+    },
     /// The device failed.
     #[error("the device failed")]
     Backend(#[from] BackendError),
+}
+
+impl CorrelationError {
+    /// Whether the fault is one of the deformed image alone, so that the series can go on.
+    pub fn is_of_the_frame(&self) -> bool {
+        matches!(self, Self::Size { .. } | Self::Constant { .. })
+    }
 }
 
 fn first_few(faults: &[TextureFault]) -> String {
@@ -271,6 +284,11 @@ impl<B: Backend> Correlator<B> {
         self.grey_range
     }
 
+    /// Grey levels that a transfer adds after its gain, in the images' own scale.
+    pub fn offset_of(&self, transfer: GreyTransfer) -> f64 {
+        transfer.offset + f64::from(self.kernel.grey_offset) * (1.0 - transfer.gain)
+    }
+
     /// Number of pyramid levels, the image itself included.
     pub fn n_levels(&self) -> usize {
         self.levels.len()
@@ -303,6 +321,10 @@ impl<B: Backend> Correlator<B> {
                 reference_width: self.size[0],
                 reference_height: self.size[1],
             });
+        }
+        let (low, high) = image.range();
+        if low == high {
+            return Err(CorrelationError::Constant { grey: low });
         }
         let mut frame = self.backend.frame(image, &self.kernel)?;
         if let Some((displacement, transfer)) = start {

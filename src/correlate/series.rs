@@ -21,6 +21,11 @@ impl<'a, B: Backend> Tracker<'a, B> {
         Self { correlator, history: Vec::new(), transfer: Vec::new() }
     }
 
+    /// What it correlates with.
+    pub fn correlator(&self) -> &'a Correlator<B> {
+        self.correlator
+    }
+
     /// Correlates frame `number` (numbers must rise). With [`StartFrom::Cold`] nothing is remembered.
     ///
     /// # Errors

@@ -1,1 +1,3 @@
-//! (under construction)
+//! What people look at: summaries and pictures.
+
+pub mod summary;

@@ -1,0 +1,274 @@
+//! The command line, as the user types it.
+
+use crate::field::{Brightness, StartFrom};
+use crate::imaging::Interpolation;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Displacement fields of tested materials from image series, by global Q4 image correlation.
+#[derive(Debug, Parser)]
+#[command(name = "quadrille", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "Start with `quadrille demo`, which needs no data, or with your own images:\n  \
+    quadrille correlate --output out ref.tif 'frames/*.tif'")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Measure displacement fields: one reference image, any number of deformed ones.
+    Correlate(CorrelateArgs),
+    /// Make speckle images whose displacement is known exactly.
+    Synth(SynthArgs),
+    /// Correlate an embedded example and compare the result with the truth.
+    Demo(DemoArgs),
+}
+
+/// Where the pixel work is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Device {
+    /// The best there is (today: the CPU).
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+}
+
+/// A table of values per frame that is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Export {
+    /// DIR/csv/NNNNNN.csv: one row per measured node.
+    Csv,
+    /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
+    Vtu,
+    /// Nothing but run.toml and summary.json.
+    None,
+}
+
+/// Arguments of `quadrille correlate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Whole image, first file is the reference:\n    \
+    quadrille correlate --output out ref.tif 'frames/*.tif'\n  \
+    Two strips on either side of an adhesive, 32 px elements, scale 1.93 um per pixel:\n    \
+    quadrille correlate --reference ref.tif --roi 10,10,1010,400 --roi 10,440,1010,830 \\\n      \
+    --element-size 32 --pixel-size 0.00193 --output out 'frames/*.tif'\n  \
+    The same from a file, with another element size:\n    \
+    quadrille correlate --case joint.toml --element-size 24 --output out24\n\n\
+    Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run.")]
+pub struct CorrelateArgs {
+    /// Deformed images: files or quoted globs, taken in natural order (img_2 before img_10). Without
+    /// --reference the first one is the reference.
+    #[arg(value_name = "DEFORMED")]
+    pub deformed: Vec<String>,
+    /// The reference image.
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<PathBuf>,
+    /// A case file (TOML) that says the same as these flags; flags win.
+    #[arg(long, value_name = "FILE")]
+    pub case: Option<PathBuf>,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
+    /// several zones. Default: the whole image.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub roi: Vec<[f64; 4]>,
+    /// Side of the square elements, px (4 to 128). Smaller: finer detail and more noise. Default 16.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub element_size: Option<i64>,
+    /// Interpolation between pixels. Default cubic; quintic has ten times less bias at twice the cost.
+    #[arg(long, value_name = "NAME", value_parser = interpolation)]
+    pub interpolation: Option<Interpolation>,
+    /// Largest correction at which a frame counts as converged, px. Default 1e-4.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub tolerance: Option<f64>,
+    /// Iterations after which a frame is given up. Default 50.
+    #[arg(long, value_name = "N")]
+    pub max_iterations: Option<u32>,
+    /// Brightness and contrast followed per zone, per element, or not at all. Default zone.
+    #[arg(long, value_name = "zone|element|off")]
+    pub brightness: Option<Brightness>,
+    /// Start each frame from the previous ones, or cold. Default previous.
+    #[arg(long, value_name = "previous|cold")]
+    pub start: Option<StartFrom>,
+    /// Standard deviation of the camera noise, grey levels. Default: estimated from the residual.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub noise: Option<f64>,
+    /// Leave out nodes that see no texture instead of refusing the reference.
+    #[arg(long)]
+    pub drop_textureless: bool,
+    /// Page of multi-page TIFF files. Default 0, the first.
+    #[arg(long, value_name = "N")]
+    pub page: Option<u32>,
+    /// Millimetres per pixel: adds columns in mm.
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    pub pixel_size: Option<f64>,
+    /// What to write per frame.
+    #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',', default_value = "csv,vtu")]
+    pub export: Vec<Export>,
+    /// Where the pixel work is done.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub device: Device,
+    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: the fastest there is. Results
+    /// differ in the last bits between paths.
+    #[arg(long, value_name = "NAME")]
+    pub isa: Option<String>,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// One line for every frame.
+    #[arg(long, short)]
+    pub verbose: bool,
+}
+
+/// A displacement field that `quadrille synth` can make.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Field {
+    /// The same displacement everywhere (--shift).
+    Translation,
+    /// Rotation about the image centre (--degrees).
+    Rotation,
+    /// A constant gradient about the image centre (--gradient).
+    Affine,
+    /// u_x = A sin(2 pi x/L), u_y = A sin(2 pi y/L) (--amplitude, --wavelength).
+    Sinusoids,
+    /// The same with 0.5 % stretch along x and 0.2 degrees of rotation.
+    Accuracy,
+    /// u_y = A cos(2 pi (y - yc)/p), period p from 10 px (left) to 300 px (right) (--amplitude).
+    Star,
+    /// Two strips that open like a peeling joint (--opening, --slide).
+    Peel,
+}
+
+/// Depth of the grey levels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Bits {
+    /// 8 bit.
+    #[value(name = "8")]
+    Eight,
+    /// 16 bit.
+    #[value(name = "16")]
+    Sixteen,
+    /// 32-bit float.
+    Float,
+}
+
+/// Arguments of `quadrille synth`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    A pair moved by a quarter pixel, noise of 2 grey levels:\n    \
+    quadrille synth translation --shift 0.25,0 --noise 2 --output pair\n  \
+    Twenty frames of a peeling joint, 16 bit:\n    \
+    quadrille synth peel --size 1280x800 --frames 20 --bits 16 --output peel\n\n\
+    Writes DIR/000000.tif (the reference), DIR/000001.tif ..., DIR/exact/NNNNNN.csv with the exact\n\
+    displacement on a grid of points, and DIR/synth.json with everything that was chosen.")]
+pub struct SynthArgs {
+    /// The displacement field of the last frame; earlier frames go part of the way.
+    #[arg(value_enum)]
+    pub field: Field,
+    /// Folder for the images.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace files of an earlier run.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Columns and rows, px.
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
+    pub size: [usize; 2],
+    /// Number of deformed images.
+    #[arg(long, default_value_t = 1)]
+    pub frames: usize,
+    /// Depth of the images.
+    #[arg(long, value_enum, default_value = "8")]
+    pub bits: Bits,
+    /// Standard deviation of the noise, grey levels of 255.
+    #[arg(long, default_value_t = 0.0)]
+    pub noise: f32,
+    /// Seed of speckles and noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Mean speckle size, px (2 to 32).
+    #[arg(long, value_name = "PX", default_value_t = 4.5)]
+    pub speckle: f64,
+    /// Displacement, px.
+    #[arg(long, value_name = "ux,uy", value_parser = pair, default_value = "0.5,0.5", allow_hyphen_values = true)]
+    pub shift: [f64; 2],
+    /// Angle, degrees (positive from x to y).
+    #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
+    pub degrees: f64,
+    /// du_x/dx, du_x/dy, du_y/dx, du_y/dy.
+    #[arg(long, value_name = "a,b,c,d", value_parser = rectangle, default_value = "0.01,0,0,-0.003", allow_hyphen_values = true)]
+    pub gradient: [f64; 4],
+    /// Amplitude, px (default 1; star 0.5).
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub amplitude: Option<f64>,
+    /// Wavelength, px.
+    #[arg(long, value_name = "PX", default_value_t = 256.0)]
+    pub wavelength: f64,
+    /// Opening at the right edge in the last frame, px.
+    #[arg(long, value_name = "PX", default_value_t = 16.0)]
+    pub opening: f64,
+    /// Sliding in the last frame, px.
+    #[arg(long, value_name = "PX", default_value_t = 2.0, allow_hyphen_values = true)]
+    pub slide: f64,
+    /// Distance of the points at which the exact displacement is written, px.
+    #[arg(long, value_name = "PX", default_value_t = 16)]
+    pub grid: usize,
+}
+
+/// Arguments of `quadrille demo`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  quadrille demo --output demo && xdg-open demo/maps/000020-uy.png")]
+pub struct DemoArgs {
+    /// Folder for images and results.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub output: PathBuf,
+    /// Seed of speckles and noise: changes the images, not the conclusion.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
+    let values = values.map_err(|_| format!("'{text}' is no list of {N} numbers separated by commas"))?;
+    let n = values.len();
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err(format!("'{text}' holds a number that is not finite"));
+    }
+    values.try_into().map_err(|_| format!("'{text}' has {n} numbers instead of {N}"))
+}
+
+fn rectangle(text: &str) -> Result<[f64; 4], String> {
+    numbers(text)
+}
+
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    numbers(text)
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let parse = |v: &str| v.trim().parse::<usize>().ok().filter(|v| (1..=32_768).contains(v));
+    text.split_once(['x', 'X'])
+        .and_then(|(w, h)| Some([parse(w)?, parse(h)?]))
+        .ok_or_else(|| format!("'{text}' is no image size such as 1024x768"))
+}
+
+fn interpolation(name: &str) -> Result<Interpolation, String> {
+    [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
+        .into_iter()
+        .find(|i| i.name() == name)
+        .ok_or_else(|| format!("'{name}' is not one of cubic, quintic, keys, bilinear"))
+}

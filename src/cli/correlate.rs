@@ -1,0 +1,297 @@
+//! `quadrille correlate`.
+
+use super::args::CorrelateArgs;
+use super::plan::Plan;
+use super::progress::{Progress, Talk};
+use super::run_folder::RunFolder;
+use super::{Outcome, Result, chain, pool};
+use crate::backend::Backend;
+use crate::backend::cpu::CpuBackend;
+use crate::correlate::{Correlation, Correlator, Tracker};
+use crate::field::Status;
+use crate::io::case::write_case;
+use crate::io::images::{Loaded, ReadError, read_image};
+use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, units};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+/// Decoded images that wait for their turn.
+const AHEAD: usize = 2;
+/// Results that wait to be written.
+const BEHIND: usize = 4;
+/// How often the summary is written while the series runs.
+const SUMMARY_EVERY: Duration = Duration::from_secs(10);
+
+/// Runs the command.
+pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
+    let plan = Plan::new(args)?;
+    let talk = match (args.quiet, args.verbose) {
+        (true, _) => Talk::Quiet,
+        (_, true) => Talk::Verbose,
+        _ => Talk::Normal,
+    };
+    let folder = RunFolder::open(&args.output, args.overwrite)?;
+    let frames = run_series(&plan, &folder, pool(args.threads)?, talk)?;
+    let fine = frames.frames.iter().all(|frame| frame.status == Status::Converged);
+    Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Correlates the series of `plan` into `folder`; also the heart of `quadrille demo`.
+pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPool, talk: Talk) -> Result<Summary> {
+    let begin = Instant::now();
+    let loaded = read_image(&plan.reference, plan.page)?;
+    let (width, height) = (loaded.image.width(), loaded.image.height());
+    let zones = plan.zones_on(width, height)?;
+    let depth = loaded.image.pixels().depth();
+    let reference_image = Arc::new(loaded.image);
+    let prepare = Instant::now();
+    let backend = CpuBackend::new(plan.isa);
+    let correlator = pool.install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone())).map_err(
+        |error| format!("{}: {}", plan.reference.display(), chain(&error)),
+    )?;
+    let seconds_reference = prepare.elapsed().as_secs_f64();
+    folder.clear(plan.csv, plan.vtu)?;
+
+    let mut progress = Progress::new(talk, plan.deformed.len());
+    let mesh = correlator.mesh();
+    progress.say(&format!(
+        "reference {} ({width} x {height} px, {depth}), {} zone(s), {} elements of {} px, {} nodes; {}, {} threads",
+        plan.reference.display(),
+        zones.len(),
+        mesh.n_elements(),
+        plan.options.element_size,
+        mesh.n_nodes(),
+        correlator.backend().device(),
+        pool.current_num_threads(),
+    ));
+    loaded.notes.iter().for_each(|note| progress.say(&format!("{}: {note}", plan.reference.display())));
+    if !correlator.dropped().is_empty() {
+        progress.say(&format!("{} nodes without texture are left out", correlator.dropped().len()));
+    }
+    let mut summary = Summary {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        threads: pool.current_num_threads(),
+        units: units(),
+        reference: ReferenceSummary {
+            file: plan.reference.display().to_string(),
+            width_px: width,
+            height_px: height,
+            depth,
+            range_grey: correlator.grey_range(),
+        },
+        n_nodes: mesh.n_nodes(),
+        n_elements: mesh.n_elements(),
+        n_levels: correlator.n_levels(),
+        solver: correlator.solver_name(),
+        tolerance_px: plan.options.tolerance_px,
+        seconds_reference,
+        seconds_total: 0.0,
+        nodes_left_out: correlator
+            .dropped()
+            .iter()
+            .map(|fault| NodeLeftOut {
+                node: fault.node,
+                x_px: fault.at[0],
+                y_px: fault.at[1],
+                reason: if fault.striped { "stripes: no texture along them" } else { "no texture" }.into(),
+            })
+            .collect(),
+        counts: counts(&[]),
+        frames: Vec::with_capacity(plan.deformed.len()),
+    };
+    let mut record = Record::new(plan, &correlator, &zones, loaded.sha256, pool.current_num_threads());
+    folder.write_case(&record.case())?;
+
+    let written = std::thread::scope(|scope| -> Result<()> {
+        let (decoded_in, decoded) = sync_channel(AHEAD);
+        scope.spawn(move || decode_all(&plan.deformed, plan.page, &decoded_in));
+        let (finished, to_write) = sync_channel(BEHIND);
+        let writer = scope.spawn({
+            let range = correlator.grey_range();
+            move || write_all(plan, folder, range, &to_write)
+        });
+        let mut tracker = Tracker::new(&correlator);
+        let mut last_summary = Instant::now();
+        for Decoded { number, path, loaded, seconds } in decoded {
+            let (frame, result, sha256) = pool.install(|| one_frame(&mut tracker, number, &path, loaded, seconds))?;
+            record.images.push((path, sha256));
+            if let Some(result) = result
+                && finished.send(ToWrite { number, frame: frame.clone(), result }).is_err()
+            {
+                break; // the writer has stopped; its error says why
+            }
+            summary.frames.push(frame);
+            progress.frame(number, &summary.frames[number - 1]);
+            if last_summary.elapsed() > SUMMARY_EVERY {
+                last_summary = Instant::now();
+                summary.counts = counts(&summary.frames);
+                summary.seconds_total = begin.elapsed().as_secs_f64();
+                folder.write_summary(&summary)?;
+            }
+        }
+        drop(finished);
+        writer.join().map_err(|_| "the writer stopped: this is a bug in quadrille")?
+    });
+    summary.counts = counts(&summary.frames);
+    summary.seconds_total = begin.elapsed().as_secs_f64();
+    // Also when writing has failed: what is known is kept where it can be.
+    let closed = folder.write_case(&record.case()).and_then(|()| folder.write_summary(&summary));
+    written?;
+    closed?;
+    progress.finish(&summary.frames, summary.seconds_total);
+    progress.say(&format!("results in {}", folder.path().display()));
+    Ok(summary)
+}
+
+/// A frame that was read, or not.
+struct Decoded {
+    number: usize,
+    path: PathBuf,
+    loaded: std::result::Result<Loaded, ReadError>,
+    seconds: f64,
+}
+
+fn decode_all(files: &[PathBuf], page: usize, out: &SyncSender<Decoded>) {
+    for (at, path) in files.iter().enumerate() {
+        let begin = Instant::now();
+        let loaded = read_image(path, page);
+        let seconds = begin.elapsed().as_secs_f64();
+        if out.send(Decoded { number: at + 1, path: path.clone(), loaded, seconds }).is_err() {
+            return; // nobody wants more
+        }
+    }
+}
+
+/// Correlates one frame. A frame that cannot be used is a result with its reason.
+fn one_frame<B: Backend>(
+    tracker: &mut Tracker<'_, B>,
+    number: usize,
+    path: &Path,
+    loaded: std::result::Result<Loaded, ReadError>,
+    seconds_decode: f64,
+) -> Result<(FrameSummary, Option<Correlation>, Option<String>)> {
+    let file = path.display().to_string();
+    let loaded = match loaded {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            return Ok((FrameSummary::unreadable(number, file, chain(&error), seconds_decode), None, None));
+        }
+    };
+    let sha256 = Some(loaded.sha256);
+    let image = Arc::new(loaded.image);
+    let begin = Instant::now();
+    match tracker.correlate(number, image) {
+        Ok(result) => {
+            let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
+            let frame = FrameSummary::of(number, file, loaded.notes, tracker.correlator(), &result, seconds);
+            Ok((frame, Some(result), sha256))
+        }
+        Err(error) if error.is_of_the_frame() => {
+            let message = format!("{file}: {}", chain(&error));
+            Ok((FrameSummary::unreadable(number, file, message, seconds_decode), None, sha256))
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// A frame on its way to the disk.
+struct ToWrite {
+    number: usize,
+    frame: FrameSummary,
+    result: Correlation,
+}
+
+fn write_all(plan: &Plan, folder: &RunFolder, range: f64, frames: &Receiver<ToWrite>) -> Result<()> {
+    let mut in_series = Vec::new();
+    for ToWrite { number, frame, result } in frames {
+        // A diverged field is no measurement: its numbers are not spread.
+        if result.measurement.status == Status::Diverged {
+            continue;
+        }
+        if plan.csv {
+            folder.write_csv(number, &header(plan, &frame), &result.measurement, plan.pixel_size)?;
+        }
+        if plan.vtu {
+            let title = format!("quadrille {}, frame {number}: {}", env!("CARGO_PKG_VERSION"), frame.file);
+            folder.write_vtu(number, &title, &result.measurement, range)?;
+            in_series.push(number);
+            if in_series.len() % 100 == 0 {
+                folder.write_series(&in_series)?;
+            }
+        }
+    }
+    if plan.vtu {
+        folder.write_series(&in_series)?;
+    }
+    Ok(())
+}
+
+/// The comment lines of a CSV file.
+fn header(plan: &Plan, frame: &FrameSummary) -> Vec<String> {
+    let options = &plan.options;
+    vec![
+        format!("quadrille {}: displacement of the nodes, global Q4 image correlation", env!("CARGO_PKG_VERSION")),
+        format!("frame {}: {}", frame.number, frame.file),
+        format!("reference: {}", plan.reference.display()),
+        format!(
+            "elements of {} px, {} interpolation, brightness per {}, tolerance {:e} px, cpu ({})",
+            options.element_size,
+            options.interpolation.name(),
+            options.brightness,
+            options.tolerance_px,
+            plan.isa
+        ),
+        match options.noise {
+            Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
+            None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
+        },
+    ]
+}
+
+/// What `run.toml` tells beside the options.
+struct Record {
+    case: crate::io::case::CaseFile,
+    about: toml::Table,
+    reference_sha256: String,
+    images: Vec<(PathBuf, Option<String>)>,
+}
+
+impl Record {
+    fn new<B: Backend>(
+        plan: &Plan,
+        correlator: &Correlator<B>,
+        zones: &[crate::mesh::Zone],
+        reference_sha256: String,
+        threads: usize,
+    ) -> Self {
+        let mut about = toml::Table::new();
+        about.insert("quadrille".into(), env!("CARGO_PKG_VERSION").into());
+        about.insert("device".into(), correlator.backend().device().into());
+        about.insert("isa".into(), plan.isa.name().into());
+        about.insert("threads".into(), (threads as i64).into());
+        let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];
+        let exports = exports.iter().filter(|(on, _)| *on).map(|(_, name)| (*name).into());
+        about.insert("export".into(), toml::Value::Array(exports.collect()));
+        about.insert("units".into(), units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into());
+        Self { case: plan.resolved(zones), about, reference_sha256, images: Vec::new() }
+    }
+
+    /// The case file with the record of the run.
+    fn case(&self) -> String {
+        let image = |path: &Path, sha256: &str| {
+            let mut table = toml::Table::new();
+            table.insert("file".into(), path.display().to_string().into());
+            table.insert("sha256".into(), sha256.into());
+            toml::Value::Table(table)
+        };
+        let reference = self.case.images.reference.clone().unwrap_or_default();
+        let mut images = vec![image(Path::new(&reference), &self.reference_sha256)];
+        images.extend(self.images.iter().map(|(path, sha)| image(path, sha.as_deref().unwrap_or("unreadable"))));
+        let mut about = self.about.clone();
+        about.insert("image".into(), toml::Value::Array(images));
+        write_case(&crate::io::case::CaseFile { run: Some(about), ..self.case.clone() })
+    }
+}

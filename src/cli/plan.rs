@@ -1,0 +1,153 @@
+//! From flags and case file to one resolved plan.
+
+use super::Result;
+use super::args::{CorrelateArgs, Export};
+use crate::correlate::Options;
+use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseZone, read_case};
+use crate::io::series::expand_series;
+use crate::isa::Isa;
+use crate::mesh::{Roi, Zone};
+use crate::units::PixelSize;
+use std::path::{Path, PathBuf};
+
+/// What a run will do, every choice made.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub reference: PathBuf,
+    pub deformed: Vec<PathBuf>,
+    pub page: usize,
+    pub pixel_size: Option<PixelSize>,
+    pub zones: Vec<CaseZone>,
+    pub options: Options,
+    pub isa: Isa,
+    pub csv: bool,
+    pub vtu: bool,
+}
+
+impl Plan {
+    /// Brings case file and flags together; flags win, defaults fill the rest.
+    pub fn new(args: &CorrelateArgs) -> Result<Self> {
+        let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
+        let (reference, deformed) = images(args, &case)?;
+        let given = &case.correlation;
+        let default = Options::default();
+        let element_size = args.element_size.or(given.element_size_px.map(i64::from));
+        let options = Options {
+            // A negative size is refused with the same words as 0.
+            element_size: element_size.map_or(default.element_size, |size| usize::try_from(size).unwrap_or(0)),
+            interpolation: args.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
+            tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
+            max_iterations: args
+                .max_iterations
+                .or(given.max_iterations)
+                .map_or(default.max_iterations, |n| n as usize),
+            brightness: args.brightness.or(given.brightness).unwrap_or(default.brightness),
+            start: args.start.or(given.start).unwrap_or(default.start),
+            noise: args.noise.or(given.noise),
+            drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            solver: default.solver,
+        };
+        let pixel_size = match args.pixel_size.or(case.images.pixel_size_mm) {
+            Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
+            None => None,
+        };
+        let zones = if args.roi.is_empty() {
+            case.zones.clone()
+        } else {
+            args.roi.iter().map(|&roi| CaseZone { name: None, roi: Some(roi) }).collect()
+        };
+        let isa = match &args.isa {
+            Some(name) => Isa::named(name).ok_or_else(|| {
+                let there: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();
+                format!("this machine has no instruction path '{name}'; it has {}", there.join(", "))
+            })?,
+            None => Isa::detect(),
+        };
+        let none = args.export.contains(&Export::None);
+        if none && args.export.len() > 1 {
+            return Err("--export none stands alone; give csv, vtu, or both".into());
+        }
+        Ok(Self {
+            reference,
+            deformed,
+            page: args.page.or(case.images.page).unwrap_or(0) as usize,
+            pixel_size,
+            zones,
+            options,
+            isa,
+            csv: args.export.contains(&Export::Csv),
+            vtu: args.export.contains(&Export::Vtu),
+        })
+    }
+
+    /// The zones on an image of this size: those asked for, or the whole image.
+    pub fn zones_on(&self, width: usize, height: usize) -> Result<Vec<Zone>> {
+        if self.zones.is_empty() {
+            let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
+            return Ok(vec![Zone { name: "image".into(), roi }]);
+        }
+        let named = |(at, zone): (usize, &CaseZone)| {
+            let name = zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1));
+            let roi = zone.rectangle().ok_or(format!("zone '{name}' has no roi = [x0, y0, x1, y1]"))?;
+            Ok(Zone { name, roi })
+        };
+        self.zones.iter().enumerate().map(named).collect()
+    }
+
+    /// The plan as a case file that gives the same result from anywhere on this machine.
+    pub fn resolved(&self, zones: &[Zone]) -> CaseFile {
+        let name = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string();
+        let Options { element_size, interpolation, tolerance_px, max_iterations, brightness, .. } = self.options;
+        CaseFile {
+            images: CaseImages {
+                reference: Some(name(&self.reference)),
+                deformed: Some(self.deformed.iter().map(|path| name(path)).collect()),
+                page: Some(self.page as u32),
+                pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
+            },
+            correlation: CaseCorrelation {
+                element_size_px: Some(element_size as u32),
+                interpolation: Some(interpolation),
+                tolerance_px: Some(tolerance_px),
+                max_iterations: Some(max_iterations as u32),
+                brightness: Some(brightness),
+                start: Some(self.options.start),
+                noise: self.options.noise,
+                drop_textureless: Some(self.options.drop_textureless),
+            },
+            zones: zones
+                .iter()
+                .map(|Zone { name, roi: r }| CaseZone { name: Some(name.clone()), roi: Some([r.x0, r.y0, r.x1, r.y1]) })
+                .collect(),
+            ..CaseFile::default()
+        }
+    }
+}
+
+/// The reference and the deformed images.
+fn images(args: &CorrelateArgs, case: &CaseFile) -> Result<(PathBuf, Vec<PathBuf>)> {
+    let mut deformed = if args.deformed.is_empty() {
+        expand_series(case.images.deformed.as_deref().unwrap_or(&[]), &case.base)?
+    } else {
+        expand_series(&args.deformed, Path::new(""))?
+    };
+    let given = args.reference.clone().or(case.images.reference.as_ref().map(|name| case.resolve(name)));
+    let reference = match given {
+        // A glob over the folder takes the reference along: it is no deformed image.
+        Some(reference) => {
+            let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+            let same = absolute(&reference);
+            let listed_alone = deformed.len() == 1;
+            deformed.retain(|path| listed_alone || absolute(path) != same);
+            reference
+        }
+        None if deformed.is_empty() => {
+            return Err("no image is given; name the reference and the deformed images, or a --case file".into());
+        }
+        None => deformed.remove(0),
+    };
+    if deformed.is_empty() {
+        return Err(format!("{}: there is no deformed image beside the reference", reference.display()).into());
+    }
+    Ok((reference, deformed))
+}

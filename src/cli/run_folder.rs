@@ -1,0 +1,129 @@
+//! The folder of a run: what it holds, and how it is replaced.
+
+use super::{Result, chain};
+use crate::field::Measurement;
+use crate::io::{csv, vtk};
+use crate::units::{PixelSize, Px};
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+const CASE: &str = "run.toml";
+const SUMMARY: &str = "summary.json";
+const SERIES: &str = "series.pvd";
+
+/// The output folder of a run.
+#[derive(Debug, Clone)]
+pub(super) struct RunFolder(PathBuf);
+
+impl RunFolder {
+    /// Makes the folder and checks that it can be written and holds no other run, unless `overwrite`.
+    /// Nothing is removed yet.
+    pub fn open(path: &Path, overwrite: bool) -> Result<Self> {
+        let cannot = |error: std::io::Error| {
+            format!("{}: cannot be written ({error}); choose another --output folder", path.display())
+        };
+        fs::create_dir_all(path).map_err(cannot)?;
+        let trial = path.join(".quadrille-trial");
+        fs::write(&trial, b"").map_err(cannot)?;
+        fs::remove_file(&trial).map_err(cannot)?;
+        let holds_run = [CASE, SUMMARY].iter().any(|name| path.join(name).exists());
+        if holds_run && !overwrite {
+            let path = path.display();
+            return Err(format!("{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite").into());
+        }
+        Ok(Self(path.to_owned()))
+    }
+
+    /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
+    pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
+        for name in [CASE, SUMMARY, SERIES] {
+            remove(&self.0.join(name))?;
+        }
+        for kind in ["csv", "vtu"] {
+            let Ok(entries) = fs::read_dir(self.0.join(kind)) else { continue };
+            for entry in entries.flatten() {
+                let name = entry.file_name();
+                let name = name.to_string_lossy();
+                let stem = name.strip_suffix(&format!(".{kind}"));
+                if stem.is_some_and(|stem| stem.len() >= 6 && stem.bytes().all(|b| b.is_ascii_digit())) {
+                    remove(&entry.path())?;
+                }
+            }
+        }
+        for (kind, wanted) in [("csv", csv), ("vtu", vtu)] {
+            if wanted {
+                fs::create_dir_all(self.0.join(kind)).map_err(|e| failed(&self.0.join(kind), &e))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub fn write_case(&self, text: &str) -> Result<()> {
+        self.write(CASE, |out| out.write_all(text.as_bytes()))
+    }
+
+    pub fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<()> {
+        self.write(name, |out| {
+            serde_json::to_writer_pretty(&mut *out, value)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    pub fn write_summary(&self, summary: &impl serde::Serialize) -> Result<()> {
+        self.write_json(SUMMARY, summary)
+    }
+
+    pub fn write_csv(
+        &self,
+        number: usize,
+        header: &[String],
+        field: &Measurement<Px>,
+        size: Option<PixelSize>,
+    ) -> Result<()> {
+        self.write(&format!("csv/{number:06}.csv"), |out| csv::write_displacements(out, header, field, size))
+    }
+
+    pub fn write_vtu(&self, number: usize, title: &str, field: &Measurement<Px>, range: f64) -> Result<()> {
+        self.write(&format!("vtu/{number:06}.vtu"), |out| {
+            vtk::write_vtu(out, title, field, range).map_err(std::io::Error::other)
+        })
+    }
+
+    pub fn write_series(&self, numbers: &[usize]) -> Result<()> {
+        let entries: Vec<_> = numbers.iter().map(|&n| (n as f64, format!("vtu/{n:06}.vtu"))).collect();
+        self.write(SERIES, |out| vtk::write_pvd(out, &entries).map_err(std::io::Error::other))
+    }
+
+    /// Writes under another name and renames, so that a file is there whole or not at all.
+    fn write(&self, name: &str, content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
+        let path = self.0.join(name);
+        let unfinished = self.0.join(format!("{name}.part"));
+        let write = || -> std::io::Result<()> {
+            let mut out = BufWriter::with_capacity(1 << 18, File::create(&unfinished)?);
+            content(&mut out)?;
+            out.into_inner()?.flush()?;
+            fs::rename(&unfinished, &path)
+        };
+        write().map_err(|error| {
+            let _ = fs::remove_file(&unfinished); // what is left of it helps nobody
+            failed(&path, &error)
+        })
+    }
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(failed(path, &error)),
+        _ => Ok(()),
+    }
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> Box<dyn std::error::Error + Send + Sync> {
+    format!("{}: cannot be written: {}", path.display(), chain(error)).into()
+}

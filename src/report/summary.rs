@@ -1,0 +1,233 @@
+//! `summary.json`: what a series of correlations gave, frame by frame.
+
+use crate::correlate::{Correlation, Correlator, StartUsed};
+use crate::backend::Backend;
+use crate::field::{RigidMotion, Status};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Everything that `summary.json` holds. Lengths are in px of the reference image (y down), grey levels
+/// in the images' own scale.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Version of quadrille.
+    pub quadrille: String,
+    /// Device and instruction path.
+    pub device: String,
+    /// Threads of the correlation.
+    pub threads: usize,
+    /// Units of the numbers, by the ending of their names.
+    pub units: BTreeMap<&'static str, &'static str>,
+    /// The reference image.
+    pub reference: ReferenceSummary,
+    /// Nodes of the mesh.
+    pub n_nodes: usize,
+    /// Elements of the mesh.
+    pub n_elements: usize,
+    /// Scales of the pyramid, the image itself included.
+    pub n_levels: usize,
+    /// Solver of the normal equations on the finest level: `direct` or `iterative`.
+    pub solver: &'static str,
+    /// Correction below which a frame counts as converged.
+    pub tolerance_px: f64,
+    /// Decoded reference to factorised matrix and uncertainty, seconds.
+    pub seconds_reference: f64,
+    /// The whole run so far, files included, seconds.
+    pub seconds_total: f64,
+    /// Nodes without texture that were left out.
+    pub nodes_left_out: Vec<NodeLeftOut>,
+    /// Number of frames by status.
+    pub counts: BTreeMap<&'static str, usize>,
+    /// The frames, in series order.
+    pub frames: Vec<FrameSummary>,
+}
+
+/// The reference image.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReferenceSummary {
+    /// Its file.
+    pub file: String,
+    /// Columns.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Depth of its grey levels.
+    pub depth: &'static str,
+    /// Largest less smallest grey level: 100 % of the residual.
+    pub range_grey: f64,
+}
+
+/// A node without texture.
+#[derive(Debug, Clone, Serialize)]
+pub struct NodeLeftOut {
+    /// Its number.
+    pub node: usize,
+    /// Column.
+    pub x_px: f64,
+    /// Row.
+    pub y_px: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// One frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct FrameSummary {
+    /// Deformed frames count from 1, in series order.
+    pub number: usize,
+    /// Its file.
+    pub file: String,
+    /// How it ended.
+    pub status: Status,
+    /// What to know about it: why it could not be read, or what its file is like.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub messages: Vec<String>,
+    /// Gauss-Newton iterations on the finest level.
+    pub iterations: usize,
+    /// Largest nodal correction of the last iteration.
+    pub correction_px: Option<f64>,
+    /// Root mean square of the residual.
+    pub residual_grey: Option<f64>,
+    /// The same in per cent of the reference's range of grey levels.
+    pub residual_percent: Option<f64>,
+    /// Rigid motion of all measured nodes.
+    pub rigid_motion: Option<RigidSummary>,
+    /// Zone by zone.
+    pub zones: Vec<ZoneSummary>,
+    /// Nodes with a result.
+    pub nodes_measured: usize,
+    /// Nodes without one because they moved out of the image.
+    pub nodes_left_image: usize,
+    /// Elements whose pixels do not match (correlation coefficient below 1/2).
+    pub elements_poor: usize,
+    /// Where the iteration started.
+    pub start: Option<StartUsed>,
+    /// From decoded pixels to the final field with its uncertainty, seconds.
+    pub seconds: f64,
+    /// Reading and decoding, seconds.
+    pub seconds_decode: f64,
+}
+
+/// A rigid motion: translation of `centre`, and rotation about it (positive from x to y, y down).
+#[derive(Debug, Clone, Serialize)]
+pub struct RigidSummary {
+    /// Mean of the reference positions.
+    pub centre_px: [f64; 2],
+    /// Displacement of the centre.
+    pub translation_px: [f64; 2],
+    /// Angle, degrees.
+    pub rotation_deg: f64,
+}
+
+impl From<RigidMotion> for RigidSummary {
+    fn from(motion: RigidMotion) -> Self {
+        Self {
+            centre_px: motion.centre,
+            translation_px: motion.translation,
+            rotation_deg: motion.rotation_rad.to_degrees(),
+        }
+    }
+}
+
+/// One zone of one frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct ZoneSummary {
+    /// Its name.
+    pub name: String,
+    /// Rigid motion of its measured nodes.
+    pub rigid_motion: Option<RigidSummary>,
+    /// Correlation coefficient of the reference and the deformed image brought back.
+    pub correlation: f64,
+    /// Root mean square of the residual.
+    pub residual_grey: f64,
+    /// Noise of one image that the uncertainty is made with.
+    pub noise_grey: f64,
+    /// Factor that brings the deformed image to the reference's contrast, `1 + c`.
+    pub gain: f64,
+    /// Grey levels added after that, `d`.
+    pub offset_grey: f64,
+}
+
+impl FrameSummary {
+    /// A frame that gave no field.
+    pub fn unreadable(number: usize, file: String, message: String, seconds_decode: f64) -> Self {
+        Self {
+            number,
+            file,
+            status: Status::Unreadable,
+            messages: vec![message],
+            iterations: 0,
+            correction_px: None,
+            residual_grey: None,
+            residual_percent: None,
+            rigid_motion: None,
+            zones: Vec::new(),
+            nodes_measured: 0,
+            nodes_left_image: 0,
+            elements_poor: 0,
+            start: None,
+            seconds: 0.0,
+            seconds_decode,
+        }
+    }
+
+    /// The summary of a correlated frame.
+    pub fn of<B: Backend>(
+        number: usize,
+        file: String,
+        messages: Vec<String>,
+        correlator: &Correlator<B>,
+        result: &Correlation,
+        [seconds, seconds_decode]: [f64; 2],
+    ) -> Self {
+        // JSON has no infinity: a number that is none is left out.
+        let finite = |v: f64| v.is_finite().then_some(v);
+        let zones = result.zones.iter().map(|zone| ZoneSummary {
+            name: zone.name.clone(),
+            rigid_motion: zone.rigid.map(Into::into),
+            correlation: zone.correlation,
+            residual_grey: zone.residual_rms,
+            noise_grey: zone.noise,
+            gain: zone.transfer.gain,
+            offset_grey: correlator.offset_of(zone.transfer),
+        });
+        Self {
+            number,
+            file,
+            status: result.measurement.status,
+            messages,
+            iterations: result.iterations,
+            correction_px: finite(result.correction_px),
+            residual_grey: finite(result.residual_rms),
+            residual_percent: finite(result.residual_percent),
+            rigid_motion: result.rigid.map(Into::into),
+            zones: zones.collect(),
+            nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
+            nodes_left_image: result.nodes_left,
+            elements_poor: result.poor_elements,
+            start: Some(result.start),
+            seconds,
+            seconds_decode,
+        }
+    }
+}
+
+/// Number of frames by status.
+pub fn counts(frames: &[FrameSummary]) -> BTreeMap<&'static str, usize> {
+    let mut counts = BTreeMap::new();
+    for frame in frames {
+        *counts.entry(frame.status.name()).or_insert(0) += 1;
+    }
+    counts
+}
+
+/// What the endings of names mean.
+pub fn units() -> BTreeMap<&'static str, &'static str> {
+    BTreeMap::from([
+        ("_px", "pixels of the reference image; x right, y down, origin at the centre of the top-left pixel"),
+        ("_grey", "grey levels in the scale of the images"),
+        ("_percent", "per cent of the reference's range of grey levels"),
+        ("_deg", "degrees, positive from x to y (clockwise on the screen)"),
+        ("seconds", "seconds of wall-clock time"),
+    ])
+}
