@@ -1,0 +1,110 @@
+//! Choices of a correlation that case files and the command line name in words.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+use thiserror::Error;
+
+/// A word that is none of the choices of an option.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("`{given}` is no choice of {option}; expected {expected}")]
+pub struct UnknownChoice {
+    /// The option.
+    pub option: &'static str,
+    /// The word given.
+    pub given: String,
+    /// The words that exist.
+    pub expected: &'static str,
+}
+
+/// The change of brightness and contrast that is found along with the displacement:
+/// `f = (1 + c) g + d`, with `f` the reference and `g` the deformed image.
+///
+/// ```
+/// use quadrille::field::Brightness;
+/// assert_eq!("element".parse(), Ok(Brightness::Element));
+/// assert_eq!(Brightness::default().to_string(), "zone");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Brightness {
+    /// One `c` and one `d` for each zone; the default.
+    #[default]
+    Zone,
+    /// A `c` and a `d` for each element: for light that changes over the specimen.
+    Element,
+    /// `c = d = 0`: grey levels are compared as recorded.
+    Off,
+}
+
+impl Brightness {
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Brightness::Zone => "zone",
+            Brightness::Element => "element",
+            Brightness::Off => "off",
+        }
+    }
+}
+
+impl fmt::Display for Brightness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Brightness {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [Brightness::Zone, Brightness::Element, Brightness::Off].into_iter().find(|b| b.name() == word).ok_or_else(
+            || UnknownChoice { option: "brightness", given: word.to_owned(), expected: "zone, element or off" },
+        )
+    }
+}
+
+/// Where the correlation of a frame starts.
+///
+/// ```
+/// use quadrille::field::StartFrom;
+/// assert_eq!("cold".parse(), Ok(StartFrom::Cold));
+/// assert!("warm".parse::<StartFrom>().is_err());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StartFrom {
+    /// The field of the frame before; the default.
+    #[default]
+    Previous,
+    /// Nothing known: each frame is searched for on its own.
+    Cold,
+}
+
+impl StartFrom {
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            StartFrom::Previous => "previous",
+            StartFrom::Cold => "cold",
+        }
+    }
+}
+
+impl fmt::Display for StartFrom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for StartFrom {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [StartFrom::Previous, StartFrom::Cold].into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
+            option: "start",
+            given: word.to_owned(),
+            expected: "previous or cold",
+        })
+    }
+}
