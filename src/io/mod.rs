@@ -1,1 +1,5 @@
-//! (under construction)
+//! Files: images, series of images.
+
+pub mod images;
+pub mod series;
+mod tiff;
