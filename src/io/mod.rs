@@ -1,5 +1,6 @@
-//! Files: images, series of images.
+//! Files: images, series of images, case files.
 
+pub mod case;
 pub mod images;
 pub mod series;
 mod tiff;
