@@ -1,4 +1,8 @@
-//! (under construction)
+//! Files: images, series of images, case files, tables and VTK.
 
+pub mod case;
 pub mod csv;
+pub mod images;
+pub mod series;
+mod tiff;
 pub mod vtk;

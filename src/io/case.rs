@@ -1,0 +1,358 @@
+//! Case files: what to correlate and how, as TOML.
+
+use crate::field::{Brightness, StartFrom};
+use crate::imaging::Interpolation;
+use crate::mesh::Roi;
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+use toml::de::{DeTable, DeValue};
+
+/// A case file; what it does not say is `None` and left to the command line and the defaults.
+///
+/// ```
+/// use quadrille::io::case::parse_case;
+/// let case = parse_case("images.deformed = 'shots/*.tif'\n[[zone]]\nroi = [10, 10, 90, 90]", "a/case.toml".as_ref())?;
+/// assert_eq!(case.images.deformed, Some(vec!["shots/*.tif".to_owned()]));
+/// assert_eq!(case.base, std::path::Path::new("a"));
+/// # Ok::<(), quadrille::io::case::CaseError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseFile {
+    /// Folder of the case file: relative names in it are relative to this. Not written.
+    #[serde(skip)]
+    pub base: PathBuf,
+    /// The section `[images]`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub images: CaseImages,
+    /// The section `[correlation]`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub correlation: CaseCorrelation,
+    /// The sections `[[zone]]`, in order.
+    #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
+    pub zones: Vec<CaseZone>,
+    /// The section `[run]`: how a finished run came about. Ignored when a case is run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<toml::Table>,
+}
+
+impl CaseFile {
+    /// `name` of this case file as a path: relative names start at the folder of the case file.
+    pub fn resolve(&self, name: &str) -> PathBuf {
+        self.base.join(name)
+    }
+}
+
+/// Which images.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseImages {
+    /// The reference image: a file name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<String>,
+    /// The deformed images: file names and globs. In the file one string or a list of strings.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "one_or_more")]
+    pub deformed: Option<Vec<String>>,
+    /// Page of TIFF files with several pages; the first is 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub page: Option<u32>,
+    /// Size of a pixel on the specimen, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel_size_mm: Option<f64>,
+}
+
+/// How to correlate.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseCorrelation {
+    /// Side of the elements, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub element_size_px: Option<u32>,
+    /// Sub-pixel interpolation of the deformed image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<Interpolation>,
+    /// Correction of the displacement below which a frame has converged, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance_px: Option<f64>,
+    /// Largest number of iterations of a frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_iterations: Option<u32>,
+    /// Correction of brightness and contrast.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub brightness: Option<Brightness>,
+    /// Where the correlation of a frame starts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartFrom>,
+    /// Standard deviation of the camera noise, grey levels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
+    /// Whether nodes without texture are left out instead of refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drop_textureless: Option<bool>,
+}
+
+/// A zone of the reference image.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseZone {
+    /// Its name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Its rectangle `[x0, y0, x1, y1]`, px of the reference image; `x1` and `y1` are not included.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "four_numbers")]
+    pub roi: Option<[f64; 4]>,
+}
+
+impl CaseZone {
+    /// The rectangle, when the file gives one.
+    pub fn rectangle(&self) -> Option<Roi> {
+        self.roi.map(|[x0, y0, x1, y1]| Roi { x0, y0, x1, y1 })
+    }
+}
+
+/// Why a case file cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CaseError {
+    /// There is no such file.
+    #[error("{}: there is no such case file; check the name and the folder", path.display())]
+    NotFound {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file system refuses.
+    #[error("{}: the case file cannot be read: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The file is not UTF-8 text.
+    #[error("{}, line {line}: the case file is no UTF-8 text; save it as UTF-8", path.display())]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// Line of the first byte that is none, from 1.
+        line: usize,
+    },
+    /// Not TOML, an unknown key, or a value of the wrong kind.
+    #[error("{}, line {line}: {message}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// Column in characters, from 1.
+        column: usize,
+        /// The key with its section, such as `correlation.noise`, when it is known.
+        key: Option<String>,
+        /// What is wrong, with the key and what is expected.
+        message: String,
+    },
+}
+
+/// Reads the case file `path`.
+///
+/// # Errors
+/// A file that cannot be read, that is not TOML, or that has a key or a value that a case file does not have.
+pub fn read_case(path: &Path) -> Result<CaseFile, CaseError> {
+    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
+        ErrorKind::NotFound => CaseError::NotFound { path: path.to_owned() },
+        _ => CaseError::Io { path: path.to_owned(), reason },
+    })?;
+    match std::str::from_utf8(&bytes) {
+        Ok(text) => parse_case(text, path),
+        Err(error) => {
+            let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+            Err(CaseError::NotText { path: path.to_owned(), line })
+        }
+    }
+}
+
+/// The case file with the content `text`; `path` gives its folder and stands in messages.
+///
+/// # Errors
+/// As [`read_case`], but nothing is read.
+pub fn parse_case(text: &str, path: &Path) -> Result<CaseFile, CaseError> {
+    let mut case: CaseFile = toml::from_str(text).map_err(|error| explained(&error, text, path))?;
+    case.base = path.parent().map(Path::to_owned).unwrap_or_default();
+    Ok(case)
+}
+
+/// The text of a case file that says what `case` says. Reading it gives an equal case.
+pub fn write_case(case: &CaseFile) -> String {
+    // Every value of these structs has a form in TOML: numbers fit in 64 bits, keys are text.
+    let body = toml::to_string(case).unwrap_or_else(|error| unreachable!("a case file has a form in TOML: {error}"));
+    format!("# Case file of quadrille. File names are relative to the folder of this file.\n{body}")
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Says where `error` is and in plain words what is wrong.
+fn explained(error: &toml::de::Error, text: &str, path: &Path) -> CaseError {
+    let at = error.span().map_or(0, |span| span.start).min(text.len());
+    let before = text.get(..at).unwrap_or("");
+    let line = 1 + before.matches('\n').count();
+    let column = 1 + before.rsplit('\n').next().unwrap_or("").chars().count();
+    let found = DeTable::parse(text).ok().and_then(|table| locate(table.get_ref(), at));
+    let (section, key) = match &found {
+        Some(found) => (found.section(), Some(found.key())),
+        None => (String::new(), None),
+    };
+    let wrong = plain(error.message());
+    let message = match (&found, wrong.split_once(", expected ")) {
+        (Some(_), Some((what, expected))) if what.starts_with("unknown key") => {
+            format!("{what} {section}; expected {expected}")
+        }
+        (Some(found), _) => format!("`{}` {section}: {wrong}", found.name),
+        // A key that is there twice: the text at the error is the key.
+        (None, _) if wrong == "duplicate key" => {
+            let name = error.span().and_then(|span| text.get(span)).unwrap_or("");
+            format!("the key `{name}` is there twice; remove one")
+        }
+        (None, _) => wrong,
+    };
+    CaseError::Invalid { path: path.to_owned(), line, column, key, message }
+}
+
+/// serde's words in those of a user.
+fn plain(message: &str) -> String {
+    let message = message.trim_end();
+    if let Some(unknown) = message.strip_prefix("unknown field ") {
+        return format!("unknown key {unknown}");
+    }
+    if let Some(unknown) = message.strip_prefix("unknown variant ") {
+        return format!("unknown word {unknown}");
+    }
+    if message == "wanted string or table" {
+        return "expected a word in quotes".to_owned();
+    }
+    if message.starts_with("missing escaped value") {
+        return "a backslash in \"..\" starts an escape; write the text in '..' or with / for \\".to_owned();
+    }
+    if message.starts_with("string values must be quoted") {
+        return "there is no value here, or a text without quotes".to_owned();
+    }
+    let wrong = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "));
+    // The value may itself hold the words looked for: what is expected stands last, the kind first.
+    let Some((found, expected)) = wrong.and_then(|wrong| wrong.rsplit_once(", expected ")) else {
+        return message.to_owned();
+    };
+    let found = [
+        ("floating point ", "the number "),
+        ("integer ", "the number "),
+        ("string ", "the text "),
+        ("boolean ", ""),
+        ("sequence", "a list"),
+        ("map", "a section"),
+    ]
+    .into_iter()
+    .find_map(|(theirs, ours)| found.strip_prefix(theirs).map(|rest| format!("{ours}{rest}")))
+    .unwrap_or_else(|| found.to_owned());
+    let expected = match expected {
+        "u32" => "a whole number, 0 or larger",
+        "f64" => "a number",
+        "a boolean" => "true or false",
+        "a string" | "string or table" => "a text in quotes",
+        "a sequence" => "sections [[zone]]",
+        "struct CaseZone" => "a section [[zone]]",
+        "struct CaseImages" | "struct CaseCorrelation" | "a map" => "a section",
+        other => other,
+    };
+    format!("is {found}, expected {expected}")
+}
+
+/// A key of the file and the sections above it.
+struct Located {
+    above: Vec<String>,
+    name: String,
+}
+
+impl Located {
+    fn key(&self) -> String {
+        self.above.iter().chain([&self.name]).cloned().collect::<Vec<_>>().join(".")
+    }
+
+    fn section(&self) -> String {
+        match self.above.as_slice() {
+            [] => "at the top level".to_owned(),
+            [zone] if zone == "zone" => "in [[zone]]".to_owned(),
+            above => format!("in [{}]", above.join(".")),
+        }
+    }
+}
+
+/// The key that stands, or whose value stands, at the byte `at`; the innermost one.
+fn locate(table: &DeTable<'_>, at: usize) -> Option<Located> {
+    fn inside(value: &DeValue<'_>, at: usize) -> Option<Located> {
+        match value {
+            DeValue::Table(table) => locate(table, at),
+            DeValue::Array(items) => items.iter().find_map(|item| inside(item.get_ref(), at)),
+            _ => None,
+        }
+    }
+    table.iter().find_map(|(key, value)| {
+        let name = key.get_ref().to_string();
+        if let Some(mut found) = inside(value.get_ref(), at) {
+            found.above.insert(0, name);
+            return Some(found);
+        }
+        (key.span().contains(&at) || value.span().contains(&at)).then_some(Located { above: Vec::new(), name })
+    })
+}
+
+/// Accepts one string for a list of one.
+fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<String>>, D::Error> {
+    struct Names;
+    impl<'de> Visitor<'de> for Names {
+        type Value = Vec<String>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a file name or glob in quotes, or a list of them")
+        }
+
+        fn visit_str<E: de::Error>(self, name: &str) -> Result<Vec<String>, E> {
+            Ok(vec![name.to_owned()])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<String>, A::Error> {
+            let mut names = Vec::new();
+            while let Some(name) = list.next_element()? {
+                names.push(name);
+            }
+            Ok(names)
+        }
+    }
+    deserializer.deserialize_any(Names).map(Some)
+}
+
+/// Accepts four numbers and says so when there are more or fewer.
+fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 4]>, D::Error> {
+    struct Four;
+    impl<'de> Visitor<'de> for Four {
+        type Value = [f64; 4];
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("four numbers [x0, y0, x1, y1]")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<[f64; 4], A::Error> {
+            let mut numbers = Vec::new();
+            while let Some(number) = list.next_element()? {
+                numbers.push(number);
+            }
+            let n = numbers.len();
+            numbers
+                .try_into()
+                .map_err(|_| de::Error::custom(format!("has {n} numbers, expected four: [x0, y0, x1, y1]")))
+        }
+    }
+    deserializer.deserialize_any(Four).map(Some)
+}

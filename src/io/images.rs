@@ -1,0 +1,519 @@
+//! Image files: read in their native depth, written as TIFF or PNG.
+
+use super::tiff as tiff_pages;
+use crate::imaging::{Image, ImageError, Pixels};
+use image::codecs::pnm::{PnmDecoder, PnmSubtype};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use sha2::{Digest, Sha256};
+use std::fmt::Write as _;
+use std::io::{self, Cursor, ErrorKind};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// The most pixels that an image may have: 46 000 x 46 000.
+const MAX_PIXELS: u64 = 1 << 31;
+
+/// An image and what is worth knowing about its file.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The grey levels, in the depth of the file.
+    pub image: Image,
+    /// What a user should know: colours made grey, more pages, an ignored alpha channel. Often empty.
+    pub notes: Vec<String>,
+    /// SHA-256 of the file, in hexadecimal.
+    pub sha256: String,
+    /// Number of pages in the file.
+    pub pages: usize,
+}
+
+/// Why a file gives no image.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// There is no such file.
+    #[error("{}: there is no such file; check the name and the folder", path.display())]
+    NotFound {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It is a folder.
+    #[error("{}: this is a folder; name an image file in it", path.display())]
+    Directory {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The file system refuses.
+    #[error("{}: cannot be read: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The file has no bytes.
+    #[error("{}: the file is empty; copy it again from where it was recorded", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The content is no image of a known format.
+    #[error("{}: not an image: the content begins with {begins}; use TIFF, PNG, BMP, JPEG or PGM", path.display())]
+    NotAnImage {
+        /// The file.
+        path: PathBuf,
+        /// The first bytes.
+        begins: String,
+    },
+    /// The file ends before the image does.
+    #[error("{}: the {format} file is cut off: {what}; copy it again from where it was recorded", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// What is missing.
+        what: String,
+    },
+    /// The content contradicts itself.
+    #[error("{}: the {format} file is damaged: {what}; copy it again or save it anew", path.display())]
+    Corrupt {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// What is wrong.
+        what: String,
+    },
+    /// A kind of image that is not read.
+    #[error("{}: {what} cannot be read in a {format} file; save it as grey 8 or 16 bit TIFF or PNG", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// The kind.
+        what: String,
+    },
+    /// More pixels than an image may have.
+    #[error(
+        "{}: {width} x {height} px in the header of the {format} file, more than 2^31 pixels; crop or bin the image, \
+         or copy the file again if it has another size",
+        path.display()
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// Columns.
+        width: u64,
+        /// Rows.
+        height: u64,
+    },
+    /// The file has fewer pages.
+    #[error("{}: there is no page {page}: the file holds {pages} (the first is page 0)", path.display())]
+    NoSuchPage {
+        /// The file.
+        path: PathBuf,
+        /// The page asked for.
+        page: usize,
+        /// Pages in the file.
+        pages: usize,
+    },
+    /// Grey levels that cannot be used, such as NaN.
+    #[error("{}: {reason}", path.display())]
+    GreyLevels {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with them.
+        reason: ImageError,
+    },
+}
+
+/// What a decoder can find wrong, before the file's name is known.
+#[derive(Debug)]
+pub(super) enum Problem {
+    Truncated(String),
+    Corrupt(String),
+    Unsupported(String),
+    TooLarge { width: u64, height: u64 },
+    NoSuchPage { pages: usize },
+}
+
+/// How the samples of an image lie in memory.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Channels {
+    /// Channels of a pixel.
+    pub n: usize,
+    /// Whether the first three are red, green and blue; otherwise the first is grey.
+    pub colour: bool,
+    /// Whether each channel is a plane of its own.
+    pub planar: bool,
+}
+
+/// Samples as decoded.
+pub(super) struct Raw {
+    pub width: usize,
+    pub height: usize,
+    pub channels: Channels,
+    pub pixels: Pixels,
+    pub notes: Vec<String>,
+}
+
+/// Reads the image file `path`, of a TIFF file the page `page` (0 is the first).
+///
+/// The content decides the format, not the name: TIFF, PNG, BMP, JPEG, PGM/PPM. Grey levels keep their depth;
+/// colours become luminance (Rec. 709) as 32-bit floats in the scale of the file, unless all channels are
+/// equal; alpha is ignored. Palettes are applied. The orientation in EXIF data is not applied, so
+/// that pixel coordinates are those of the sensor.
+///
+/// # Errors
+/// See [`ReadError`]: each names the file, what is wrong and what to do.
+pub fn read_image(path: &Path, page: usize) -> Result<Loaded, ReadError> {
+    let mut bytes = std::fs::read(path).map_err(|reason| unreadable(path, reason))?;
+    if bytes.is_empty() {
+        return Err(ReadError::Empty { path: path.to_owned() });
+    }
+    let sha256 = Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+        // Writing to a string does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    });
+    let format = Format::of(&bytes, path)?;
+    let decoded = match format {
+        Format::Tiff => tiff_pages::decode(&mut bytes, page),
+        Format::Other(_) if page > 0 => Err(Problem::NoSuchPage { pages: 1 }),
+        Format::Other(format) => decode(&bytes, format).map(|raw| (raw, 1)),
+    };
+    let (mut raw, pages) = decoded.map_err(|problem| named(problem, path, format.name(), page))?;
+    let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
+    let image = Image::new(raw.width, raw.height, pixels)
+        .map_err(|reason| ReadError::GreyLevels { path: path.to_owned(), reason })?;
+    Ok(Loaded { image, notes: raw.notes, sha256, pages })
+}
+
+fn unreadable(path: &Path, reason: io::Error) -> ReadError {
+    let path = path.to_owned();
+    match reason.kind() {
+        ErrorKind::NotFound => ReadError::NotFound { path },
+        _ if path.is_dir() => ReadError::Directory { path },
+        _ => ReadError::Io { path, reason },
+    }
+}
+
+fn named(problem: Problem, path: &Path, format: &'static str, page: usize) -> ReadError {
+    let path = path.to_owned();
+    match problem {
+        Problem::Truncated(what) => ReadError::Truncated { path, format, what },
+        Problem::Corrupt(what) => ReadError::Corrupt { path, format, what },
+        Problem::Unsupported(what) => ReadError::Unsupported { path, format, what },
+        Problem::TooLarge { width, height } => ReadError::TooLarge { path, format, width, height },
+        Problem::NoSuchPage { pages } => ReadError::NoSuchPage { path, page, pages },
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Format {
+    Tiff,
+    Other(ImageFormat),
+}
+
+impl Format {
+    fn of(bytes: &[u8], path: &Path) -> Result<Self, ReadError> {
+        if tiff_pages::is_tiff(bytes) {
+            return Ok(Format::Tiff);
+        }
+        match image::guess_format(bytes) {
+            Ok(format) if Format::Other(format).is_read() => Ok(Format::Other(format)),
+            Ok(other) => Err(ReadError::Unsupported {
+                path: path.to_owned(),
+                format: Format::Other(other).name(),
+                what: "the image".into(),
+            }),
+            Err(_) => Err(ReadError::NotAnImage { path: path.to_owned(), begins: beginning(bytes) }),
+        }
+    }
+
+    fn is_read(self) -> bool {
+        use ImageFormat::{Bmp, Jpeg, Png, Pnm};
+        matches!(self, Format::Tiff | Format::Other(Png | Bmp | Jpeg | Pnm))
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Format::Tiff => "TIFF",
+            Format::Other(ImageFormat::Png) => "PNG",
+            Format::Other(ImageFormat::Bmp) => "BMP",
+            Format::Other(ImageFormat::Jpeg) => "JPEG",
+            Format::Other(ImageFormat::Pnm) => "PGM/PPM",
+            Format::Other(ImageFormat::Gif) => "GIF",
+            Format::Other(ImageFormat::WebP) => "WebP",
+            Format::Other(ImageFormat::Hdr) => "Radiance HDR",
+            Format::Other(ImageFormat::OpenExr) => "OpenEXR",
+            Format::Other(ImageFormat::Avif) => "AVIF",
+            Format::Other(_) => "foreign",
+        }
+    }
+}
+
+/// The first bytes as text, or as numbers when they are no text.
+fn beginning(bytes: &[u8]) -> String {
+    let head = &bytes[..bytes.len().min(16)];
+    if head.iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace()) {
+        return format!("the text \"{}\"", head.escape_ascii());
+    }
+    let numbers: Vec<_> = head.iter().take(8).map(|b| format!("{b:02x}")).collect();
+    format!("the bytes {}", numbers.join(" "))
+}
+
+/// Refuses a size that cannot be meant, before anything is allocated for it.
+///
+/// `decoded` are the bytes of the unpacked image; no method of the format shrinks data by more than `ratio`.
+pub(super) fn check_size(width: u64, height: u64, decoded: u128, ratio: u32, len: usize) -> Result<(), Problem> {
+    if width == 0 || height == 0 {
+        return Err(Problem::Corrupt(format!("the image is {width} x {height} px")));
+    }
+    if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
+        return Err(Problem::TooLarge { width, height });
+    }
+    if decoded > len as u128 * u128::from(ratio) {
+        return Err(Problem::Truncated(format!("{len} bytes cannot hold the {width} x {height} px of its header")));
+    }
+    Ok(())
+}
+
+/// Decodes PNG, BMP, JPEG and PGM/PPM.
+fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
+    if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
+        return Err(Problem::Truncated("its end marker is missing".into()));
+    }
+    // The decoder's own limit of 512 MiB is too low for large sensors; `check_size` sets ours.
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.no_limits();
+    let decoder = reader.into_decoder().map_err(problem)?;
+    let (width, height) = decoder.dimensions();
+    let ratio = match format {
+        // A bitmap packs 8 pixels in a byte.
+        ImageFormat::Pnm => 8,
+        // Deflate shrinks 1032 times; a palette turns one bit into 24.
+        _ => 32768,
+    };
+    check_size(width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())?;
+
+    let mut notes = Vec::new();
+    let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
+    let (n, colour, mut pixels) = match image {
+        DynamicImage::ImageLuma8(buffer) => (1, false, Pixels::U8(buffer.into_raw())),
+        DynamicImage::ImageLuma16(buffer) => (1, false, Pixels::U16(buffer.into_raw())),
+        DynamicImage::ImageLumaA8(buffer) => (2, false, Pixels::U8(buffer.into_raw())),
+        DynamicImage::ImageLumaA16(buffer) => (2, false, Pixels::U16(buffer.into_raw())),
+        DynamicImage::ImageRgb8(buffer) => (3, true, Pixels::U8(buffer.into_raw())),
+        DynamicImage::ImageRgb16(buffer) => (3, true, Pixels::U16(buffer.into_raw())),
+        DynamicImage::ImageRgba8(buffer) => (4, true, Pixels::U8(buffer.into_raw())),
+        DynamicImage::ImageRgba16(buffer) => (4, true, Pixels::U16(buffer.into_raw())),
+        other => return Err(Problem::Unsupported(format!("{:?}", other.color()))),
+    };
+    if format == ImageFormat::Pnm {
+        restore_scale(bytes, &mut pixels);
+    } else if format == ImageFormat::Png
+        && n <= 2
+        && let Some(bits @ 1..=4) = bytes.get(24)
+    {
+        // The header of a PNG file stands at its beginning; the decoder gives no depth below 8 bits.
+        notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
+    }
+    let channels = Channels { n, colour, planar: false };
+    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, notes })
+}
+
+fn problem(error: image::ImageError) -> Problem {
+    match error {
+        image::ImageError::IoError(reason) if reason.kind() == ErrorKind::UnexpectedEof => {
+            Problem::Truncated("the pixel data end early".into())
+        }
+        image::ImageError::Unsupported(reason) => Problem::Unsupported(reason.to_string()),
+        other => Problem::Corrupt(other.to_string()),
+    }
+}
+
+/// Whether the last scan of a JPEG file has its end marker. The decoder fills what is missing with grey,
+/// silently; and a thumbnail ahead of the scan has an end marker of its own.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|pair| pair == marker);
+    last([0xff, 0xd9]) > last([0xff, 0xda])
+}
+
+/// Undoes the stretching of a PGM/PPM decoder, which spreads 0..maxval over all of 8 or 16 bit: 12 bit
+/// grey levels stay 12 bit. Exact for maxval up to 15 bit, where stretching at least doubles a level.
+fn restore_scale(bytes: &[u8], pixels: &mut Pixels) {
+    let Ok(decoder) = PnmDecoder::new(Cursor::new(bytes)) else { return };
+    if matches!(decoder.subtype(), PnmSubtype::Bitmap(_)) {
+        return;
+    }
+    let (_, header) = decoder.into_inner();
+    let highest = f64::from(header.maximal_sample());
+    match pixels {
+        Pixels::U8(levels) if highest < 255.0 => {
+            levels.iter_mut().for_each(|v| *v = (f64::from(*v) * highest / 255.0).round() as u8);
+        }
+        Pixels::U16(levels) if highest < 65535.0 => {
+            levels.iter_mut().for_each(|v| *v = (f64::from(*v) * highest / 65535.0).round() as u16);
+        }
+        _ => {}
+    }
+}
+
+/// Luminance of linear red, green and blue with the weights of Rec. 709.
+pub(super) fn luminance(red: f32, green: f32, blue: f32) -> f32 {
+    0.2126 * red + 0.7152 * green + 0.0722 * blue
+}
+
+impl Channels {
+    /// One grey level per pixel.
+    pub(super) const GREY: Channels = Channels { n: 1, colour: false, planar: false };
+
+    /// The grey levels of the samples; what is lost is noted.
+    fn grey(self, samples: Pixels, notes: &mut Vec<String>) -> Pixels {
+        let needed = if self.colour { 3 } else { 1 };
+        match self.n - needed {
+            0 => {}
+            1 => notes.push("the alpha channel is ignored".into()),
+            more => notes.push(format!("{more} further channels are ignored")),
+        }
+        if !self.colour {
+            return self.first(samples);
+        }
+        let depth = samples.depth();
+        let luminances = match &samples {
+            Pixels::U8(samples) => self.luminances(samples),
+            Pixels::U16(samples) => self.luminances(samples),
+            Pixels::F32(samples) => self.luminances(samples),
+        };
+        match luminances {
+            None => {
+                notes.push(format!("red, green and blue are equal: kept as {depth} grey levels"));
+                self.first(samples)
+            }
+            Some(levels) => {
+                let scale = if depth == "32-bit float" { String::new() } else { format!(" in the {depth} scale") };
+                notes.push(format!("colours become luminance (Rec. 709), a 32-bit float{scale}"));
+                Pixels::F32(levels)
+            }
+        }
+    }
+
+    /// The first channel.
+    pub(super) fn first(self, samples: Pixels) -> Pixels {
+        if self.n == 1 {
+            return samples;
+        }
+        match samples {
+            Pixels::U8(samples) => Pixels::U8(self.channel(&samples, 0).collect()),
+            Pixels::U16(samples) => Pixels::U16(self.channel(&samples, 0).collect()),
+            Pixels::F32(samples) => Pixels::F32(self.channel(&samples, 0).collect()),
+        }
+    }
+
+    fn channel<T: Copy>(self, samples: &[T], channel: usize) -> impl Iterator<Item = T> {
+        let plane = samples.len() / self.n;
+        let (start, step) = if self.planar { (channel * plane, 1) } else { (channel, self.n) };
+        samples.iter().skip(start).step_by(step).take(plane).copied()
+    }
+
+    /// The luminance of each pixel; `None` when no pixel has a colour.
+    fn luminances<T: Copy + PartialEq + Into<f32>>(self, samples: &[T]) -> Option<Vec<f32>> {
+        let colours = || self.channel(samples, 0).zip(self.channel(samples, 1)).zip(self.channel(samples, 2));
+        if colours().all(|((red, green), blue)| red == green && green == blue) {
+            return None;
+        }
+        Some(colours().map(|((red, green), blue)| luminance(red.into(), green.into(), blue.into())).collect())
+    }
+}
+
+/// Why an image was not written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The name does not end in a format that is written.
+    #[error("{}: images are written as .tif, .tiff or .png; choose a name with one of these endings", path.display())]
+    Ending {
+        /// The file.
+        path: PathBuf,
+    },
+    /// PNG has no floats.
+    #[error("{}: PNG cannot hold 32-bit floats; write a .tif file", path.display())]
+    FloatPng {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The image does not fit in the format.
+    #[error("{}: the image cannot be encoded: {reason}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// What the encoder says.
+        reason: String,
+    },
+    /// The file system refuses.
+    #[error("{}: cannot be written: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+}
+
+/// Writes `image` to `path` in its own depth: `.tif` and `.tiff` uncompressed, `.png` 8 or 16 bit.
+///
+/// # Errors
+/// Another ending, floats in a PNG file, or a file that cannot be written.
+pub fn write_image(path: &Path, image: &Image) -> Result<(), WriteError> {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let encoded = match ending.as_deref() {
+        Some("tif" | "tiff") => encode_tiff(image),
+        Some("png") if matches!(image.pixels(), Pixels::F32(_)) => {
+            return Err(WriteError::FloatPng { path: path.to_owned() });
+        }
+        Some("png") => encode_png(image),
+        _ => return Err(WriteError::Ending { path: path.to_owned() }),
+    };
+    let bytes = encoded.map_err(|reason| WriteError::Encode { path: path.to_owned(), reason })?;
+    std::fs::write(path, bytes).map_err(|reason| WriteError::Io { path: path.to_owned(), reason })
+}
+
+fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
+    use tiff::encoder::{TiffEncoder, colortype};
+    let (width, height) = sides(image)?;
+    let mut bytes = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut bytes).map_err(|e| e.to_string())?;
+    match image.pixels() {
+        Pixels::U8(levels) => encoder.write_image::<colortype::Gray8>(width, height, levels),
+        Pixels::U16(levels) => encoder.write_image::<colortype::Gray16>(width, height, levels),
+        Pixels::F32(levels) => encoder.write_image::<colortype::Gray32Float>(width, height, levels),
+    }
+    .map_err(|e| e.to_string())?;
+    Ok(bytes.into_inner())
+}
+
+fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
+    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+    let (width, height) = sides(image)?;
+    let mut bytes = Vec::new();
+    let encoder = PngEncoder::new(&mut bytes);
+    match image.pixels() {
+        Pixels::U8(levels) => encoder.write_image(levels, width, height, ExtendedColorType::L8),
+        Pixels::U16(levels) => {
+            let native: Vec<u8> = levels.iter().flat_map(|v| v.to_ne_bytes()).collect();
+            encoder.write_image(&native, width, height, ExtendedColorType::L16)
+        }
+        Pixels::F32(_) => return Err("PNG cannot hold floats".into()),
+    }
+    .map_err(|e| e.to_string())?;
+    Ok(bytes)
+}
+
+fn sides(image: &Image) -> Result<(u32, u32), String> {
+    let side = |n: usize| u32::try_from(n).map_err(|_| format!("{n} pixels on one side"));
+    Ok((side(image.width())?, side(image.height())?))
+}

@@ -1,0 +1,127 @@
+//! File names and globs, expanded to a series of images.
+
+use std::cmp::Ordering;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a list of names and globs gives no series.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SeriesError {
+    /// A glob matches no file.
+    #[error("`{pattern}` matches no file{}; check the pattern and the folder", place(pattern, folder))]
+    NoMatch {
+        /// The glob as given.
+        pattern: String,
+        /// The folder it is relative to.
+        folder: PathBuf,
+    },
+    /// An entry is a folder.
+    #[error("`{entry}` is a folder; name the files in it, for example `{entry}/*.tif`")]
+    Directory {
+        /// The entry as given, without a slash at its end.
+        entry: String,
+    },
+    /// A glob that cannot be understood.
+    #[error("`{pattern}` is no valid pattern: {reason}")]
+    Pattern {
+        /// The glob as given.
+        pattern: String,
+        /// What is wrong.
+        reason: glob::PatternError,
+    },
+    /// A folder that a glob leads through cannot be listed.
+    #[error("`{pattern}` cannot be expanded: {reason}")]
+    Unreadable {
+        /// The glob as given.
+        pattern: String,
+        /// The folder, and why.
+        reason: glob::GlobError,
+    },
+}
+
+fn place(pattern: &str, folder: &Path) -> String {
+    if Path::new(pattern).is_absolute() {
+        String::new()
+    } else if folder.as_os_str().is_empty() {
+        " in the current folder".to_owned()
+    } else {
+        format!(" in {}", folder.display())
+    }
+}
+
+/// The files that `patterns` name, in order.
+///
+/// An entry is a file name or a glob (`*`, `?`, `[..]`, `**`), relative to `base` unless absolute. A name
+/// that exists is taken literally, also with spaces or brackets in it. The files of one glob are in natural
+/// order (`img_2` before `img_10`), the entries in the order given; a file named twice is kept once, at its
+/// first place. A plain name that does not exist is kept: what it means is for the reader of the series to say.
+/// Globs do not match hidden files.
+///
+/// ```
+/// use quadrille::io::series::expand_series;
+/// let files = expand_series(&["b 1.tif".into(), "a.tif".into(), "b 1.tif".into()], "shots".as_ref()).unwrap();
+/// assert_eq!(files, [std::path::Path::new("shots/b 1.tif"), "shots/a.tif".as_ref()]);
+/// ```
+///
+/// # Errors
+/// A glob without a match or not valid, a folder that cannot be listed, an entry that is a folder.
+pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
+    let mut files = Vec::new();
+    for entry in patterns {
+        let literal = base.join(entry);
+        if literal.is_dir() {
+            let entry = if entry.is_empty() { "." } else { entry.trim_end_matches(std::path::is_separator) }.to_owned();
+            return Err(SeriesError::Directory { entry });
+        }
+        if literal.exists() || !entry.contains(['*', '?', '[']) {
+            files.push(literal);
+        } else {
+            files.extend(matches(entry, base)?);
+        }
+    }
+    let mut seen = HashSet::new();
+    files.retain(|file| seen.insert(file.clone()));
+    Ok(files)
+}
+
+fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
+    // The folder is not part of the pattern: brackets in its name are brackets.
+    let pattern = if Path::new(entry).is_absolute() || base.as_os_str().is_empty() {
+        entry.to_owned()
+    } else {
+        let folder = glob::Pattern::escape(&base.to_string_lossy());
+        format!("{}{}{entry}", folder.trim_end_matches(std::path::is_separator), std::path::MAIN_SEPARATOR)
+    };
+    // Hidden files are not meant: some systems lay a `._img_001.tif` beside every image.
+    let options =
+        glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
+    let found = glob::glob_with(&pattern, options)
+        .map_err(|reason| SeriesError::Pattern { pattern: entry.to_owned(), reason })?;
+    let mut files = Vec::new();
+    for file in found {
+        let file = file.map_err(|reason| SeriesError::Unreadable { pattern: entry.to_owned(), reason })?;
+        if !file.is_dir() {
+            files.push(file);
+        }
+    }
+    if files.is_empty() {
+        return Err(SeriesError::NoMatch { pattern: entry.to_owned(), folder: base.to_owned() });
+    }
+    files.sort_by(|a, b| natural_order(a, b));
+    Ok(files)
+}
+
+/// Component by component, numbers by value; ties (`natord` skips blanks) by the plain order.
+fn natural_order(a: &Path, b: &Path) -> Ordering {
+    let natural = |(a, b): (std::path::Component, std::path::Component)| {
+        natord::compare(&a.as_os_str().to_string_lossy(), &b.as_os_str().to_string_lossy())
+    };
+    a.components()
+        .zip(b.components())
+        .map(natural)
+        .find(|order| order.is_ne())
+        .unwrap_or_else(|| a.components().count().cmp(&b.components().count()))
+        .then_with(|| a.cmp(b))
+}

@@ -1,0 +1,571 @@
+//! TIFF pages as arrays of samples.
+//!
+//! The `tiff` crate unpacks strips and tiles; what the samples mean is decided here. For that, the copy of
+//! the file in memory is edited before it is decoded: the header is pointed at the page asked for, and the
+//! page is declared plain grey. So the decoder hands out every sample as stored, also of palette images,
+//! which it refuses, and of colour images with extra channels, where it undoes the predictor wrongly.
+//! Tiles are declared a single column of whole tiles: cut at the border they would be read piece by piece,
+//! on which the LZW decoder stumbles (image-rs/weezl issue 68).
+
+use super::images::{Channels, Problem, Raw, check_size};
+use crate::imaging::Pixels;
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::io::{Cursor, ErrorKind};
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::{TiffError, TiffUnsupportedError};
+
+const WIDTH: u16 = 256;
+const HEIGHT: u16 = 257;
+const BITS: u16 = 258;
+const COMPRESSION: u16 = 259;
+const PHOTOMETRIC: u16 = 262;
+const FILL_ORDER: u16 = 266;
+const SAMPLES: u16 = 277;
+const PLANAR: u16 = 284;
+const PREDICTOR: u16 = 317;
+const COLOUR_MAP: u16 = 320;
+const TILE_WIDTH: u16 = 322;
+const TILE_HEIGHT: u16 = 323;
+const SAMPLE_FORMAT: u16 = 339;
+
+/// Whether `bytes` begin as a TIFF or BigTIFF file does.
+pub(super) fn is_tiff(bytes: &[u8]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
+}
+
+/// Decodes page `page` of the file `bytes`, and says how many pages there are. `bytes` are edited.
+pub(super) fn decode(bytes: &mut [u8], page: usize) -> Result<(Raw, usize), Problem> {
+    let file = Layout::of(bytes)?;
+    let (pages, complete) = file.pages(bytes)?;
+    let Some(&offset) = pages.get(page) else {
+        return Err(Problem::NoSuchPage { pages: pages.len() });
+    };
+    let directory = Directory::read(file, bytes, offset)?;
+    let mut raw = directory.decode(bytes)?;
+    if pages.len() > 1 {
+        raw.notes.push(format!("{} pages: page {page} is read; --page chooses another", pages.len()));
+    }
+    if !complete {
+        raw.notes.push(format!("the list of pages breaks off after page {}", pages.len() - 1));
+    }
+    Ok((raw, pages.len()))
+}
+
+/// Byte order and offset size of a file.
+#[derive(Debug, Clone, Copy)]
+struct Layout {
+    little: bool,
+    big: bool,
+}
+
+impl Layout {
+    fn of(bytes: &[u8]) -> Result<Self, Problem> {
+        let magic = bytes.get(..4).ok_or_else(|| Problem::Truncated("the header is not complete".into()))?;
+        let file = Layout { little: magic[0] == b'I', big: magic.contains(&b'+') };
+        // BigTIFF says its offset size, which is always 8, and a zero.
+        if file.big && (file.number(bytes, 4, 2), file.number(bytes, 6, 2)) != (Some(8), Some(0)) {
+            return Err(Problem::Corrupt("the BigTIFF header is not valid".into()));
+        }
+        Ok(file)
+    }
+
+    /// The unsigned number in `size` bytes at `at`; `None` beyond the end of the file.
+    fn number(self, bytes: &[u8], at: usize, size: usize) -> Option<u64> {
+        let field = bytes.get(at..at.checked_add(size)?)?;
+        let add = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
+        Some(if self.little { field.iter().rev().fold(0, add) } else { field.iter().fold(0, add) })
+    }
+
+    /// Writes `value` in `size` bytes at `at`, which must have been read before.
+    fn set(self, bytes: &mut [u8], at: usize, size: usize, value: u64) {
+        for k in 0..size {
+            let shift = 8 * if self.little { k } else { size - 1 - k };
+            if let Some(byte) = bytes.get_mut(at + k) {
+                *byte = (value >> shift) as u8;
+            }
+        }
+    }
+
+    /// Size of an offset.
+    fn word(self) -> usize {
+        if self.big { 8 } else { 4 }
+    }
+
+    /// Place of the offset of the first page.
+    fn first(self) -> usize {
+        if self.big { 8 } else { 4 }
+    }
+
+    /// Size of the number of entries at the head of a directory, and of one entry.
+    fn entry(self) -> (usize, usize) {
+        if self.big { (8, 20) } else { (2, 12) }
+    }
+
+    /// The offsets of the pages, and whether the list ends properly.
+    fn pages(self, bytes: &[u8]) -> Result<(Vec<usize>, bool), Problem> {
+        let missing = || Problem::Truncated("the directory of the first page is missing".into());
+        let (head, size) = self.entry();
+        let mut at = self.number(bytes, self.first(), self.word()).ok_or_else(missing)?;
+        let (mut pages, mut seen) = (Vec::new(), HashSet::new());
+        while at != 0 {
+            // The next offset stands behind the last entry.
+            let next = usize::try_from(at).ok().and_then(|at| {
+                let n = usize::try_from(self.number(bytes, at, head)?).ok()?;
+                let behind = at.checked_add(head)?.checked_add(n.checked_mul(size)?)?;
+                Some((at, self.number(bytes, behind, self.word())?))
+            });
+            match next {
+                Some((page, next)) if seen.insert(page) => {
+                    pages.push(page);
+                    at = next;
+                }
+                _ if pages.is_empty() => return Err(missing()),
+                _ => return Ok((pages, false)),
+            }
+        }
+        if pages.is_empty() { Err(Problem::Corrupt("the file holds no page".into())) } else { Ok((pages, true)) }
+    }
+}
+
+/// The numbers of one tag.
+#[derive(Debug, Clone, Copy)]
+struct Field {
+    tag: u16,
+    /// Place of the entry in the directory.
+    entry: usize,
+    /// Place of the first number.
+    at: usize,
+    /// Bytes of one number.
+    size: usize,
+    count: usize,
+}
+
+/// The description of a page.
+struct Directory {
+    file: Layout,
+    offset: usize,
+    /// Place of the offset of the next page.
+    next: usize,
+    fields: Vec<Field>,
+}
+
+impl Directory {
+    fn read(file: Layout, bytes: &[u8], offset: usize) -> Result<Self, Problem> {
+        let cut = || Problem::Truncated("the directory of the page is not complete".into());
+        let (head, entry) = file.entry();
+        let n = usize::try_from(file.number(bytes, offset, head).ok_or_else(cut)?).map_err(|_| cut())?;
+        let mut fields = Vec::new();
+        for k in 0..n {
+            let place = offset + head + k * entry;
+            let tag = file.number(bytes, place, 2).ok_or_else(cut)? as u16;
+            let size = match file.number(bytes, place + 2, 2).ok_or_else(cut)? {
+                1 => 1,
+                3 => 2,
+                4 => 4,
+                16 => 8,
+                _ => continue, // text, fractions, signed numbers: nothing needed here
+            };
+            let count = file.number(bytes, place + 4, file.word()).ok_or_else(cut)?;
+            let count = usize::try_from(count).map_err(|_| cut())?;
+            // Numbers that fit are in the entry itself, others elsewhere.
+            let inside = place + 4 + file.word();
+            let at = if count.saturating_mul(size) <= file.word() {
+                inside
+            } else {
+                usize::try_from(file.number(bytes, inside, file.word()).ok_or_else(cut)?).map_err(|_| cut())?
+            };
+            fields.push(Field { tag, entry: place, at, size, count });
+        }
+        Ok(Directory { file, offset, next: offset + head + n * entry, fields })
+    }
+
+    fn field(&self, tag: u16) -> Option<Field> {
+        self.fields.iter().copied().find(|field| field.tag == tag)
+    }
+
+    fn value(&self, bytes: &[u8], tag: u16) -> Option<u64> {
+        let field = self.field(tag)?;
+        self.file.number(bytes, field.at, field.size)
+    }
+
+    /// Replaces each number of `tag`, when the page has it.
+    fn replace(&self, bytes: &mut [u8], tag: u16, value: u64) {
+        if let Some(field) = self.field(tag) {
+            for k in 0..field.count.min(usize::from(u16::MAX)) {
+                self.file.set(bytes, field.at.saturating_add(k * field.size), field.size, value);
+            }
+        }
+    }
+
+    /// Makes `tag` the one number `value`, of 32 bits whatever it was.
+    fn declare(&self, bytes: &mut [u8], tag: u16, value: u32) {
+        if let Some(Field { entry, .. }) = self.field(tag) {
+            let word = self.file.word();
+            self.file.set(bytes, entry + 2, 2, 4);
+            self.file.set(bytes, entry + 4, word, 1);
+            self.file.set(bytes, entry + 4 + word, 4, value.into());
+        }
+    }
+
+    fn decode(&self, bytes: &mut [u8]) -> Result<Raw, Problem> {
+        let stored = self.storage(bytes)?;
+        let Storage { width, height, bits, samples, photometric, .. } = stored;
+        self.simplify(&stored, bytes)?;
+        let mut notes = Vec::new();
+        let mut pixels = match unpack_strips(bytes)? {
+            DecodingResult::U8(rows) if stored.packed() => split_bits(&rows, stored.columns, stored.rows, bits)?,
+            decoded => native(decoded, &mut notes)?,
+        };
+        let wanted = stored.columns * stored.rows * samples;
+        if pixels.len() != wanted {
+            return Err(Problem::Corrupt(format!("{} samples where {wanted} are needed", pixels.len())));
+        }
+        if stored.tile.is_some() {
+            pixels = match pixels {
+                Pixels::U8(tiles) => Pixels::U8(stored.join(&tiles)),
+                Pixels::U16(tiles) => Pixels::U16(stored.join(&tiles)),
+                Pixels::F32(tiles) => Pixels::F32(stored.join(&tiles)),
+            };
+        }
+        if photometric == 0 {
+            invert(&mut pixels, if stored.packed() { (1 << bits) - 1 } else { u16::MAX });
+        }
+        let channels = Channels { n: samples, colour: photometric == 2, planar: stored.planar };
+        if photometric == 3 {
+            let index = channels.first(pixels);
+            let map = self.colour_map(bytes)?;
+            let pixels = apply_map(index, &map, bits, &mut notes)?;
+            return Ok(Raw { width, height, channels: Channels::GREY, pixels, notes });
+        }
+        if photometric == 6 {
+            notes.push("Y Cb Cr colours: the grey levels are Y".into());
+        }
+        if bits < 8 {
+            notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
+            stretch(&mut pixels, bits);
+        } else if stored.packed() {
+            notes.push(format!("{bits} bit grey levels, kept as 16 bit numbers"));
+        }
+        Ok(Raw { width, height, channels, pixels, notes })
+    }
+
+    /// How the page is stored; what cannot be read or cannot be meant is refused here.
+    fn storage(&self, bytes: &[u8]) -> Result<Storage, Problem> {
+        let missing = |what| Problem::Corrupt(format!("the page does not say its {what}"));
+        let width = self.value(bytes, WIDTH).ok_or_else(|| missing("width"))?;
+        let height = self.value(bytes, HEIGHT).ok_or_else(|| missing("height"))?;
+        let photometric = self.value(bytes, PHOTOMETRIC).ok_or_else(|| missing("photometric interpretation"))?;
+        let bits = self.value(bytes, BITS).unwrap_or(1);
+        let samples = self.value(bytes, SAMPLES).unwrap_or(1);
+        let compression = self.value(bytes, COMPRESSION).unwrap_or(1);
+
+        let unsupported = |what| Err(Problem::Unsupported(what));
+        // The largest factor by which each method can shrink data.
+        let ratio = match compression {
+            1 => 1,
+            32773 => 64,
+            5 | 7 | 8 | 32946 => 4096,
+            other => return unsupported(format!("compression {other}{}", compression_name(other))),
+        };
+        match photometric {
+            0 | 1 | 3 => {}
+            2 if samples >= 3 => {}
+            6 if compression == 7 => {} // Y of Y Cb Cr is the grey level
+            other => return unsupported(format!("photometric interpretation {other}{}", photometric_name(other))),
+        }
+        if !(1..=16).contains(&samples) {
+            return unsupported(format!("{samples} channels per pixel"));
+        }
+        if !matches!(bits, 1..=16 | 32 | 64) {
+            return unsupported(format!("{bits} bits per sample"));
+        }
+        if self.value(bytes, FILL_ORDER) == Some(2) {
+            return unsupported("the reversed bit order (fill order 2)".into());
+        }
+        let predicted = self.value(bytes, PREDICTOR).is_some_and(|p| p != 1);
+        if !matches!(bits, 8 | 16 | 32 | 64) && (samples > 1 || predicted) {
+            return unsupported(format!("{bits} bits per sample with a predictor or several channels"));
+        }
+
+        let tile = match (self.value(bytes, TILE_WIDTH), self.value(bytes, TILE_HEIGHT)) {
+            (Some(0), _) | (_, Some(0)) => return Err(Problem::Corrupt("a tile without pixels".into())),
+            (Some(w), Some(h)) => Some((w, h)),
+            _ => None,
+        };
+        // What the decoder is asked for: the image, or its tiles above each other.
+        let (columns, rows) = match tile {
+            None => (width, u128::from(height)),
+            Some((w, h)) => {
+                let column = u128::from(height.div_ceil(h)) * u128::from(h);
+                (w, column.saturating_mul(width.div_ceil(w).into()))
+            }
+        };
+        let row = (u128::from(columns) * u128::from(samples) * u128::from(bits)).div_ceil(8);
+        check_size(width, height, row.saturating_mul(rows), ratio, bytes.len())?;
+        // What remains fits in memory, and so in these types, but for tiles of absurd shape.
+        let small = |n: u128| u32::try_from(n).map(|n| n as usize);
+        let odd = |_| Problem::Unsupported("tiles of this shape".into());
+        Ok(Storage {
+            width: small(width.into()).map_err(odd)?,
+            height: small(height.into()).map_err(odd)?,
+            bits: bits as usize,
+            samples: samples as usize,
+            photometric,
+            planar: self.value(bytes, PLANAR) == Some(2) && samples > 1,
+            tile: match tile {
+                Some((w, h)) => Some((small(w.into()).map_err(odd)?, small(h.into()).map_err(odd)?)),
+                None => None,
+            },
+            columns: small(columns.into()).map_err(odd)?,
+            rows: small(rows).map_err(odd)?,
+        })
+    }
+
+    /// Edits the file so that the decoder sees this page alone, as grey levels of whole bytes, in strips or in
+    /// one column of tiles.
+    fn simplify(&self, stored: &Storage, bytes: &mut [u8]) -> Result<(), Problem> {
+        self.file.set(bytes, self.file.first(), self.file.word(), self.offset as u64);
+        self.file.set(bytes, self.next, self.file.word(), 0); // a list that ends here has no loops
+        self.replace(bytes, PHOTOMETRIC, 1);
+        if stored.samples == 1 {
+            self.replace(bytes, PLANAR, 1);
+        }
+        if self.value(bytes, SAMPLE_FORMAT) == Some(4) {
+            self.replace(bytes, SAMPLE_FORMAT, 1); // "undefined" data are unsigned numbers in practice
+        }
+        let mut columns = stored.columns;
+        if stored.packed() && stored.bits > 8 {
+            // The decoder has no 9 to 15 bits: it is asked for the bytes that hold them.
+            columns = (columns * stored.bits).div_ceil(8);
+            self.replace(bytes, BITS, 8);
+            self.replace(bytes, SAMPLE_FORMAT, 1);
+        }
+        let side = |n: usize| u32::try_from(n).map_err(|_| Problem::Unsupported("rows of this length".into()));
+        self.declare(bytes, WIDTH, side(columns)?);
+        if stored.tile.is_some() {
+            self.declare(bytes, TILE_WIDTH, side(columns)?);
+            self.declare(bytes, HEIGHT, side(stored.rows)?);
+        }
+        Ok(())
+    }
+
+    /// The colours of a palette: all reds, all greens, all blues.
+    fn colour_map(&self, bytes: &[u8]) -> Result<Vec<u16>, Problem> {
+        let field = self.field(COLOUR_MAP).ok_or_else(|| Problem::Corrupt("the palette is missing".into()))?;
+        let colour = |k: usize| self.file.number(bytes, field.at.checked_add(k * field.size)?, field.size);
+        (0..field.count.min(3 << 16))
+            .map(|k| colour(k).map(|value| value.min(u64::from(u16::MAX)) as u16))
+            .collect::<Option<_>>()
+            .ok_or_else(|| Problem::Truncated("the palette is not complete".into()))
+    }
+}
+
+/// How a page is stored.
+struct Storage {
+    width: usize,
+    height: usize,
+    bits: usize,
+    /// Samples of a pixel.
+    samples: usize,
+    photometric: u64,
+    /// Whether each channel is a plane of its own.
+    planar: bool,
+    /// Width and height of the tiles; `None` for strips.
+    tile: Option<(usize, usize)>,
+    /// Width and height of what is unpacked: the image, or a column of all tiles.
+    columns: usize,
+    rows: usize,
+}
+
+impl Storage {
+    /// Whether samples do not fill whole bytes.
+    fn packed(&self) -> bool {
+        !matches!(self.bits, 8 | 16 | 32 | 64)
+    }
+
+    /// The rows of the image, plane by plane, from tiles above each other.
+    fn join<T: Copy>(&self, stored: &[T]) -> Vec<T> {
+        let (tile_width, tile_height) = self.tile.unwrap_or((self.width, self.height));
+        let (n, planes) = if self.planar { (1, self.samples) } else { (self.samples, 1) };
+        let across = self.width.div_ceil(tile_width);
+        let tiles = across * self.height.div_ceil(tile_height);
+        let mut image = Vec::with_capacity(self.width * self.height * self.samples);
+        for plane in 0..planes {
+            for y in 0..self.height {
+                for column in 0..across {
+                    let tile = plane * tiles + y / tile_height * across + column;
+                    let start = (tile * tile_height + y % tile_height) * tile_width * n;
+                    let visible = tile_width.min(self.width - column * tile_width) * n;
+                    image.extend_from_slice(&stored[start..start + visible]);
+                }
+            }
+        }
+        image
+    }
+}
+
+fn compression_name(code: u64) -> &'static str {
+    match code {
+        2..=4 => " (fax)",
+        6 => " (old JPEG)",
+        34712 => " (JPEG 2000)",
+        34887 => " (LERC)",
+        34925 => " (LZMA)",
+        50000 => " (Zstandard)",
+        50001 => " (WebP)",
+        50002 | 52546 => " (JPEG XL)",
+        _ => "",
+    }
+}
+
+fn photometric_name(code: u64) -> &'static str {
+    match code {
+        2 => " (RGB with fewer than three channels)",
+        4 => " (mask)",
+        5 => " (CMYK)",
+        6 => " (Y Cb Cr without JPEG)",
+        8..=10 => " (Lab)",
+        32803 => " (colour filter array of a raw image)",
+        34892 => " (linear raw)",
+        _ => "",
+    }
+}
+
+/// All samples of the first page of `bytes`, as stored.
+fn unpack_strips(bytes: &[u8]) -> Result<DecodingResult, Problem> {
+    // The sizes were checked against the file: the decoder's own limits are for smaller images.
+    let limits = Limits::unlimited();
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(problem)?.with_limits(limits);
+    let mut samples = DecodingResult::U8(Vec::new());
+    decoder.read_image_to_buffer(&mut samples).map_err(problem)?;
+    Ok(samples)
+}
+
+fn problem(error: TiffError) -> Problem {
+    match error {
+        TiffError::IoError(reason) if reason.kind() == ErrorKind::UnexpectedEof => {
+            Problem::Truncated("the pixel data end early".into())
+        }
+        TiffError::UnsupportedError(TiffUnsupportedError::UnsupportedSampleFormat(_)) => {
+            Problem::Unsupported("this kind of numbers (complex or mixed)".into())
+        }
+        TiffError::UnsupportedError(reason) => Problem::Unsupported(reason.to_string()),
+        TiffError::FormatError(reason) => Problem::Corrupt(reason.to_string()),
+        other => Problem::Corrupt(other.to_string()),
+    }
+}
+
+/// The samples in one of the depths of an image; what is changed is noted.
+fn native(samples: DecodingResult, notes: &mut Vec<String>) -> Result<Pixels, Problem> {
+    use DecodingResult as D;
+    Ok(match samples {
+        D::U8(samples) => Pixels::U8(samples),
+        D::U16(samples) => Pixels::U16(samples),
+        D::F32(samples) => Pixels::F32(samples),
+        D::F16(samples) => Pixels::F32(samples.into_iter().map(|v| v.to_f32()).collect()),
+        D::F64(samples) => {
+            notes.push("64-bit floats are rounded to 32-bit".into());
+            Pixels::F32(samples.into_iter().map(|v| v as f32).collect())
+        }
+        D::U32(samples) => whole(&samples, "32 bit", notes),
+        D::U64(samples) => whole(&samples, "64 bit", notes),
+        D::I8(samples) => whole(&samples, "signed 8 bit", notes),
+        D::I16(samples) => whole(&samples, "signed 16 bit", notes),
+        D::I32(samples) => whole(&samples, "signed 32 bit", notes),
+        D::I64(samples) => whole(&samples, "signed 64 bit", notes),
+    })
+}
+
+/// Whole numbers as 16 bit when all of them fit, otherwise as floats.
+fn whole<T: Copy + TryInto<u16> + TryInto<i128>>(samples: &[T], kind: &str, notes: &mut Vec<String>) -> Pixels {
+    let fitting: Option<Vec<u16>> = samples.iter().map(|&v| v.try_into().ok()).collect();
+    if let Some(fitting) = fitting {
+        notes.push(format!("{kind} grey levels, all within 0..65535: kept as 16 bit"));
+        return Pixels::U16(fitting);
+    }
+    notes.push(format!("{kind} grey levels are kept as 32-bit floats"));
+    // Every integer type of the decoder fits in i128.
+    Pixels::F32(samples.iter().map(|&v| TryInto::<i128>::try_into(v).map_or(0.0, |v| v as f32)).collect())
+}
+
+/// Numbers of `bits` < 16 bits, most significant bit first, each row from a new byte.
+fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, Problem> {
+    let stride = (width * bits).div_ceil(8);
+    if rows.len() != stride * height {
+        return Err(Problem::Corrupt(format!("{} bytes where {} are needed", rows.len(), stride * height)));
+    }
+    let mask = (1_u32 << bits) - 1;
+    let level = move |row: &[u8], x: usize| {
+        // A number of up to 15 bits lies within three bytes.
+        let (byte, bit) = (x * bits / 8, x * bits % 8);
+        let window = (0..3).fold(0_u32, |w, k| w << 8 | u32::from(row.get(byte + k).copied().unwrap_or(0)));
+        (window >> (24 - bit - bits)) & mask
+    };
+    let levels = rows.chunks_exact(stride).flat_map(|row| (0..width).map(move |x| level(row, x)));
+    Ok(if bits <= 8 {
+        Pixels::U8(levels.map(|v| v as u8).collect())
+    } else {
+        Pixels::U16(levels.map(|v| v as u16).collect())
+    })
+}
+
+/// Turns white-is-zero into black-is-zero: whole numbers from `highest`, floats from 1.
+fn invert(pixels: &mut Pixels, highest: u16) {
+    match pixels {
+        Pixels::U8(levels) => {
+            let highest = highest.min(u16::from(u8::MAX)) as u8;
+            levels.iter_mut().for_each(|v| *v = highest - *v);
+        }
+        Pixels::U16(levels) => levels.iter_mut().for_each(|v| *v = highest - *v),
+        Pixels::F32(levels) => levels.iter_mut().for_each(|v| *v = 1.0 - *v),
+    }
+}
+
+/// Spreads fewer than 8 bits over 0..255, as PNG readers do.
+fn stretch(pixels: &mut Pixels, bits: usize) {
+    if let Pixels::U8(levels) = pixels {
+        let highest = (1_u32 << bits) - 1;
+        levels.iter_mut().for_each(|v| *v = (u32::from(*v) * 255 / highest) as u8);
+    }
+}
+
+/// The grey levels that the palette `map` (reds, greens, blues) gives to the indices.
+fn apply_map(index: Pixels, map: &[u16], bits: usize, notes: &mut Vec<String>) -> Result<Pixels, Problem> {
+    let n = map.len() / 3;
+    let index: Cow<[u16]> = match &index {
+        Pixels::U8(index) => index.iter().map(|&i| u16::from(i)).collect(),
+        Pixels::U16(index) => Cow::Borrowed(index),
+        Pixels::F32(_) => return Err(Problem::Unsupported("a palette with float indices".into())),
+    };
+    if let Some(&beyond) = index.iter().find(|&&i| usize::from(i) >= n) {
+        return Err(Problem::Corrupt(format!("colour {beyond} is not among the {n} of the palette")));
+    }
+    let (red, rest) = map.split_at(n);
+    let (green, blue) = rest.split_at(n);
+    let grey = red == green && green == blue[..n].as_ref();
+    // Intensities are 16 bit numbers; 8 bit ones come as 257 i, as 256 i, or as they are.
+    let step = [257, 256, 1].into_iter().find(|step| red.iter().all(|&v| v % step == 0 && v / step <= 255));
+    match step {
+        Some(step) if grey => {
+            let identity = bits == 8 && red.iter().enumerate().all(|(i, &v)| usize::from(v / step) == i);
+            notes.push(if identity {
+                "the palette is the identity grey ramp: the index is the grey level".into()
+            } else {
+                "the grey levels are those of a grey palette".into()
+            });
+            Ok(Pixels::U8(index.iter().map(|&i| (red[usize::from(i)] / step) as u8).collect()))
+        }
+        None if grey => {
+            notes.push("the grey levels are the 16 bit ones of a grey palette".into());
+            Ok(Pixels::U16(index.iter().map(|&i| red[usize::from(i)]).collect()))
+        }
+        _ => {
+            let scale = step.map_or(1.0, f32::from);
+            let of = |k: usize| super::images::luminance(red[k].into(), green[k].into(), blue[k].into()) / scale;
+            let levels: Vec<f32> = (0..n).map(of).collect();
+            notes.push("the grey levels are the luminance of palette colours, as 32-bit floats".into());
+            Ok(Pixels::F32(index.iter().map(|&i| levels[usize::from(i)]).collect()))
+        }
+    }
+}

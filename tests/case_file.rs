@@ -1,0 +1,241 @@
+//! Case files: read, written, and what is said about wrong ones.
+
+use quadrille::field::{Brightness, StartFrom, UnknownChoice};
+use quadrille::imaging::Interpolation;
+use quadrille::io::case::{
+    CaseCorrelation, CaseError, CaseFile, CaseImages, CaseZone, parse_case, read_case, write_case,
+};
+use quadrille::mesh::Roi;
+use std::path::Path;
+use tempfile::TempDir;
+
+const FULL: &str = r#"
+[images]
+reference = "img 0.tif"
+deformed = ["img_*.tif", 'last [1].tif']
+page = 1
+pixel_size_mm = 0.00193125
+
+[correlation]
+element_size_px = 16
+interpolation = "quintic"
+tolerance_px = 1e-4
+max_iterations = 40
+brightness = "element"
+start = "cold"
+noise = 2
+drop_textureless = true
+
+[[zone]]
+name = "upper"
+roi = [10, 20.5, 300, 400]
+
+[[zone]]
+roi = [10, 420, 300, 800]
+
+[run]
+version = "0.1.0"
+device = { name = "CPU", threads = 2 }
+"#;
+
+fn full() -> CaseFile {
+    CaseFile {
+        base: "tests/case".into(),
+        images: CaseImages {
+            reference: Some("img 0.tif".into()),
+            deformed: Some(vec!["img_*.tif".into(), "last [1].tif".into()]),
+            page: Some(1),
+            pixel_size_mm: Some(0.00193125),
+        },
+        correlation: CaseCorrelation {
+            element_size_px: Some(16),
+            interpolation: Some(Interpolation::Quintic),
+            tolerance_px: Some(1e-4),
+            max_iterations: Some(40),
+            brightness: Some(Brightness::Element),
+            start: Some(StartFrom::Cold),
+            noise: Some(2.0),
+            drop_textureless: Some(true),
+        },
+        zones: vec![
+            CaseZone { name: Some("upper".into()), roi: Some([10.0, 20.5, 300.0, 400.0]) },
+            CaseZone { name: None, roi: Some([10.0, 420.0, 300.0, 800.0]) },
+        ],
+        run: toml::toml! {
+            version = "0.1.0"
+            device = { name = "CPU", threads = 2 }
+        }
+        .into(),
+    }
+}
+
+fn parse(text: &str) -> Result<CaseFile, CaseError> {
+    parse_case(text, Path::new("tests/case/case.toml"))
+}
+
+/// The line, the column, the key and the whole message of the error in `text`.
+#[track_caller]
+fn error(text: &str) -> (usize, usize, Option<String>, String) {
+    let error = parse(text).map(|case| format!("{text:?} is read as {case:?}")).unwrap_err();
+    let said = error.to_string();
+    match error {
+        CaseError::Invalid { line, column, key, .. } => (line, column, key, said),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[track_caller]
+fn assert_says(text: &str, wanted: &[&str]) {
+    let (.., said) = error(text);
+    for wanted in wanted {
+        assert!(said.contains(wanted), "{said:?} should say {wanted:?}");
+    }
+}
+
+#[test]
+fn every_key_is_read() {
+    assert_eq!(parse(FULL).unwrap(), full());
+}
+
+#[test]
+fn what_is_written_reads_back_equal() {
+    let empty = CaseFile { base: "tests/case".into(), ..CaseFile::default() };
+    let tiny = CaseFile {
+        correlation: CaseCorrelation { tolerance_px: Some(1.0 / 3.0), ..Default::default() },
+        ..empty.clone()
+    };
+    let quoted = CaseFile {
+        images: CaseImages { reference: Some("C:\\a \"b\"\n'\u{e9}.tif".into()), ..Default::default() },
+        ..empty.clone()
+    };
+    for case in [full(), empty, tiny, quoted] {
+        let text = write_case(&case);
+        assert!(text.starts_with('#'), "{text}");
+        assert_eq!(parse(&text).unwrap(), case, "{text}");
+    }
+    // What is not said is not written.
+    assert_eq!(write_case(&CaseFile::default()).lines().count(), 1);
+}
+
+#[test]
+fn one_deformed_image_needs_no_list() {
+    let case = parse("images.deformed = 'a*.tif'").unwrap();
+    assert_eq!(case.images.deformed, Some(vec!["a*.tif".to_owned()]));
+}
+
+#[test]
+fn a_written_run_can_be_run_again_whatever_it_says() {
+    let case = parse("[run]\nstarted = 2026-01-02T03:04:05Z\nnested = { a = [1, { b = 2 }] }").unwrap();
+    assert_eq!(CaseFile { run: None, ..case }, CaseFile { base: "tests/case".into(), ..CaseFile::default() });
+}
+
+#[test]
+fn relative_names_start_at_the_folder_of_the_case_file() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("my case.toml");
+    std::fs::write(&path, FULL).unwrap();
+    let case = read_case(&path).unwrap();
+    assert_eq!(case.resolve("img 0.tif"), folder.path().join("img 0.tif"));
+    let absolute = folder.path().join("there.tif");
+    assert_eq!(case.resolve(&absolute.display().to_string()), absolute);
+    assert_eq!(parse_case("", Path::new("case.toml")).unwrap().resolve("a.tif"), Path::new("a.tif"));
+}
+
+#[test]
+fn a_zone_gives_its_rectangle() {
+    let case = parse(FULL).unwrap();
+    assert_eq!(case.zones[0].rectangle(), Some(Roi { x0: 10.0, y0: 20.5, x1: 300.0, y1: 400.0 }));
+    assert_eq!(CaseZone::default().rectangle(), None);
+}
+
+#[test]
+fn windows_files_are_read() {
+    let text = format!("\u{feff}{}", FULL.replace('\n', "\r\n"));
+    assert_eq!(parse(&text).unwrap(), full());
+    assert_eq!(error("[images]\r\npage = true").0, 2);
+}
+
+#[test]
+fn an_unknown_key_is_named_with_its_section_and_the_keys_there_are() {
+    let (line, column, key, said) = error("[images]\npage = 0\n\n[correlation]\nnoise = 2\n\n  elemnt_size_px = 16");
+    assert_eq!((line, column, key.as_deref()), (7, 3, Some("correlation.elemnt_size_px")));
+    let start =
+        "tests/case/case.toml, line 7: unknown key `elemnt_size_px` in [correlation]; expected one of `element_size";
+    assert!(said.starts_with(start), "{said}");
+    assert_says("[correlaton]", &["line 1", "unknown key `correlaton` at the top level", "`correlation`"]);
+    assert_says("[[zone]]\n[[zone]]\nrio = 3", &["line 3", "unknown key `rio` in [[zone]]", "`roi`"]);
+}
+
+#[test]
+fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
+    for (line, wanted) in [
+        ("element_size_px = 'a'", "`element_size_px` in [correlation]: is the text \"a\", expected a whole number"),
+        ("element_size_px = 1.5", "is the number `1.5`, expected a whole number"),
+        ("max_iterations = -3", "is the number `-3`, expected a whole number, 0 or larger"),
+        ("noise = '2'", "expected a number"),
+        ("drop_textureless = 1", "expected true or false"),
+        ("interpolation = 'cubik'", "unknown word `cubik`, expected one of `cubic`, `quintic`, `keys`, `bilinear`"),
+        ("interpolation = 3", "expected a word in quotes"),
+        ("brightness = 'on'", "`zone`, `element`, `off`"),
+        ("start = 'warm'", "`previous` or `cold`"),
+        ("start = warm", "a text without quotes"),
+        ("noise =", "no value"),
+    ] {
+        assert_says(&format!("[correlation]\n{line}"), &["line 2", wanted]);
+    }
+    assert_says("images = 3", &["`images` at the top level", "expected a section"]);
+    assert_says("run = 3", &["`run` at the top level", "expected a section"]);
+    assert_says("zone = 3", &["sections [[zone]]"]);
+    assert_says("[zone]\nroi = [1, 2, 3, 4]", &["sections [[zone]]"]);
+    assert_says("[images]\nreference = ['a']", &["is a list, expected a text in quotes"]);
+    assert_says("[images]\ndeformed = 1", &["a file name or glob in quotes, or a list of them"]);
+    assert_says("[images]\ndeformed = ['a',\n 'b',\n 3]", &["line 4", "`deformed` in [images]", "a text in quotes"]);
+    assert_says("[images]\nreference = \"C:\\data\\a.tif\"", &["line 2", "backslash"]);
+    assert_says("[images", &["line 1"]);
+}
+
+#[test]
+fn a_rectangle_of_three_or_five_numbers_is_refused() {
+    for (roi, n) in [("[1, 2, 3]", 3), ("[1, 2, 3, 4, 5]", 5)] {
+        let wanted = format!("`roi` in [[zone]]: has {n} numbers, expected four: [x0, y0, x1, y1]");
+        assert_says(&format!("[[zone]]\nname = 'a'\nroi = {roi}"), &["line 3", &wanted]);
+    }
+    assert_says("[[zone]]\nroi = [1, 2, 3, 'a']", &["expected a number"]);
+    assert_says("[[zone]]\nroi = 3", &["four numbers [x0, y0, x1, y1]"]);
+}
+
+#[test]
+fn a_key_that_is_there_twice_is_named() {
+    assert_says("[images]\npage = 1\npage = 2", &["line 3", "the key `page` is there twice"]);
+    assert_says("[images]\n[correlation]\n[images]", &["line 3", "`images` is there twice"]);
+}
+
+#[test]
+fn missing_unreadable_and_foreign_files_are_told_apart() {
+    let folder = TempDir::new().unwrap();
+    let error = read_case(&folder.path().join("none.toml")).unwrap_err();
+    assert!(matches!(error, CaseError::NotFound { .. }) && error.to_string().contains("none.toml"), "{error}");
+    let error = read_case(folder.path()).unwrap_err();
+    assert!(matches!(error, CaseError::Io { .. }), "{error}");
+    let path = folder.path().join("latin.toml");
+    std::fs::write(&path, b"[images]\nreference = 'caf\xe9.tif'\n").unwrap();
+    let error = read_case(&path).unwrap_err();
+    assert!(matches!(error, CaseError::NotText { line: 2, .. }), "{error}");
+}
+
+#[test]
+fn choices_have_the_same_words_in_files_and_options() {
+    for choice in [Brightness::Zone, Brightness::Element, Brightness::Off] {
+        assert_eq!(choice.to_string().parse(), Ok(choice));
+        let case = parse(&format!("correlation.brightness = '{choice}'")).unwrap();
+        assert_eq!(case.correlation.brightness, Some(choice));
+    }
+    for choice in [StartFrom::Previous, StartFrom::Cold] {
+        assert_eq!(choice.to_string().parse(), Ok(choice));
+        let case = parse(&format!("correlation.start = '{choice}'")).unwrap();
+        assert_eq!(case.correlation.start, Some(choice));
+    }
+    let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
+    assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected zone, element or off");
+    assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or cold"));
+}
