@@ -317,6 +317,17 @@ fn the_accuracy_field_is_the_documented_one() {
 }
 
 #[test]
+fn a_series_renders_its_reference_at_rest_and_each_frame_with_its_own_noise() {
+    let options = RenderOptions { noise: 1.0, ..float(96, 64) };
+    let series = Series { texture: texture(), motion: Accuracy::new(96, 64), n_frames: 4, options };
+    assert_eq!(series.image(0).unwrap(), picture(&Translation([0.0; 2]), &options));
+    let second = picture(&Accuracy::new(96, 64).at(0.5), &RenderOptions { frame: 2, ..options });
+    assert_eq!(series.image(2).unwrap(), second);
+    let points = points(96, 64);
+    assert_eq!(series.exact_at(4, &points), exact_at(&Accuracy::new(96, 64), &points));
+}
+
+#[test]
 fn the_peel_opens_from_the_right_and_its_front_moves_left() {
     let peel = Peel::new(1000, 800);
     let series = Series { texture: texture(), motion: peel, n_frames: 20, options: RenderOptions::new(1000, 800) };
@@ -412,6 +423,8 @@ fn what_cannot_be_rendered_is_an_error_that_says_why() {
     assert_error(render(&texture(), &still, &RenderOptions { points: 0, ..float(8, 8) }), "0 points");
     assert_error(render(&texture(), &still, &RenderOptions { points: 7, ..float(8, 8) }), "7 points");
     assert_error(render(&texture(), &still, &float(0, 8)), "holds no pixel");
+    assert_error(render(&texture(), &still, &float(usize::MAX / 4, 2)), "does not fit into the memory");
+    assert_error(render(&texture(), &still, &float(usize::MAX / 4, 8)), "does not fit into the memory");
     let folding = Sinusoids { amplitude: 20.0, wavelength: 32.0 };
     assert_error(render(&texture(), &folding, &float(64, 64)), "folds");
     assert_error(render(&texture(), &Translation([f64::NAN, 0.0]), &float(8, 8)), "folds");

@@ -241,3 +241,27 @@ fn integrate_row_body(samples: &[f32], weights: &[f32], by_row: f32, out: &mut [
         _ => with::<6>(samples, weights, by_row, out),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::Texture;
+
+    #[test]
+    fn wide_vectors_give_the_bits_of_the_plain_code() {
+        let texture = Texture::new(3, 4.5).unwrap();
+        let mut patch = Patch::default();
+        texture.patch([-20.0, 5.0], [15.0, 30.0], &mut patch).unwrap();
+        let x: Vec<f64> = (0..640).map(|k| -20.0 + 35.0 * (f64::from(k) * 0.618_034).fract()).collect();
+        let y: Vec<f64> = (0..640).map(|k| 5.0 + f64::from(k) / 25.6).collect();
+        let (mut wide, mut plain) = (vec![0.0; 640], vec![0.0; 640]);
+        texture_at(&patch, &texture.constants(), &x, &y, &[], &mut wide);
+        texture_at_body(&patch, &texture.constants(), &x, &y, &[], &mut plain);
+        assert_eq!(wide, plain);
+
+        let (mut wide, mut plain) = (vec![0.0; 160], vec![0.0; 160]);
+        product(&x[..40], 10, &y[..400], 40, &mut wide);
+        product_body(&x[..40], 10, &y[..400], 40, &mut plain);
+        assert_eq!(wide, plain);
+    }
+}

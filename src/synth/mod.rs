@@ -61,6 +61,14 @@ pub enum SynthError {
         /// Row in the deformed image.
         y: f64,
     },
+    /// The image does not fit into the memory.
+    #[error("an image of {width} x {height} px does not fit into the memory")]
+    TooLarge {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+    },
     /// The size asked for is not that of an image.
     #[error(transparent)]
     Image(#[from] ImageError),

@@ -10,7 +10,7 @@ pub trait Motion: Sync {
     /// The displacement of the material point `x`, px.
     fn displacement(&self, x: [f64; 2]) -> [f64; 2];
 
-    /// Its gradient `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`; by central differences unless given.
+    /// Its gradient `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`; that of body 0 unless given.
     fn gradient(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
         self.body_gradient(0, x)
     }

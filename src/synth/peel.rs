@@ -85,7 +85,7 @@ impl Peel {
     }
 
     /// Distance of `y` from the strip's axis.
-    fn from_axis(&self, body: usize, y: f64) -> f64 {
+    fn off_axis(&self, body: usize, y: f64) -> f64 {
         y - (self.middle() + Self::side(body) * (0.5 * self.band_px + self.half_strip()))
     }
 }
@@ -127,7 +127,7 @@ impl Motion for Peel {
         let side = Self::side(body);
         let slope = self.theta() * logistic((x[0] - self.front()) / self.lambda());
         let slide = -0.5 * side * self.fraction * self.slide_px;
-        [slide - 0.5 * side * slope * self.from_axis(body, x[1]), 0.5 * side * self.opening(x[0])]
+        [slide - 0.5 * side * slope * self.off_axis(body, x[1]), 0.5 * side * self.opening(x[0])]
     }
 
     fn body_gradient(&self, body: usize, x: [f64; 2]) -> [[f64; 2]; 2] {
@@ -135,6 +135,6 @@ impl Motion for Peel {
         let share = logistic((x[0] - self.front()) / self.lambda());
         let slope = self.theta() * share;
         let curvature = slope * (1.0 - share) / self.lambda();
-        [[-0.5 * side * curvature * self.from_axis(body, x[1]), -0.5 * side * slope], [0.5 * side * slope, 0.0]]
+        [[-0.5 * side * curvature * self.off_axis(body, x[1]), -0.5 * side * slope], [0.5 * side * slope, 0.0]]
     }
 }

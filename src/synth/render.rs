@@ -92,11 +92,17 @@ pub fn render<M: Motion + ?Sized>(texture: &Texture, motion: &M, options: &Rende
         return Err(SynthError::Noise { noise });
     }
     let (offsets, weights) = gauss(points).ok_or(SynthError::Points { points })?;
-    let n_pixels = width.checked_mul(height).filter(|&n| n > 0).ok_or(ImageError::Empty { width, height })?;
+    if width == 0 || height == 0 {
+        return Err(ImageError::Empty { width, height }.into());
+    }
+    let too_large = SynthError::TooLarge { width, height };
+    let n_pixels = width.checked_mul(height).ok_or(too_large.clone())?;
+    let mut greys: Vec<f32> = Vec::new();
+    greys.try_reserve_exact(n_pixels).map_err(|_| too_large)?;
+    greys.resize(n_pixels, 0.0);
 
     let columns = AxisPair::new(width, &offsets);
     let rows = AxisPair::new(height, &offsets);
-    let mut greys = vec![0.0_f32; n_pixels];
     greys.par_chunks_mut(width * TILE).enumerate().try_for_each_init(Scratch::default, |scratch, (band, greys)| {
         let y = band * TILE;
         let row_axis = rows.of(y);

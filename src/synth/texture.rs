@@ -10,7 +10,7 @@ const MEAN: f64 = 120.0;
 const SPAN: f64 = 112.0;
 /// Grey levels per unit of the blob sum where it is small; gives a standard deviation of 40.
 const GAIN: f64 = 47.0;
-/// The sum of two amplitude draws: magnitude uniform in `0.75..1.25`, hence this mean square.
+/// Mean square of a blob's amplitude, whose magnitude is uniform in `0.75..1.25`.
 const MEAN_SQUARE_AMPLITUDE: f64 = (1.25 * 1.25 * 1.25 - 0.75 * 0.75 * 0.75) / 1.5;
 
 /// An analytic speckle pattern `F(X)` in grey levels of the 0..255 scale, defined on the whole plane.
