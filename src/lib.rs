@@ -4,15 +4,13 @@
 //! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
 //! `correlate`; `report`; `cli`.
 
-#![warn(missing_docs)]
-
 pub mod backend;
 pub mod cli;
 pub mod correlate;
 pub mod field;
 pub mod imaging;
-pub mod isa;
 pub mod io;
+pub mod isa;
 pub mod linalg;
 pub mod mesh;
 pub mod report;

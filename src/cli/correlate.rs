@@ -48,9 +48,9 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     let reference_image = Arc::new(loaded.image);
     let prepare = Instant::now();
     let backend = CpuBackend::new(plan.isa);
-    let correlator = pool.install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone())).map_err(
-        |error| format!("{}: {}", plan.reference.display(), chain(&error)),
-    )?;
+    let correlator = pool
+        .install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone()))
+        .map_err(|error| format!("{}: {}", plan.reference.display(), chain(&error)))?;
     let seconds_reference = prepare.elapsed().as_secs_f64();
     folder.clear(plan.csv, plan.vtu)?;
 
@@ -275,7 +275,10 @@ impl Record {
         let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];
         let exports = exports.iter().filter(|(on, _)| *on).map(|(_, name)| (*name).into());
         about.insert("export".into(), toml::Value::Array(exports.collect()));
-        about.insert("units".into(), units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into());
+        about.insert(
+            "units".into(),
+            units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into(),
+        );
         Self { case: plan.resolved(zones), about, reference_sha256, images: Vec::new() }
     }
 

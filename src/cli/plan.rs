@@ -37,10 +37,7 @@ impl Plan {
             element_size: element_size.map_or(default.element_size, |size| usize::try_from(size).unwrap_or(0)),
             interpolation: args.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
             tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
-            max_iterations: args
-                .max_iterations
-                .or(given.max_iterations)
-                .map_or(default.max_iterations, |n| n as usize),
+            max_iterations: args.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
             brightness: args.brightness.or(given.brightness).unwrap_or(default.brightness),
             start: args.start.or(given.start).unwrap_or(default.start),
             noise: args.noise.or(given.noise),

@@ -84,7 +84,9 @@ pub enum CorrelationError {
     #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
     Textureless,
     /// The normal matrix has no factor.
-    #[error("the texture of the reference image does not determine the displacement: {0}; enlarge the elements or leave the place out")]
+    #[error(
+        "the texture of the reference image does not determine the displacement: {0}; enlarge the elements or leave the place out"
+    )]
     Singular(#[from] NotPositiveDefinite),
     /// A deformed image of another size.
     #[error("the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
@@ -218,12 +220,7 @@ impl<B: Backend> Correlator<B> {
     ///
     /// # Errors
     /// Options, zones or texture that do not allow a measurement; a device that fails.
-    pub fn new(
-        backend: B,
-        reference: Arc<Image>,
-        zones: &[Zone],
-        options: Options,
-    ) -> Result<Self, CorrelationError> {
+    pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
         check(&options)?;
         let isa = Isa::detect();
         let size = [reference.width(), reference.height()];
@@ -328,23 +325,23 @@ impl<B: Backend> Correlator<B> {
         }
         let mut frame = self.backend.frame(image, &self.kernel)?;
         if let Some((displacement, transfer)) = start {
-            let attempt = self.from_prediction(&mut frame, &displacement, transfer)?;
+            let attempt = self.follow_prediction(&mut frame, &displacement, transfer)?;
             if attempt.measurement.status == Status::Converged {
                 return Ok(attempt);
             }
-            let cold = self.from_search(&mut frame)?;
+            let cold = self.search(&mut frame)?;
             // Both failed: the one that matches better tells more.
             let better = cold.measurement.status == Status::Converged || worst(&cold) >= worst(&attempt);
             return Ok(if better { cold } else { attempt });
         }
-        self.from_search(&mut frame)
+        self.search(&mut frame)
     }
 
     fn limits(&self) -> Limits {
         Limits { tolerance_px: self.options.tolerance_px, max_iterations: self.options.max_iterations }
     }
 
-    fn from_prediction(
+    fn follow_prediction(
         &self,
         frame: &mut B::Frame,
         displacement: &[[f64; 2]],
@@ -360,13 +357,13 @@ impl<B: Backend> Correlator<B> {
         }
         let mut coarse = displacement.to_vec();
         for pair in self.levels.windows(2) {
-            coarse = pair[1].from_finer(&pair[0].mesh, &coarse);
+            coarse = pair[1].taken_from_finer(&pair[0].mesh, &coarse);
         }
         self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse)
     }
 
     /// Finds each zone on the coarsest level and iterates down the pyramid.
-    fn from_search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+    fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
         let top = self.levels.len() - 1;
         let level = &self.levels[top];
         let deformed = self.backend.grey_map(frame, top)?;
@@ -383,8 +380,7 @@ impl<B: Backend> Correlator<B> {
             }
             let tried: Vec<Affine> = candidates.iter().map(|c| c[round.min(c.len() - 1)]).collect();
             let displacement = self.affine_field(level, &tried);
-            let mut field =
-                self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
+            let mut field = self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
             let sums = self.backend.observe(&level.prepared, frame, &mut field)?;
             for (zone, transfer) in self.backend.transfer(&field).into_iter().enumerate() {
                 let score = sums[zone].correlation();
@@ -422,7 +418,7 @@ impl<B: Backend> Correlator<B> {
                 displacement = self.backend.displacement(&field)?;
                 transfer = self.backend.transfer(&field);
             }
-            displacement = self.levels[at - 1].from_coarser(&level.mesh, &displacement);
+            displacement = self.levels[at - 1].taken_from_coarser(&level.mesh, &displacement);
         }
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, &displacement, &transfer);
@@ -431,12 +427,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Status, uncertainty and summary of a finished iteration.
-    fn finish(
-        &self,
-        field: &B::Field,
-        outcome: Outcome,
-        start: StartUsed,
-    ) -> Result<Correlation, CorrelationError> {
+    fn finish(&self, field: &B::Field, outcome: Outcome, start: StartUsed) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
         let full_displacement = self.backend.displacement(field)?;
@@ -597,11 +588,10 @@ fn finest_level<B: Backend>(
     let mut dropped: Vec<TextureFault> = Vec::new();
     let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
     loop {
-        let found: Vec<TextureFault> =
-            faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation)
-                .into_iter()
-                .filter(|fault| keep[fault.node])
-                .collect();
+        let found: Vec<TextureFault> = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation)
+            .into_iter()
+            .filter(|fault| keep[fault.node])
+            .collect();
         if found.is_empty() {
             break;
         }

@@ -61,13 +61,13 @@ pub(super) fn iterate<B: Backend>(
         own: None,
     };
     let (mut previous, mut stalls, mut damping) = (f64::INFINITY, 0, 1.0);
-    let mut counted_then = f64::NAN;
+    let mut counted_then: Option<f64> = None;
     for iteration in 1..=limits.max_iterations {
         if let Some(counted) = counted_with_loss(backend, level, field)? {
-            let renew = !((counted - counted_then).abs() <= RENEW_SHARE * counted);
+            let renew = counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted);
             if renew && iteration > 1 {
                 outcome.own = Some(own_solver(backend, level, frame, field, options)?);
-                counted_then = counted;
+                counted_then = Some(counted);
             }
         }
         let solver = outcome.own.as_ref().unwrap_or(&level.solver);
@@ -102,11 +102,7 @@ pub(super) fn iterate<B: Backend>(
 }
 
 /// Number of pixels counted, when some element has lost enough of its own; `None` when none has.
-fn counted_with_loss<B: Backend>(
-    backend: &B,
-    level: &Level<B>,
-    field: &B::Field,
-) -> Result<Option<f64>, BackendError> {
+fn counted_with_loss<B: Backend>(backend: &B, level: &Level<B>, field: &B::Field) -> Result<Option<f64>, BackendError> {
     let sums = backend.element_sums(&level.prepared, field)?;
     let lost = sums.iter().any(|s| s.n < (1.0 - LOST_SHARE) * s.n_all);
     Ok(lost.then(|| sums.iter().map(|s| s.n).sum()))

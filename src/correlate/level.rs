@@ -60,9 +60,7 @@ pub(super) fn assemble(
 pub(super) fn elimination_order(mesh: &Mesh<Px>) -> Vec<usize> {
     mesh.grids()
         .iter()
-        .flat_map(|grid| {
-            nested_dissection(grid.nx + 1, grid.ny + 1).into_iter().map(|node| grid.first_node + node)
-        })
+        .flat_map(|grid| nested_dissection(grid.nx + 1, grid.ny + 1).into_iter().map(|node| grid.first_node + node))
         .collect()
 }
 
@@ -94,9 +92,7 @@ impl<B: Backend> Level<B> {
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
         let noise = noise / f64::from(1u32 << level.min(30));
         let mut keep = vec![true; mesh.n_nodes()];
-        for fault in
-            super::texture::faults(&mesh, &matrix, &support(&mesh, &moments), noise, options.interpolation)
-        {
+        for fault in super::texture::faults(&mesh, &matrix, &support(&mesh, &moments), noise, options.interpolation) {
             keep[fault.node] = false;
         }
         matrix.hold(&keep);
@@ -105,12 +101,12 @@ impl<B: Backend> Level<B> {
     }
 
     /// The displacement on this level's nodes from that on the next coarser level's.
-    pub fn from_coarser(&self, coarse: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    pub fn taken_from_coarser(&self, coarse: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
         resample(coarse, displacement, &self.mesh, coarser, 2.0)
     }
 
     /// The displacement on this level's nodes from that on the next finer level's.
-    pub fn from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    pub fn taken_from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
         resample(fine, displacement, &self.mesh, finer, 0.5)
     }
 }

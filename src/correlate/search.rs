@@ -105,19 +105,15 @@ fn match_tile(
     for (x, y) in pixels() {
         packed[y * WINDOW + x].re = tile_value(x, y) - mean;
     }
-    let inside = |x: isize, y: isize| {
-        x >= 0 && y >= 0 && (x as usize) < deformed.width && (y as usize) < deformed.height
-    };
+    let inside =
+        |x: isize, y: isize| x >= 0 && y >= 0 && (x as usize) < deformed.width && (y as usize) < deformed.height;
     // Sums of the window and of its square over the rectangle above and left of each point, and of pixels.
     let side = WINDOW + 1;
     let mut integral = vec![[0.0f64; 3]; side * side];
     for y in 0..WINDOW {
         let mut row = [0.0f64; 3];
         for x in 0..WINDOW {
-            let (gx, gy) = (
-                at[0] as isize + x as isize - REACH as isize,
-                at[1] as isize + y as isize - REACH as isize,
-            );
+            let (gx, gy) = (at[0] as isize + x as isize - REACH as isize, at[1] as isize + y as isize - REACH as isize);
             if inside(gx, gy) {
                 let value = deformed.values[gy as usize * deformed.width + gx as usize];
                 packed[y * WINDOW + x].im = value;
@@ -148,7 +144,8 @@ fn match_tile(
         for dx in 0..=2 * REACH {
             let [sum, square, count] = std::array::from_fn(|k| {
                 let corner = |x: usize, y: usize| integral[y * side + x][k];
-                corner(dx + size[0], dy + size[1]) - corner(dx, dy + size[1]) - corner(dx + size[0], dy) + corner(dx, dy)
+                corner(dx + size[0], dy + size[1]) - corner(dx, dy + size[1]) - corner(dx + size[0], dy)
+                    + corner(dx, dy)
             });
             if count < 0.6 * f64::from(n) {
                 continue; // mostly outside the deformed image

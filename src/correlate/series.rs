@@ -50,9 +50,7 @@ impl<'a, B: Backend> Tracker<'a, B> {
         let (last_number, last) = self.history.first()?;
         let Some((before_number, before)) = self.history.get(1) else { return Some(last.clone()) };
         let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
-        let extrapolate = |(a, b): (&[f64; 2], &[f64; 2])| {
-            std::array::from_fn(|c| a[c] + ahead * (a[c] - b[c]))
-        };
+        let extrapolate = |(a, b): (&[f64; 2], &[f64; 2])| std::array::from_fn(|c| a[c] + ahead * (a[c] - b[c]));
         Some(last.iter().zip(before).map(extrapolate).collect())
     }
 }

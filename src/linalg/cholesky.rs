@@ -57,8 +57,7 @@ impl Cholesky {
         // The analysis fails only when an index or the memory overflows.
         .map_err(|_| NotPositiveDefinite { node: 0 })?;
         let mut factor = vec![0.0; symbolic.len_val()];
-        let mut memory =
-            MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()));
+        let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()));
         symbolic
             .factorize_numeric_llt(
                 &mut factor,

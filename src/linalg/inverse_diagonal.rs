@@ -153,10 +153,8 @@ fn product_body<const FMA: bool>(
         for (block, &column) in blocks[row.clone()].iter().zip(&matrix.pattern().columns()[row]) {
             let v = &p[column as usize];
             for lane in 0..LANES {
-                sum[0][lane] =
-                    mul_add::<FMA>(block[0], v[0][lane], mul_add::<FMA>(block[1], v[1][lane], sum[0][lane]));
-                sum[1][lane] =
-                    mul_add::<FMA>(block[2], v[0][lane], mul_add::<FMA>(block[3], v[1][lane], sum[1][lane]));
+                sum[0][lane] = mul_add::<FMA>(block[0], v[0][lane], mul_add::<FMA>(block[1], v[1][lane], sum[0][lane]));
+                sum[1][lane] = mul_add::<FMA>(block[2], v[0][lane], mul_add::<FMA>(block[3], v[1][lane], sum[1][lane]));
             }
         }
         let own = &p[first + k];

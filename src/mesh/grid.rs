@@ -211,7 +211,8 @@ impl Mesh<Px> {
 fn whole_elements(zone: &Zone, size: usize, width: usize, height: usize) -> Result<Grid, MeshError> {
     let Roi { x0, y0, x1, y1 } = zone.roi;
     let name = || zone.name.clone();
-    if !(x0 < x1 && y0 < y1) || ![x0, y0, x1, y1].iter().all(|v| v.is_finite()) {
+    let finite = [x0, y0, x1, y1].iter().all(|v| v.is_finite());
+    if !finite || x0 >= x1 || y0 >= y1 {
         return Err(MeshError::NotARectangle { zone: name(), x0, y0, x1, y1 });
     }
     // The image's pixels cover -0.5..width-0.5; a zone may end at `width`, since its right edge is open.

@@ -1,7 +1,7 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
-use crate::correlate::{Correlation, Correlator, StartUsed};
 use crate::backend::Backend;
+use crate::correlate::{Correlation, Correlator, StartUsed};
 use crate::field::{RigidMotion, Status};
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -312,8 +312,7 @@ impl Backend for CpuBackend {
             let grey = frame.grey(level);
             pixels::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
         }?;
-        let elements: Vec<_> =
-            mesh.grids().iter().flat_map(|grid| element_pixels(grid, f.width, f.height)).collect();
+        let elements: Vec<_> = mesh.grids().iter().flat_map(|grid| element_pixels(grid, f.width, f.height)).collect();
         let narrow = elements.iter().all(|e| e.nx <= 8);
         let with_transfer = options.brightness == Brightness::Element;
         let reference = Reference { f, fx, fy, elements };
@@ -380,7 +379,7 @@ impl Backend for CpuBackend {
             for c in 0..2 {
                 u[c] += damping * du[c];
                 // `max` would drop a NaN; a correction that is not a number must be seen.
-                if !(du[c].abs() <= largest) {
+                if du[c].abs() > largest || du[c].is_nan() {
                     largest = du[c].abs();
                 }
             }
@@ -404,12 +403,10 @@ impl Backend for CpuBackend {
                 residual::visit_pixels(element, &field.corners[at], deformed, |column, row, inside| {
                     counted[row * element.nx as usize + column] = inside;
                 });
-                let moments = normal_matrix::partial_moments(
-                    &level.reference,
-                    element,
-                    level.own_transfer(),
-                    |column, row| counted[row * element.nx as usize + column],
-                );
+                let moments =
+                    normal_matrix::partial_moments(&level.reference, element, level.own_transfer(), |column, row| {
+                        counted[row * element.nx as usize + column]
+                    });
                 (at, moments)
             })
             .collect())

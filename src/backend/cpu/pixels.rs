@@ -36,19 +36,32 @@ pub(super) fn halve<G: Grey>(grey: &[G], width: usize, height: usize, offset: f3
 }
 
 /// Grey levels as a plane (its border is not filled).
-pub(super) fn plane_of<G: Grey>(pool: &Pool, grey: &[G], width: usize, height: usize, offset: f32) -> Result<Plane, BackendError> {
+pub(super) fn plane_of<G: Grey>(
+    pool: &Pool,
+    grey: &[G],
+    width: usize,
+    height: usize,
+    offset: f32,
+) -> Result<Plane, BackendError> {
     let mut plane = pool.plane(width, height)?;
     let (stride, first) = (plane.stride, plane.at(0, 0));
-    plane.data_mut()[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
-        for (out, grey) in out.iter_mut().zip(row) {
-            *out = grey.value() - offset;
-        }
-    });
+    plane.data_mut()[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(
+        |(out, row)| {
+            for (out, grey) in out.iter_mut().zip(row) {
+                *out = grey.value() - offset;
+            }
+        },
+    );
     Ok(plane)
 }
 
 /// Gradient at the pixels of the spline with these coefficients: d/dx and d/dy, grey levels per px.
-pub(super) fn gradient(pool: &Pool, isa: Isa, coefficients: &Plane, interpolation: Interpolation) -> Result<(Plane, Plane), BackendError> {
+pub(super) fn gradient(
+    pool: &Pool,
+    isa: Isa,
+    coefficients: &Plane,
+    interpolation: Interpolation,
+) -> Result<(Plane, Plane), BackendError> {
     let (width, height) = (coefficients.width, coefficients.height);
     let (mut fx, mut fy) = (pool.plane(width, height)?, pool.plane(width, height)?);
     let (stride, first, c) = (fx.stride, fx.at(0, 0), coefficients.view());

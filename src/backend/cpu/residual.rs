@@ -220,7 +220,13 @@ fn next_taps(plane: View<'_>, [x, y]: [i32; 2], below: usize, ahead: usize) -> u
 
 /// One pixel, the same sums in the same order.
 #[inline(always)]
-fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(c: View<'_>, x: i32, y: i32, tx: f32, ty: f32) -> f32 {
+fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(
+    c: View<'_>,
+    x: i32,
+    y: i32,
+    tx: f32,
+    ty: f32,
+) -> f32 {
     let before = (K / 2 - 1) as isize;
     let (wx, wy) = (S::weights::<FMA, 1>(&[tx]), S::weights::<FMA, 1>(&[ty]));
     let mut g = 0.0;

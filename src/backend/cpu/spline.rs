@@ -107,9 +107,7 @@ pub(super) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
         ),
         // The derivative of Keys' kernel at a pixel is the central difference; bilinear has none, and
         // takes the same.
-        Interpolation::Keys | Interpolation::Bilinear => {
-            ([0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0])
-        }
+        Interpolation::Keys | Interpolation::Bilinear => ([0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
     }
 }
 
