@@ -240,10 +240,10 @@ impl Layout {
         let upright = |_: &str| f64::from(small.digit());
         let pixels = |side: f64| Range { low: -0.5, high: side - 0.5 };
         let x_ticks = ticks(pixels(size[0]), f64::from(map_width), 1.0, 28.0, across);
-        let y_ticks = ticks(pixels(size[1]), f64::from(map_height), 1.0, 28.0, upright);
+        let y_ticks = ticks(pixels(size[1]), f64::from(map_height), 1.0, 18.0, upright);
         let bar_ticks = bar.map_or(Vec::new(), |bar| {
             if flat {
-                ticks(bar.range, f64::from(map_width), 0.0, 36.0, across)
+                ticks(bar.range, f64::from(map_width), 0.0, 24.0, across)
             } else {
                 ticks(bar.range, f64::from(map_height), 0.0, 36.0, upright)
             }

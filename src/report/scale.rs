@@ -83,8 +83,8 @@ pub(super) fn ticks(range: Range, length: f64, least_step: f64, gap: f64, extent
     for number in (2..=10).rev() {
         let exponent_and_step = round_step((high - low) / f64::from(number));
         let (exponent, step) = if exponent_and_step.1 < least_step { (0, least_step) } else { exponent_and_step };
-        // A thousandth of a step beyond the ends: an end that is itself a multiple keeps its tick.
-        let (first, last) = ((low / step - 1e-3).ceil() as i64, (high / step + 1e-3).floor() as i64);
+        // A little beyond the ends: one that is itself a multiple keeps its tick.
+        let (first, last) = ((low / step - 1e-6).ceil() as i64, (high / step + 1e-6).floor() as i64);
         let label = labels(range, exponent);
         ticks = (first..=last).map(|k| Tick { value: k as f64 * step, label: label(k as f64 * step) }).collect();
         let apart = step / (high - low) * length;
