@@ -170,7 +170,7 @@ fn draw(maps: &Path, number: usize, reference: &crate::imaging::Image, measureme
             .save_png(maps.join(format!("{number:06}-{name}.png")))?;
     }
     let options = MapOptions {
-        palette: Palette::Cividis,
+        palette: Palette::Plasma,
         ..MapOptions::new(format!("Residual, frame {number}"), "rms residual per element (grey levels)")
     };
     element_map(reference, measurement, &measurement.element_residual, &options)?
