@@ -165,6 +165,9 @@ pub struct Correlation {
     pub iterations: usize,
     /// Largest nodal correction of the last iteration, px.
     pub correction_px: f64,
+    /// Place of the node of that correction in the reference image, px: where to look when a frame does
+    /// not converge.
+    pub correction_at: [f64; 2],
     /// Root mean square of the residual over all zones, grey levels, at the field before the last
     /// correction.
     pub residual_rms: f64,
@@ -497,6 +500,7 @@ impl<B: Backend> Correlator<B> {
             },
             iterations: outcome.iterations,
             correction_px: outcome.correction_px,
+            correction_at: mesh.nodes()[outcome.worst_node],
             residual_rms: all.residual_rms(),
             residual_percent: 100.0 * all.residual_rms() / self.grey_range.max(f64::MIN_POSITIVE),
             rigid,
