@@ -103,7 +103,7 @@ pub(super) fn run_series(
                 node: fault.node,
                 x_px: fault.at[0],
                 y_px: fault.at[1],
-                reason: if fault.striped { "stripes: no texture along them" } else { "no texture" }.into(),
+                reason: fault.lack.name().into(),
             })
             .collect(),
         counts: counts(&[]),

@@ -3,13 +3,13 @@
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, assemble, coarse_mesh, elimination_order, support};
 use super::search::{Affine, motions};
-use super::texture::{TextureFault, assumed_noise, faults, rounding};
+use super::texture::{Lack, TextureFault, assumed_noise, faults, rounding, undetermined};
 use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, BackendError, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, StartFrom, Status};
 use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
-use crate::linalg::{NotPositiveDefinite, Pattern, Solver, SolverChoice};
+use crate::linalg::{BlockMatrix, NotPositiveDefinite, Pattern, Solver, SolverChoice};
 use crate::mesh::{Mesh, MeshError, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -73,7 +73,7 @@ pub enum CorrelationError {
         wanted: &'static str,
     },
     /// Nodes of the reference see no texture.
-    #[error("{} of {n_nodes} nodes see no texture in the reference image: {}; move the zone off them, enlarge the elements, or leave them out with --drop-textureless", faults.len(), first_few(faults))]
+    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; move the zone off them, enlarge the elements, or leave them out with --drop-textureless", faults.len(), first_few(faults))]
     NoTexture {
         /// The nodes.
         faults: Vec<TextureFault>,
@@ -83,11 +83,6 @@ pub enum CorrelationError {
     /// Nothing is left to measure.
     #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
     Textureless,
-    /// The normal matrix has no factor.
-    #[error(
-        "the texture of the reference image does not determine the displacement: {0}; enlarge the elements or leave the place out"
-    )]
-    Singular(#[from] NotPositiveDefinite),
     /// A deformed image of another size.
     #[error("the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
     Size {
@@ -239,9 +234,9 @@ impl<B: Backend> Correlator<B> {
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
         let mut frame = backend.frame(reference, &kernel)?;
-        let (finest, dropped) = finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
-        let inverse_variance = inverse_variances(isa, &mesh, &finest.solver);
-        let mut levels = vec![finest];
+        let Finest { level, inverse_variance, dropped } =
+            finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
+        let mut levels = vec![level];
         for level in 1..=search_level(&mesh) {
             let coarse = Arc::new(coarse_mesh(&levels[level - 1].mesh, options.element_size));
             levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel)?);
@@ -582,7 +577,15 @@ fn search_level(mesh: &Mesh<Px>) -> usize {
     level
 }
 
-/// Prepares the finest level: texture check, elements left out, matrix and factor.
+/// The finest level and what goes with it.
+struct Finest<B: Backend> {
+    level: Level<B>,
+    inverse_variance: Vec<[f64; 2]>,
+    dropped: Vec<TextureFault>,
+}
+
+/// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused or left out,
+/// until what remains is determined.
 fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
@@ -590,20 +593,34 @@ fn finest_level<B: Backend>(
     noise: f64,
     kernel: &KernelOptions,
     options: &Options,
-) -> Result<(Level<B>, Vec<TextureFault>), CorrelationError> {
+) -> Result<Finest<B>, CorrelationError> {
     let (mut prepared, mut moments) = backend.reference(frame, 0, mesh.clone(), kernel)?;
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
     let mut keep = vec![true; mesh.n_nodes()];
     let mut active = vec![true; mesh.n_elements()];
     let mut dropped: Vec<TextureFault> = Vec::new();
-    let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
     loop {
-        let found: Vec<TextureFault> = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation)
-            .into_iter()
-            .filter(|fault| keep[fault.node])
-            .collect();
+        let matrix = assemble(&mesh, &pattern, &moments, kernel);
+        let mut found = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation);
+        found.retain(|fault| keep[fault.node]);
         if found.is_empty() {
-            break;
+            match factorised(matrix, &mesh, &keep, options) {
+                Ok(solver) => {
+                    let inverse_variance = inverse_variances(Isa::detect(), &mesh, &solver);
+                    found = undetermined(&mesh, &inverse_variance, noise);
+                    found.retain(|fault| keep[fault.node]);
+                    if found.is_empty() {
+                        backend.restrict(&mut prepared, &active);
+                        dropped.sort_by_key(|fault| fault.node);
+                        let level = Level { mesh, prepared, moments, pattern, solver, keep };
+                        return Ok(Finest { level, inverse_variance, dropped });
+                    }
+                }
+                Err(NotPositiveDefinite { node }) => {
+                    let lack = Lack::Precision { sigma_px: f64::INFINITY };
+                    found.push(TextureFault { node, at: mesh.nodes()[node], lack });
+                }
+            }
         }
         if !options.drop_textureless {
             return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
@@ -623,11 +640,15 @@ fn finest_level<B: Backend>(
         if !keep.contains(&true) {
             return Err(CorrelationError::Textureless);
         }
-        matrix = assemble(&mesh, &pattern, &moments, kernel);
     }
-    backend.restrict(&mut prepared, &active);
-    matrix.hold(&keep);
-    let solver = Solver::new(matrix, options.solver, || elimination_order(&mesh))?;
-    dropped.sort_by_key(|fault| fault.node);
-    Ok((Level { mesh, prepared, moments, pattern, solver, keep }, dropped))
+}
+
+fn factorised(
+    mut matrix: BlockMatrix,
+    mesh: &Mesh<Px>,
+    keep: &[bool],
+    options: &Options,
+) -> Result<Solver, NotPositiveDefinite> {
+    matrix.hold(keep);
+    Solver::new(matrix, options.solver, || elimination_order(mesh))
 }

@@ -10,4 +10,4 @@ mod uncertainty;
 
 pub use correlator::{Correlation, CorrelationError, Correlator, Options, StartUsed, ZoneResult};
 pub use series::Tracker;
-pub use texture::{TextureFault, assumed_noise};
+pub use texture::{Lack, TextureFault, assumed_noise};

@@ -16,22 +16,54 @@ pub struct TextureFault {
     pub node: usize,
     /// Its place, px.
     pub at: [f64; 2],
-    /// Root mean square of the gradient in the weakest direction, grey levels per px.
-    pub weakest_gradient: f64,
-    /// What is needed there: the noise's share times a margin.
-    pub needed: f64,
-    /// Whether there is texture in one direction (stripes) but none across it.
-    pub striped: bool,
+    /// What is missing there.
+    pub lack: Lack,
+}
+
+/// What a node lacks to be measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Lack {
+    /// Texture, in all directions or along stripes.
+    Texture {
+        /// Root mean square of the gradient in the weakest direction, grey levels per px.
+        weakest: f64,
+        /// What is needed: the noise's share times a margin.
+        needed: f64,
+        /// Whether there is texture across stripes, but none along them.
+        striped: bool,
+    },
+    /// Enough texture together with its neighbours: the displacement would be this uncertain, px
+    /// (infinite: not determined at all).
+    Precision {
+        /// Standard uncertainty, px.
+        sigma_px: f64,
+    },
+}
+
+impl Lack {
+    /// In a few words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Lack::Texture { striped: false, .. } => "no texture",
+            Lack::Texture { striped: true, .. } => "stripes: no texture along them",
+            Lack::Precision { .. } => "too little texture",
+        }
+    }
 }
 
 impl std::fmt::Display for TextureFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = if self.striped { "stripes, no texture along them" } else { "no texture" };
-        write!(
-            f,
-            "node {} at ({}, {}) px: {kind} (gradient {:.3} of {:.3} grey levels/px needed)",
-            self.node, self.at[0], self.at[1], self.weakest_gradient, self.needed
-        )
+        write!(f, "node {} at ({}, {}) px: {} ", self.node, self.at[0], self.at[1], self.lack.name())?;
+        match self.lack {
+            Lack::Texture { weakest, needed, .. } => {
+                write!(f, "(gradient {weakest:.3} of {needed:.3} grey levels/px needed)")
+            }
+            Lack::Precision { sigma_px } if sigma_px.is_finite() => {
+                write!(f, "(the displacement there would be uncertain by {sigma_px:.2} px)")
+            }
+            Lack::Precision { .. } => write!(f, "(the displacement there is not determined)"),
+        }
     }
 }
 
@@ -59,9 +91,30 @@ pub(super) fn faults(
             fault.then(|| TextureFault {
                 node,
                 at: mesh.nodes()[node],
-                weakest_gradient: weakest.sqrt(),
-                needed: needed.max(1e-5 * strongest).sqrt(),
-                striped: strongest > needed,
+                lack: Lack::Texture {
+                    weakest: weakest.sqrt(),
+                    needed: needed.max(1e-5 * strongest).sqrt(),
+                    striped: strongest > needed,
+                },
+            })
+        })
+        .collect()
+}
+
+/// A node less certain than this (px, standard uncertainty) is not measured but guessed.
+const LEAST_CERTAIN_PX: f64 = 0.5;
+
+/// The nodes that their neighbourhood does not determine: texture confined to a spot gives every node
+/// around it a regular block, but not all of them together a displacement.
+pub(super) fn undetermined(mesh: &Mesh<Px>, inverse_variance: &[[f64; 2]], noise: f64) -> Vec<TextureFault> {
+    (0..mesh.n_nodes())
+        .filter_map(|node| {
+            let variance = inverse_variance[node][0].max(inverse_variance[node][1]);
+            let sigma_px = noise * (2.0 * variance).sqrt();
+            (sigma_px > LEAST_CERTAIN_PX).then(|| TextureFault {
+                node,
+                at: mesh.nodes()[node],
+                lack: Lack::Precision { sigma_px },
             })
         })
         .collect()
