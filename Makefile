@@ -1,0 +1,29 @@
+# The doors of this project; `make` alone lists them.
+
+CARGO ?= cargo
+
+.PHONY: help build demo test check bench clean
+
+help: ## List what make can do (the default)
+	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
+
+build: ## Build target/release/quadrille
+	$(CARGO) build --release --locked
+
+demo: ## Make, correlate and check a 20-image example; results in out/demo
+	$(CARGO) run --release --locked -- demo --output out/demo
+
+test: ## Install what tests need where it may, then run every test
+	scripts/test.sh
+
+check: ## Formatting, lints, documentation: all without a warning
+	$(CARGO) fmt --check
+	$(CARGO) clippy --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --locked
+
+bench: ## Run the benchmarks
+	$(CARGO) bench --locked
+
+clean: ## Remove what was built and made: target, out, .venv
+	$(CARGO) clean
+	rm -rf out .venv

@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# Installs what the tests use beside Rust, where it may, and says what is missing:
+#   - the software Vulkan driver (Debian packages mesa-vulkan-drivers, libvulkan1);
+#   - a Python virtual environment, .venv, with scripts/requirements.txt.
+# It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
+# what is not there, and touches no network when nothing is missing.
+set -u
+cd "$(dirname "$0")/.." || exit 1
+
+say() { echo "prepare: $*"; }
+
+installed() { # PACKAGE: whether Debian's package manager has it
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+as_root() { # COMMAND...: as root, with sudo where that asks no password
+    if [ "$(id -u)" -eq 0 ]; then
+        "$@"
+    else
+        sudo -n "$@"
+    fi
+}
+
+can_install() {
+    command -v apt-get >/dev/null || return 1
+    [ "$(id -u)" -eq 0 ] || { command -v sudo >/dev/null && sudo -n true 2>/dev/null; }
+}
+
+updated=no
+install() { # PACKAGE...: those that are not there; false when one is missing afterwards
+    local missing=() package
+    for package in "$@"; do
+        installed "$package" || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] && return 0
+    if ! can_install; then
+        say "not installed: ${missing[*]} (needs apt-get, and root or sudo without a password)"
+        return 1
+    fi
+    say "installing ${missing[*]}"
+    local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -q -y -o Acquire::Retries=1 -o Acquire::http::Timeout=30)
+    if [ "$updated" = no ]; then
+        updated=yes
+        as_root "${apt[@]}" update >/dev/null || say "apt-get update failed; going on with the lists there are"
+    fi
+    if ! as_root "${apt[@]}" install --no-install-recommends "${missing[@]}" >/dev/null; then
+        say "not installed: ${missing[*]} (apt-get failed)"
+        return 1
+    fi
+}
+
+vulkan() {
+    if install mesa-vulkan-drivers libvulkan1; then
+        say "software Vulkan driver: there"
+    else
+        say "software Vulkan driver: missing; no test needs it yet"
+    fi
+}
+
+# The requirements that .venv was made from are kept in it: the same text means that nothing is to be done.
+python_environment() {
+    local wanted=scripts/requirements.txt stamp=.venv/requirements.txt
+    if cmp -s "$wanted" "$stamp" && .venv/bin/python scripts/check_vtu.py --available 2>/dev/null; then
+        say "Python with meshio: .venv"
+        return
+    fi
+    if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
+        install python3-venv || true
+    fi
+    if python3 -m venv --clear .venv && .venv/bin/python -m pip install --quiet --disable-pip-version-check -r "$wanted"; then
+        cp "$wanted" "$stamp"
+        say "Python with meshio: .venv"
+    else
+        rm -rf .venv
+        say "Python with meshio: missing (see above); the tests that read .vtu files with it are skipped"
+    fi
+}
+
+vulkan
+python_environment
+exit 0
