@@ -57,7 +57,7 @@ fn one_line(message: &str) -> String {
     let said = message.trim_start_matches("error: ").lines().map(str::trim);
     let said = said.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
     let said: Vec<_> = said.filter(|line| !line.is_empty()).collect();
-    format!("{}; more with --help", said.join(" "))
+    format!("{}; more with --help", said.join(" ").replace(" tip: ", "; "))
 }
 
 /// An error and its causes on one line.
