@@ -90,7 +90,7 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub tolerance: Option<f64>,
     /// Iterations after which a frame is given up. Default 50.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_iterations: Option<u32>,
     /// Brightness and contrast followed per zone, per element, or not at all. Default zone.
     #[arg(long, value_name = "zone|element|off")]
@@ -105,7 +105,7 @@ pub struct CorrelateArgs {
     #[arg(long)]
     pub drop_textureless: bool,
     /// Page of multi-page TIFF files. Default 0, the first.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub page: Option<u32>,
     /// Millimetres per pixel: adds columns in mm.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
@@ -121,7 +121,7 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "NAME")]
     pub isa: Option<String>,
     /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,
     /// Only errors.
     #[arg(long, short, conflicts_with = "verbose")]
@@ -186,19 +186,19 @@ pub struct SynthArgs {
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub size: [usize; 2],
     /// Number of deformed images.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub frames: usize,
     /// Depth of the images.
     #[arg(long, value_enum, default_value = "8")]
     pub bits: Bits,
     /// Standard deviation of the noise, grey levels of 255.
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     pub noise: f32,
     /// Seed of speckles and noise.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Mean speckle size, px (2 to 32).
-    #[arg(long, value_name = "PX", default_value_t = 4.5)]
+    #[arg(long, value_name = "PX", default_value_t = 4.5, allow_negative_numbers = true)]
     pub speckle: f64,
     /// Displacement, px.
     #[arg(long, value_name = "ux,uy", value_parser = pair, default_value = "0.5,0.5", allow_hyphen_values = true)]
@@ -213,16 +213,16 @@ pub struct SynthArgs {
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub amplitude: Option<f64>,
     /// Wavelength, px.
-    #[arg(long, value_name = "PX", default_value_t = 256.0)]
+    #[arg(long, value_name = "PX", default_value_t = 256.0, allow_negative_numbers = true)]
     pub wavelength: f64,
     /// Opening at the right edge in the last frame, px.
-    #[arg(long, value_name = "PX", default_value_t = 16.0)]
+    #[arg(long, value_name = "PX", default_value_t = 16.0, allow_negative_numbers = true)]
     pub opening: f64,
     /// Sliding in the last frame, px.
     #[arg(long, value_name = "PX", default_value_t = 2.0, allow_hyphen_values = true)]
     pub slide: f64,
     /// Distance of the points at which the exact displacement is written, px.
-    #[arg(long, value_name = "PX", default_value_t = 16)]
+    #[arg(long, value_name = "PX", default_value_t = 16, allow_negative_numbers = true)]
     pub grid: usize,
 }
 
@@ -234,10 +234,10 @@ pub struct DemoArgs {
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     pub output: PathBuf,
     /// Seed of speckles and noise: changes the images, not the conclusion.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads. Default: all cores.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,
 }
 

@@ -7,10 +7,11 @@ use super::run_folder::RunFolder;
 use super::{Outcome, Result, chain, pool};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
-use crate::correlate::{Correlation, Correlator, Tracker};
+use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::Status;
 use crate::io::case::write_case;
 use crate::io::images::{Loaded, ReadError, read_image};
+use crate::mesh::MeshError;
 use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, units};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -57,7 +58,7 @@ pub(super) fn run_series(
     let backend = CpuBackend::new(plan.isa);
     let correlator = pool
         .install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone()))
-        .map_err(|error| format!("{}: {}", plan.reference.display(), chain(&error)))?;
+        .map_err(|error| about_reference(plan, &error))?;
     let seconds_reference = prepare.elapsed().as_secs_f64();
     folder.clear(plan.csv, plan.vtu)?;
 
@@ -154,6 +155,18 @@ pub(super) fn run_series(
     progress.finish(&summary.frames, summary.seconds_total);
     progress.say(&format!("results in {}", folder.path().display()));
     Ok(summary)
+}
+
+/// Why the reference cannot be prepared; its file is named when the fault may be in it.
+fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
+    use MeshError::{ElementSize, NotARectangle, Overlap, SameName};
+    match error {
+        CorrelationError::Option { .. }
+        | CorrelationError::Mesh(ElementSize { .. } | NotARectangle { .. } | Overlap { .. } | SameName { .. }) => {
+            chain(error)
+        }
+        _ => format!("{}: {}", plan.reference.display(), chain(error)),
+    }
 }
 
 /// A frame that was read, or not.

@@ -9,6 +9,7 @@ mod run_folder;
 mod synth;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -25,7 +26,17 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
 /// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run.
 pub fn main() -> ExitCode {
-    let cli = args::Cli::parse(); // clap itself exits with 2 on arguments it does not know
+    let cli = match args::Cli::try_parse() {
+        Ok(cli) => cli,
+        // Help and version are what was asked for; clap prints them.
+        Err(asked) if !asked.use_stderr() || asked.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            asked.exit()
+        }
+        Err(wrong) => {
+            eprintln!("quadrille: {}", one_line(&wrong.render().to_string()));
+            return ExitCode::from(2);
+        }
+    };
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Synth(args) => synth::run(&args),
@@ -39,6 +50,14 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// What clap says about wrong arguments, on one line: the fault and its tip, without the usage.
+fn one_line(message: &str) -> String {
+    let said = message.trim_start_matches("error: ").lines().map(str::trim);
+    let said = said.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
+    let said: Vec<_> = said.filter(|line| !line.is_empty()).collect();
+    format!("{}; more with --help", said.join(" ").replace(" tip: ", "; "))
 }
 
 /// An error and its causes on one line.

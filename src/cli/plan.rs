@@ -130,19 +130,17 @@ fn images(args: &CorrelateArgs, case: &CaseFile) -> Result<(PathBuf, Vec<PathBuf
     };
     let given = args.reference.clone().or(case.images.reference.as_ref().map(|name| case.resolve(name)));
     let reference = match given {
-        // A glob over the folder takes the reference along: it is no deformed image.
-        Some(reference) => {
-            let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-            let same = absolute(&reference);
-            let listed_alone = deformed.len() == 1;
-            deformed.retain(|path| listed_alone || absolute(path) != same);
-            reference
-        }
+        Some(reference) => reference,
         None if deformed.is_empty() => {
             return Err("no image is given; name the reference and the deformed images, or a --case file".into());
         }
         None => deformed.remove(0),
     };
+    // A glob over the folder takes the reference along: it is no deformed image, unless it is the only one.
+    let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let same = absolute(&reference);
+    let listed_alone = deformed.len() == 1;
+    deformed.retain(|path| listed_alone || absolute(path) != same);
     if deformed.is_empty() {
         return Err(format!("{}: there is no deformed image beside the reference", reference.display()).into());
     }

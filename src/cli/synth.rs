@@ -63,6 +63,7 @@ fn make<M: Motion>(args: &SynthArgs, motion: M) -> Result<Outcome> {
         )
         .into());
     }
+    remove_further(&args.output, args.frames)?;
     write_series(&series, &args.output, args.grid)?;
     let about = json!({
         "quadrille": env!("CARGO_PKG_VERSION"),
@@ -103,6 +104,20 @@ pub(super) fn write_series<M: Motion>(series: &Series<M>, folder: &Path, grid: u
         }
         let path = exact.join(format!("{frame:06}.csv"));
         fs::write(&path, text).map_err(|e| cannot(&path, &e))?;
+    }
+    Ok(())
+}
+
+/// Removes the images that an earlier, longer series left behind: a glob would take them along.
+fn remove_further(folder: &Path, n_frames: usize) -> Result<()> {
+    for frame in n_frames + 1.. {
+        let image = folder.join(format!("{frame:06}.tif"));
+        if !folder.join("synth.json").exists() || !image.exists() {
+            break;
+        }
+        for path in [image, folder.join(format!("exact/{frame:06}.csv"))] {
+            fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
+        }
     }
     Ok(())
 }

@@ -108,7 +108,10 @@ pub fn write_displacements<W: Write>(
         writeln!(out, "# {line}")?;
     }
     writeln!(out, "# status: {}", measurement.status.name())?;
-    writeln!(out, "# x to the right, y down, origin at the centre of the top-left pixel of the reference image")?;
+    writeln!(
+        out,
+        "# lengths in px: x to the right, y down, origin at the centre of the top-left pixel of the reference image"
+    )?;
     writeln!(out, "# u leads from the reference to the deformed image; sigma is its standard uncertainty")?;
     if let Some(size) = pixel_size {
         writeln!(out, "# 1 px = {:?} mm; the columns in mm have the same frame, y down", size.mm_per_px())?;
