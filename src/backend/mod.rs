@@ -7,6 +7,7 @@ pub use sums::{ElementMoments, PixelSums};
 
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
+use crate::isa::Isa;
 use crate::linalg::Solver;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -66,6 +67,9 @@ pub struct KernelOptions {
 /// would say too little about its far nodes.
 pub const KEPT_SHARE: f64 = 0.5;
 
+/// and comes back only with this share, so that it does not flicker while the field settles.
+pub const BACK_SHARE: f64 = 0.6;
+
 /// What one Gauss-Newton step found, at the field before its correction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
@@ -91,6 +95,11 @@ pub trait Backend: Sync {
 
     /// What device this is: its name and the instruction path or driver.
     fn device(&self) -> String;
+
+    /// Instruction path of the work that stays on the CPU.
+    fn host_isa(&self) -> Isa {
+        Isa::detect()
+    }
 
     /// Brings an image to the device; pyramid levels are made when first asked for.
     ///

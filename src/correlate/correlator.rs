@@ -3,13 +3,13 @@
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, assemble, coarse_mesh, elimination_order, support};
 use super::search::{Affine, motions};
-use super::texture::{Lack, TextureFault, assumed_noise, faults, rounding, undetermined};
+use super::texture::{TextureFault, assumed_noise, faults, least_determined, rounding, undetermined};
 use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, BackendError, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, StartFrom, Status};
 use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
-use crate::linalg::{BlockMatrix, NotPositiveDefinite, Pattern, Solver, SolverChoice};
+use crate::linalg::{Pattern, Solver, SolverChoice};
 use crate::mesh::{Mesh, MeshError, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -222,7 +222,7 @@ impl<B: Backend> Correlator<B> {
     /// Options, zones or texture that do not allow a measurement; a device that fails.
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
         check(&options)?;
-        let isa = Isa::detect();
+        let isa = backend.host_isa();
         let size = [reference.width(), reference.height()];
         let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
         let (low, high) = reference.range();
@@ -600,27 +600,28 @@ fn finest_level<B: Backend>(
     let mut active = vec![true; mesh.n_elements()];
     let mut dropped: Vec<TextureFault> = Vec::new();
     loop {
-        let matrix = assemble(&mesh, &pattern, &moments, kernel);
+        let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
         let mut found = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation);
         found.retain(|fault| keep[fault.node]);
         if found.is_empty() {
-            match factorised(matrix, &mesh, &keep, options) {
-                Ok(solver) => {
-                    let inverse_variance = inverse_variances(Isa::detect(), &mesh, &solver);
-                    found = undetermined(&mesh, &inverse_variance, noise);
-                    found.retain(|fault| keep[fault.node]);
-                    if found.is_empty() {
-                        backend.restrict(&mut prepared, &active);
-                        dropped.sort_by_key(|fault| fault.node);
-                        let level = Level { mesh, prepared, moments, pattern, solver, keep };
-                        return Ok(Finest { level, inverse_variance, dropped });
-                    }
-                }
-                Err(NotPositiveDefinite { node }) => {
-                    let lack = Lack::Precision { sigma_px: f64::INFINITY };
-                    found.push(TextureFault { node, at: mesh.nodes()[node], lack });
-                }
+            matrix.hold(&keep);
+            let factorised = Solver::new(matrix.clone(), options.solver, || elimination_order(&mesh));
+            let has_factor = factorised.is_ok();
+            let solver = factorised.unwrap_or_else(|_| Solver::iterative(matrix));
+            let inverse_variance = inverse_variances(backend.host_isa(), &mesh, &solver);
+            found = undetermined(&mesh, &inverse_variance, &keep, noise);
+            if !has_factor && found.is_empty() {
+                found = least_determined(&mesh, &inverse_variance, &keep);
             }
+            if found.is_empty() {
+                backend.restrict(&mut prepared, &active);
+                dropped.sort_by_key(|fault| fault.node);
+                let level = Level { mesh, prepared, moments, pattern, solver, keep };
+                return Ok(Finest { level, inverse_variance, dropped });
+            }
+        }
+        if found.len() == keep.iter().filter(|&&kept| kept).count() {
+            return Err(CorrelationError::Textureless);
         }
         if !options.drop_textureless {
             return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
@@ -637,18 +638,5 @@ fn finest_level<B: Backend>(
             }
         }
         dropped.extend(found);
-        if !keep.contains(&true) {
-            return Err(CorrelationError::Textureless);
-        }
     }
-}
-
-fn factorised(
-    mut matrix: BlockMatrix,
-    mesh: &Mesh<Px>,
-    keep: &[bool],
-    options: &Options,
-) -> Result<Solver, NotPositiveDefinite> {
-    matrix.hold(keep);
-    Solver::new(matrix, options.solver, || elimination_order(mesh))
 }

@@ -106,18 +106,37 @@ const LEAST_CERTAIN_PX: f64 = 0.5;
 
 /// The nodes that their neighbourhood does not determine: texture confined to a spot gives every node
 /// around it a regular block, but not all of them together a displacement.
-pub(super) fn undetermined(mesh: &Mesh<Px>, inverse_variance: &[[f64; 2]], noise: f64) -> Vec<TextureFault> {
+pub(super) fn undetermined(
+    mesh: &Mesh<Px>,
+    inverse_variance: &[[f64; 2]],
+    keep: &[bool],
+    noise: f64,
+) -> Vec<TextureFault> {
+    let sigma = |node: usize| noise * (2.0 * larger(inverse_variance[node])).sqrt();
     (0..mesh.n_nodes())
-        .filter_map(|node| {
-            let variance = inverse_variance[node][0].max(inverse_variance[node][1]);
-            let sigma_px = noise * (2.0 * variance).sqrt();
-            (sigma_px > LEAST_CERTAIN_PX).then(|| TextureFault {
-                node,
-                at: mesh.nodes()[node],
-                lack: Lack::Precision { sigma_px },
-            })
-        })
+        .filter(|&node| keep[node] && sigma(node) > LEAST_CERTAIN_PX)
+        .map(|node| fault_of_precision(mesh, node, sigma(node)))
         .collect()
+}
+
+/// The nodes to blame when the matrix has no factor although none is uncertain by the noise (images
+/// without noise): those far less determined than most, at least the least determined one.
+pub(super) fn least_determined(mesh: &Mesh<Px>, inverse_variance: &[[f64; 2]], keep: &[bool]) -> Vec<TextureFault> {
+    const FAR: f64 = 1e4;
+    let mut kept: Vec<(f64, usize)> =
+        (0..mesh.n_nodes()).filter(|&node| keep[node]).map(|node| (larger(inverse_variance[node]), node)).collect();
+    kept.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let limit = FAR * kept.get(kept.len() / 2).map_or(0.0, |median| median.0);
+    let n_beyond = kept.iter().take_while(|(variance, _)| *variance > limit).count().max(1);
+    kept.iter().take(n_beyond).map(|&(_, node)| fault_of_precision(mesh, node, f64::INFINITY)).collect()
+}
+
+fn larger([a, b]: [f64; 2]) -> f64 {
+    a.max(b)
+}
+
+fn fault_of_precision(mesh: &Mesh<Px>, node: usize, sigma_px: f64) -> TextureFault {
+    TextureFault { node, at: mesh.nodes()[node], lack: Lack::Precision { sigma_px } }
 }
 
 /// Standard deviation of the rounding to integer grey levels; none for float images.

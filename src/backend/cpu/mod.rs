@@ -11,7 +11,8 @@ mod residual;
 mod spline;
 
 use crate::backend::{
-    Backend, BackendError, ElementMoments, GreyMap, GreyTransfer, KEPT_SHARE, KernelOptions, PixelSums, Step,
+    BACK_SHARE, Backend, BackendError, ElementMoments, GreyMap, GreyTransfer, KEPT_SHARE, KernelOptions, PixelSums,
+    Step,
 };
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
@@ -151,6 +152,8 @@ pub struct CpuField {
     sums: Vec<ElementSums>,
     /// Gain and offset per element.
     element_transfer: Vec<(f32, f32)>,
+    /// Elements that have left the deformed image.
+    out: Vec<bool>,
 }
 
 impl CpuLevel {
@@ -191,8 +194,9 @@ impl CpuLevel {
         spline: S,
     ) {
         let corners = &field.corners;
-        let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE)).enumerate();
-        pieces.for_each_init(Scratch::default, |scratch, (piece, (sums, transfer))| {
+        let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
+        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).enumerate();
+        pieces.for_each_init(Scratch::default, |scratch, (piece, ((sums, transfer), out))| {
             let first = piece * PIECE;
             let corners = &corners[first..first + sums.len()];
             if self.own_transfer() {
@@ -204,7 +208,9 @@ impl CpuLevel {
             }
             for (k, sums) in sums.iter_mut().enumerate() {
                 let [n_all, f, ff] = self.whole[first + k];
-                if f64::from(sums.n) < KEPT_SHARE * n_all {
+                let share = if out[k] { BACK_SHARE } else { KEPT_SHARE };
+                out[k] = f64::from(sums.n) < share * n_all;
+                if out[k] {
                     *sums = ElementSums { f_lost: f as f32, ff_lost: ff as f32, ..Default::default() };
                 }
             }
@@ -284,6 +290,10 @@ impl Backend for CpuBackend {
         format!("cpu ({})", self.isa)
     }
 
+    fn host_isa(&self) -> Isa {
+        self.isa
+    }
+
     fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<CpuFrame, BackendError> {
         Ok(CpuFrame { image, options: *options, levels: Vec::new() })
     }
@@ -338,6 +348,7 @@ impl Backend for CpuBackend {
             corners: vec![Corners::new([[0.0; 2]; 4]); n],
             sums: vec![ElementSums::default(); n],
             element_transfer: vec![(1.0, 0.0); n],
+            out: vec![false; n],
         }
     }
 
@@ -399,9 +410,9 @@ impl Backend for CpuBackend {
         Ok(lost
             .map(|at| {
                 let element = &level.reference.elements[at];
-                let mut counted = vec![false; element.nx as usize * element.ny as usize];
-                residual::visit_pixels(element, &field.corners[at], deformed, |column, row, inside| {
-                    counted[row * element.nx as usize + column] = inside;
+                let mut counted = vec![0.0; element.nx as usize * element.ny as usize];
+                residual::visit_pixels(element, &field.corners[at], deformed, |column, row, weight| {
+                    counted[row * element.nx as usize + column] = weight;
                 });
                 let moments =
                     normal_matrix::partial_moments(&level.reference, element, level.own_transfer(), |column, row| {

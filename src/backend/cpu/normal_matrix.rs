@@ -22,7 +22,7 @@ fn element_moments_body<const FMA: bool, const L: usize>(
         let element = &reference.elements[first + k];
         *moments = one_element::<FMA, L>(reference, element);
         if with_transfer {
-            moments.transfer = transfer_coupling(reference, element, |_, _| true);
+            moments.transfer = transfer_coupling(reference, element, |_, _| 1.0);
         }
     }
 }
@@ -84,15 +84,15 @@ fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
     [zero - 2.0 * one + two, one - two, two]
 }
 
-/// `sum psi_a grad f` times f and times 1, over the pixels that `counts` (column, row).
+/// `sum psi_a grad f` times f and times 1, each pixel by its weight (column, row).
 fn transfer_coupling(
     reference: &Reference,
     element: &ElementPixels,
-    counts: impl Fn(usize, usize) -> bool,
+    weight: impl Fn(usize, usize) -> f32,
 ) -> [[f64; 8]; 2] {
     let mut sums = [[0.0; 8]; 2];
-    for_each_pixel(reference, element, counts, |psi, f, gradient| {
-        for (i, sum) in (0..8).map(|i| (i, psi[i / 2] * gradient[i % 2])) {
+    for_each_pixel(reference, element, weight, |weight, psi, f, gradient| {
+        for (i, sum) in (0..8).map(|i| (i, weight * psi[i / 2] * gradient[i % 2])) {
             sums[0][i] += sum * f;
             sums[1][i] += sum;
         }
@@ -100,31 +100,31 @@ fn transfer_coupling(
     sums
 }
 
-/// Moments over the pixels that `counts` (column, row), in plain f64 loops: for the few elements that a
-/// frame has moved partly out of the image.
+/// Moments with a weight per pixel (column, row), in plain f64 loops: for the few elements that a frame has
+/// moved partly out of the image.
 pub(super) fn partial_moments(
     reference: &Reference,
     element: &ElementPixels,
     with_transfer: bool,
-    counts: impl Fn(usize, usize) -> bool,
+    weight: impl Fn(usize, usize) -> f32,
 ) -> ElementMoments {
     let mut moments = ElementMoments::default();
-    for_each_pixel(reference, element, &counts, |psi, f, [fx, fy]| {
+    for_each_pixel(reference, element, &weight, |weight, psi, f, [fx, fy]| {
         let (xi, eta) = (psi[1] + psi[2], psi[2] + psi[3]);
         let (wx, wy) = (shape_products([1.0, xi, xi * xi]), shape_products([1.0, eta, eta * eta]));
         for (p, value) in [fx * fx, fx * fy, fy * fy].into_iter().enumerate() {
             for q in 0..3 {
                 for w in 0..3 {
-                    moments.gradient[p][q][w] += value * wy[q] * wx[w];
+                    moments.gradient[p][q][w] += weight * value * wy[q] * wx[w];
                 }
             }
         }
-        moments.n += 1.0;
-        moments.f += f;
-        moments.ff += f * f;
+        moments.n += weight;
+        moments.f += weight * f;
+        moments.ff += weight * f * f;
     });
     if with_transfer {
-        moments.transfer = transfer_coupling(reference, element, counts);
+        moments.transfer = transfer_coupling(reference, element, weight);
     }
     moments
 }
@@ -132,16 +132,17 @@ pub(super) fn partial_moments(
 fn for_each_pixel(
     reference: &Reference,
     element: &ElementPixels,
-    counts: impl Fn(usize, usize) -> bool,
-    mut visit: impl FnMut([f64; 4], f64, [f64; 2]),
+    weight: impl Fn(usize, usize) -> f32,
+    mut visit: impl FnMut(f64, [f64; 4], f64, [f64; 2]),
 ) {
     for row in 0..element.ny as usize {
         let eta = f64::from(element.eta0) + row as f64 * f64::from(element.deta);
-        for column in (0..element.nx as usize).filter(|&column| counts(column, row)) {
+        for column in 0..element.nx as usize {
             let xi = f64::from(element.xi0) + column as f64 * f64::from(element.dxi);
             let at = reference.f.at(element.x as isize + column as isize, element.y as isize + row as isize);
             let gradient = [f64::from(reference.fx.data()[at]), f64::from(reference.fy.data()[at])];
-            visit(crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data()[at]), gradient);
+            let weight = f64::from(weight(column, row));
+            visit(weight, crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data()[at]), gradient);
         }
     }
 }

@@ -64,7 +64,7 @@ impl Corners {
 pub(super) struct ElementSums {
     /// Right-hand side, unknown `2 k + c` of corner k.
     pub b: [f32; 8],
-    /// Pixels counted.
+    /// Pixels counted; those at the edge of the deformed image by their weight.
     pub n: f32,
     /// Sums of r^2, g, g^2, f g over the pixels counted.
     pub rr: f32,
@@ -76,9 +76,10 @@ pub(super) struct ElementSums {
     pub ff_lost: f32,
 }
 
-/// A position counts as inside up to this far beyond the outermost pixel centres, so that round-off at
-/// rest does not drop the border pixels.
-const EDGE: f32 = 1e-3;
+/// A pixel that lands beyond the outermost pixel centres fades out over this distance, px. A sharp edge
+/// would let pixels flicker in and out as the field settles, and the iteration never end; further out
+/// there is nothing to read.
+const EDGE: f32 = 0.1;
 
 /// Where a pixel lands along one axis: tap column of its floor and the fraction beyond it.
 #[inline(always)]
@@ -87,10 +88,22 @@ fn place(pixel: i32, u: f32) -> (i32, f32) {
     (pixel + floor as i32, u - floor)
 }
 
+/// Whether a position lies between the first and the last pixel centre of an axis of `n` pixels.
 #[inline(always)]
-pub(super) fn inside(at: i32, t: f32, n: usize) -> bool {
+fn inside(at: i32, t: f32, n: usize) -> bool {
     let last = n as i32 - 1;
-    (at >= 0 || (at == -1 && t >= 1.0 - EDGE)) && (at < last || (at == last && t <= EDGE))
+    at >= 0 && (at < last || (at == last && t == 0.0))
+}
+
+/// Weight of a position on an axis of `n` pixels: 1 inside, 0 from [`EDGE`] outside on.
+#[inline(always)]
+fn weight(at: i32, t: f32, n: usize) -> f32 {
+    if inside(at, t, n) {
+        return 1.0;
+    }
+    // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
+    let beyond = if at < 0 { (-1 - at) as f32 + (1.0 - t) } else { (at - (n as i32 - 1)) as f32 + t };
+    (1.0 - beyond / EDGE).max(0.0)
 }
 
 /// `L` lanes at `at`, which the caller has checked.
@@ -179,8 +192,9 @@ fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     }
     for i in 0..lanes {
         let ((px, tx), (py, ty)) = (place(x + i as i32, ux[i]), place(y, uy[i]));
-        if inside(px, tx, c.width) && inside(py, ty, c.height) {
-            row.counted[i] = 1.0;
+        let weight = weight(px, tx, c.width) * weight(py, ty, c.height);
+        if weight > 0.0 {
+            row.counted[i] = weight;
             row.g[i] = interpolate_one::<FMA, S, K>(c, px, py, tx, ty);
         }
     }
@@ -310,7 +324,7 @@ impl<const L: usize> Accumulators<L> {
         Self { b: [[[0.0; L]; 2]; 2], rr: [0.0; L], g: [0.0; L], gg: [0.0; L], fg: [0.0; L] }
     }
 
-    /// Adds one row; `weight` is 1 where a lane counts, else 0.
+    /// Adds one row; `weight` is 1 where a lane counts, 0 where it does not, between at the image's edge.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
     fn add<const FMA: bool>(
@@ -324,17 +338,17 @@ impl<const L: usize> Accumulators<L> {
         eta: f32,
     ) {
         for i in 0..L {
-            let g = weight[i] * g[i];
-            let r = weight[i] * mul_add::<FMA>(-gain, g, f[i] - offset);
+            let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
+            let (r, wg) = (weight[i] * difference, weight[i] * g[i]);
             let (rx, ry) = (r * fx[i], r * fy[i]);
             self.b[0][0][i] += rx;
             self.b[0][1][i] += ry;
             self.b[1][0][i] = mul_add::<FMA>(eta, rx, self.b[1][0][i]);
             self.b[1][1][i] = mul_add::<FMA>(eta, ry, self.b[1][1][i]);
-            self.rr[i] = mul_add::<FMA>(r, r, self.rr[i]);
-            self.g[i] += g;
-            self.gg[i] = mul_add::<FMA>(g, g, self.gg[i]);
-            self.fg[i] = mul_add::<FMA>(f[i], g, self.fg[i]);
+            self.rr[i] = mul_add::<FMA>(r, difference, self.rr[i]);
+            self.g[i] += wg;
+            self.gg[i] = mul_add::<FMA>(wg, g[i], self.gg[i]);
+            self.fg[i] = mul_add::<FMA>(f[i], wg, self.fg[i]);
         }
     }
 
@@ -445,17 +459,17 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         let g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
         let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
         for i in 0..L {
-            let g = mask[i] * g[i];
-            let r = mask[i] * mul_add::<FMA>(-gain, g, f[i] - offset);
+            let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
+            let (r, wg) = (mask[i] * difference, mask[i] * g[i]);
             let (rx, ry) = (r * fx[i], r * fy[i]);
             bx[i] += rx;
             by[i] += ry;
             ex[i] = mul_add::<FMA>(eta, rx, ex[i]);
             ey[i] = mul_add::<FMA>(eta, ry, ey[i]);
-            rr[i] = mul_add::<FMA>(r, r, rr[i]);
-            sg[i] += g;
-            sgg[i] = mul_add::<FMA>(g, g, sgg[i]);
-            sfg[i] = mul_add::<FMA>(f[i], g, sfg[i]);
+            rr[i] = mul_add::<FMA>(r, difference, rr[i]);
+            sg[i] += wg;
+            sgg[i] = mul_add::<FMA>(wg, g[i], sgg[i]);
+            sfg[i] = mul_add::<FMA>(f[i], wg, sfg[i]);
         }
         at += pass.f.stride;
         taps_at += deformed.stride;
@@ -583,11 +597,11 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             let f = load::<L>(f.data, f.at(x as isize, y as isize));
             let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
             for i in 0..L {
-                let (w, g) = (counted[i], counted[i] * row.g[i]);
+                let (w, wg) = (counted[i], counted[i] * row.g[i]);
                 sf[i] = w * f[i];
-                sg[i] = g;
-                sgg[i] = g * g;
-                sfg[i] = f[i] * g;
+                sg[i] = wg;
+                sgg[i] = wg * row.g[i];
+                sfg[i] = wg * f[i];
             }
             for (moment, lanes) in moments.iter_mut().zip([&counted, &sf, &sg, &sgg, &sfg]) {
                 *moment += f64::from(total(lanes));
@@ -625,12 +639,12 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
     sums
 }
 
-/// Which pixels of an element are inside the deformed image: calls `visit(column, row, inside)`.
+/// How much each pixel of an element counts in the deformed image: calls `visit(column, row, weight)`.
 pub(super) fn visit_pixels(
     element: &ElementPixels,
     corners: &Corners,
     deformed: &Plane,
-    mut visit: impl FnMut(usize, usize, bool),
+    mut visit: impl FnMut(usize, usize, f32),
 ) {
     for row in 0..element.ny as usize {
         let eta = element.eta0 + row as f32 * element.deta;
@@ -639,7 +653,7 @@ pub(super) fn visit_pixels(
             let xi = element.xi0 + column as f32 * element.dxi;
             let (px, tx) = place(element.x + column as i32 + corners.whole[0], xi * dx + ax);
             let (py, ty) = place(element.y + row as i32 + corners.whole[1], xi * dy + ay);
-            visit(column, row, inside(px, tx, deformed.width) && inside(py, ty, deformed.height));
+            visit(column, row, weight(px, tx, deformed.width) * weight(py, ty, deformed.height));
         }
     }
 }
