@@ -177,7 +177,7 @@ impl Desk {
                     let unread = frame["status"] == "unreadable";
                     let mut nulls = Vec::new();
                     null_keys(frame, "", &mut nulls);
-                    let all = "/correction_px /residual_grey /residual_percent /rigid_motion /start";
+                    let all = "/correction_px /correction_at_px /residual_grey /residual_percent /rigid_motion /start";
                     let allowed = |key: &str| {
                         unread && all.split(' ').any(|there| there == key)
                             || frame["nodes_measured"] == 0 && key.ends_with("/rigid_motion")
