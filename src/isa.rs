@@ -68,6 +68,12 @@ impl Isa {
         }
     }
 
+    /// The path for work that is mostly shuffles: eight lanes shuffle faster than sixteen, with the same
+    /// arithmetic and so the same bits.
+    pub(crate) fn for_shuffles(self) -> Self {
+        if self.0 == Path::Avx512 { Self(Path::Avx2) } else { self }
+    }
+
     pub(crate) fn path(self) -> Path {
         self.0
     }

@@ -71,6 +71,8 @@ pub const KEPT_SHARE: f64 = 0.5;
 pub struct Step {
     /// Largest component of the nodal correction, px of the level.
     pub correction_px: f64,
+    /// The node that it belongs to.
+    pub worst_node: usize,
     /// Sums over the pixels of each zone that are inside the deformed image.
     pub zones: Vec<PixelSums>,
 }

@@ -33,13 +33,20 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
         _ => Talk::Normal,
     };
     let folder = RunFolder::open(&args.output, args.overwrite)?;
-    let frames = run_series(&plan, &folder, pool(args.threads)?, talk)?;
-    let fine = frames.frames.iter().all(|frame| frame.status == Status::Converged);
+    let summary = run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
+    let fine = summary.frames.iter().all(|frame| frame.status == Status::Converged);
     Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// Correlates the series of `plan` into `folder`; also the heart of `quadrille demo`.
-pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPool, talk: Talk) -> Result<Summary> {
+/// Correlates the series of `plan` into `folder`; also the heart of `quadrille demo`. Each result is shown
+/// to `look` with its frame number before it is written.
+pub(super) fn run_series(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: rayon::ThreadPool,
+    talk: Talk,
+    mut look: impl FnMut(usize, &Correlation),
+) -> Result<Summary> {
     let begin = Instant::now();
     let loaded = read_image(&plan.reference, plan.page)?;
     let (width, height) = (loaded.image.width(), loaded.image.height());
@@ -118,6 +125,9 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         for Decoded { number, path, loaded, seconds } in decoded {
             let (frame, result, sha256) = pool.install(|| one_frame(&mut tracker, number, &path, loaded, seconds))?;
             record.images.push((path, sha256));
+            if let Some(result) = &result {
+                look(number, result);
+            }
             if let Some(result) = result
                 && finished.send(ToWrite { number, frame: frame.clone(), result }).is_err()
             {

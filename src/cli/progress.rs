@@ -114,6 +114,9 @@ fn line(frame: &FrameSummary) -> String {
     let mut text = format!("frame {} ({}): {}", frame.number, frame.file, frame.status.name().replace('_', " "));
     if let Some(correction) = frame.correction_px {
         text.push_str(&format!(", {} iterations, correction {correction:.1e} px", frame.iterations));
+        if let (false, Some([x, y])) = (frame.status == Status::Converged, frame.correction_at_px) {
+            text.push_str(&format!(" (largest at x {x}, y {y} px)"));
+        }
     }
     if let Some(residual) = frame.residual_percent {
         text.push_str(&format!(", residual {residual:.2} %"));

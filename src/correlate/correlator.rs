@@ -3,7 +3,7 @@
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, assemble, coarse_mesh, elimination_order, support};
 use super::search::{Affine, motions};
-use super::texture::{TextureFault, assumed_noise, faults};
+use super::texture::{TextureFault, assumed_noise, faults, rounding};
 use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, BackendError, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, StartFrom, Status};
@@ -165,6 +165,9 @@ pub struct Correlation {
     pub iterations: usize,
     /// Largest nodal correction of the last iteration, px.
     pub correction_px: f64,
+    /// Place of the node of that correction in the reference image, px: where to look when a frame does
+    /// not converge.
+    pub correction_at: [f64; 2],
     /// Root mean square of the residual over all zones, grey levels, at the field before the last
     /// correction.
     pub residual_rms: f64,
@@ -211,6 +214,8 @@ pub struct Correlator<B: Backend> {
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
     grey_range: f64,
+    /// Standard deviation of the rounding to integer grey levels.
+    rounding: f64,
     isa: Isa,
 }
 
@@ -232,6 +237,7 @@ impl<B: Backend> Correlator<B> {
             brightness: options.brightness,
         };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
+        let rounding = rounding(&reference);
         let mut frame = backend.frame(reference, &kernel)?;
         let (finest, dropped) = finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
         let inverse_variance = inverse_variances(isa, &mesh, &finest.solver);
@@ -244,6 +250,7 @@ impl<B: Backend> Correlator<B> {
         Ok(Self {
             noise_gain: NoiseGain::new(options.interpolation),
             grey_range: f64::from(high - low),
+            rounding,
             backend,
             options,
             kernel,
@@ -461,7 +468,9 @@ impl<B: Backend> Correlator<B> {
             let n_measured = nodes.clone().filter(|&node| measured[node]).count();
             let unknowns = 2.0 * (n_measured + n_transfers) as f64;
             let noise = self.options.noise.unwrap_or_else(|| {
-                self.noise_gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns)
+                let gain = &self.noise_gain;
+                let noise = gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns);
+                noise.max(self.rounding) // identical images still hold the same rounding
             });
             for node in nodes.clone().filter(|&node| measured[node]) {
                 sigma[node] = variance[node].map(|v| noise * (2.0 * v).sqrt());
@@ -491,6 +500,7 @@ impl<B: Backend> Correlator<B> {
             },
             iterations: outcome.iterations,
             correction_px: outcome.correction_px,
+            correction_at: mesh.nodes()[outcome.worst_node],
             residual_rms: all.residual_rms(),
             residual_percent: 100.0 * all.residual_rms() / self.grey_range.max(f64::MIN_POSITIVE),
             rigid,

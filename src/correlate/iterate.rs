@@ -18,6 +18,8 @@ pub(super) struct Outcome {
     pub status: Status,
     pub iterations: usize,
     pub correction_px: f64,
+    /// The node of that correction.
+    pub worst_node: usize,
     /// Largest correction of the first step: how far off the start was.
     pub first_correction_px: f64,
     /// Sums at the start.
@@ -55,6 +57,7 @@ pub(super) fn iterate<B: Backend>(
         status: Status::IterationLimit,
         iterations: 0,
         correction_px: f64::INFINITY,
+        worst_node: 0,
         first_correction_px: 0.0,
         first: Vec::new(),
         last: Vec::new(),
@@ -75,6 +78,7 @@ pub(super) fn iterate<B: Backend>(
         let correction = step.correction_px;
         outcome.iterations = iteration;
         outcome.correction_px = correction;
+        outcome.worst_node = step.worst_node;
         outcome.last = step.zones;
         if iteration == 1 {
             outcome.first = outcome.last.clone();

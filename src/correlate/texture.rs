@@ -1,6 +1,6 @@
 //! Does every node see texture? (THEORY 2)
 
-use crate::imaging::{Image, Interpolation};
+use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::BlockMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -67,6 +67,14 @@ pub(super) fn faults(
         .collect()
 }
 
+/// Standard deviation of the rounding to integer grey levels; none for float images.
+pub(super) fn rounding(image: &Image) -> f64 {
+    match image.pixels() {
+        Pixels::F32(_) => 0.0,
+        _ => 1.0 / 12f64.sqrt(),
+    }
+}
+
 /// The image noise assumed for the texture check when none is given, grey levels: the high-frequency
 /// content of the quietest tenth of the image (second differences in both directions, which smooth
 /// texture hardly has; Immerkaer 1996), at most 2 % of the range of grey levels, at least the rounding
@@ -75,10 +83,6 @@ pub fn assumed_noise(image: &Image) -> f64 {
     const TILE: usize = 16;
     let (width, height) = (image.width(), image.height());
     let (low, high) = image.range();
-    let rounding = match image.pixels() {
-        crate::imaging::Pixels::F32(_) => 0.0,
-        _ => 1.0 / 12f64.sqrt(),
-    };
     let mut tiles = Vec::new();
     // Every few rows and columns of tiles: a sample is enough.
     let step = TILE * (1 + width.max(height) / 1024);
@@ -100,5 +104,5 @@ pub fn assumed_noise(image: &Image) -> f64 {
     }
     tiles.sort_by(f64::total_cmp);
     let quiet = tiles.get(tiles.len() / 10).copied().unwrap_or(0.0);
-    quiet.min(0.02 * f64::from(high - low)).max(rounding)
+    quiet.min(0.02 * f64::from(high - low)).max(rounding(image))
 }

@@ -103,12 +103,12 @@ fn b_spline(degree: i32, x: f64) -> f64 {
     if x.abs() >= f64::from(degree + 1) / 2.0 {
         return 0.0;
     }
-    let (mut sum, mut binomial, mut factorial) = (0.0, 1.0, 1.0);
+    let factorial: f64 = (1..=degree).map(f64::from).product();
+    let (mut sum, mut binomial) = (0.0, 1.0);
     for k in 0..=degree + 1 {
         let y = x + f64::from(degree + 1) / 2.0 - f64::from(k);
         sum += binomial * if y > 0.0 { y.powi(degree) } else { 0.0 };
         binomial *= -f64::from(degree + 1 - k) / f64::from(k + 1);
-        factorial *= f64::from(k.clamp(1, degree));
     }
     sum / factorial
 }

@@ -68,6 +68,11 @@ impl Solver {
         &self.jacobi
     }
 
+    /// Memory of the factor, bytes; 0 without one.
+    pub fn factor_bytes(&self) -> usize {
+        self.factor.as_ref().map_or(0, |factor| 8 * factor.n_values())
+    }
+
     /// `direct` or `iterative`.
     pub fn name(&self) -> &'static str {
         if self.factor.is_some() { "direct" } else { "iterative" }

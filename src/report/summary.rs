@@ -86,6 +86,8 @@ pub struct FrameSummary {
     pub iterations: usize,
     /// Largest nodal correction of the last iteration.
     pub correction_px: Option<f64>,
+    /// Place of the node of that correction in the reference image.
+    pub correction_at_px: Option<[f64; 2]>,
     /// Root mean square of the residual.
     pub residual_grey: Option<f64>,
     /// The same in per cent of the reference's range of grey levels.
@@ -158,6 +160,7 @@ impl FrameSummary {
             messages: vec![message],
             iterations: 0,
             correction_px: None,
+            correction_at_px: None,
             residual_grey: None,
             residual_percent: None,
             rigid_motion: None,
@@ -198,6 +201,7 @@ impl FrameSummary {
             messages,
             iterations: result.iterations,
             correction_px: finite(result.correction_px),
+            correction_at_px: Some(result.correction_at),
             residual_grey: finite(result.residual_rms),
             residual_percent: finite(result.residual_percent),
             rigid_motion: result.rigid.map(Into::into),

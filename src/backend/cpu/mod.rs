@@ -374,18 +374,18 @@ impl Backend for CpuBackend {
         let zones = level.zone_sums(field);
         let rhs = level.pattern.gather(|element| field.sums[element].b.map(f64::from));
         let correction = solver.solve(rhs);
-        let mut largest = 0.0f64;
-        for (u, du) in field.displacement.iter_mut().zip(&correction) {
+        let (mut largest, mut worst_node) = (0.0f64, 0);
+        for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
             for c in 0..2 {
                 u[c] += damping * du[c];
                 // `max` would drop a NaN; a correction that is not a number must be seen.
                 if du[c].abs() > largest || du[c].is_nan() {
-                    largest = du[c].abs();
+                    (largest, worst_node) = (du[c].abs(), node);
                 }
             }
         }
         level.fit_transfer(&zones, field);
-        Ok(Step { correction_px: largest, zones })
+        Ok(Step { correction_px: largest, worst_node, zones })
     }
 
     fn remaining_moments(

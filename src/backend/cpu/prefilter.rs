@@ -59,7 +59,7 @@ pub(super) fn coefficients<G: Grey>(
         || vec![[0.0; BAND]; width],
         |band, (k, out)| {
             let rows = &grey[k * BAND * width..((k + 1) * BAND).min(height) * width];
-            filter_rows(isa, rows, width, offset, poles, band, out, stride);
+            filter_rows(isa.for_shuffles(), rows, width, offset, poles, band, out, stride);
         },
     );
     let columns = Columns { data: plane.data_mut()[first..].as_mut_ptr(), stride, height };
