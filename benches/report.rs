@@ -140,7 +140,9 @@ fn kernels() {
 }
 
 fn pairs() {
-    println!("cold pair, 8-bit images in memory, 16 px elements, tolerance 1e-4 px, 2 threads: s, median (fastest-slowest) of 7");
+    println!(
+        "cold pair, 8-bit images in memory, 16 px elements, tolerance 1e-4 px, 2 threads: s, median (fastest-slowest) of 7"
+    );
     println!("reference = conversion, prefilter, gradients, pyramid, matrices, factor, texture check, uncertainty");
     println!("frame = conversion, prefilter, pyramid, search, all iterations, residual, uncertainty");
     println!("| size | reference | frame | both | frame from the prediction | iterations | B/px beyond the images |");
@@ -231,9 +233,8 @@ fn solvers() {
             let solve = time(5, || solver.solve(rhs.clone()));
             let cg = time(5, || iterative.solve(rhs.clone()));
             let (_, outcome) = iterative.jacobi().solve(&matrix, &rhs, 1e-2, 60);
-            let colour: Vec<u32> = (0..=grid.ny)
-                .flat_map(|j| (0..=grid.nx).map(move |i| (4 * (j % 4) + i % 4) as u32))
-                .collect();
+            let colour: Vec<u32> =
+                (0..=grid.ny).flat_map(|j| (0..=grid.nx).map(move |i| (4 * (j % 4) + i % 4) as u32)).collect();
             let variances = time(5, || inverse_diagonal(Isa::detect(), &matrix, iterative.jacobi(), &colour));
             println!(
                 "| {size}²/{element} | {} | {:.1} | {:.0} | {:.2} | {:.2} ({}) | {:.1} |",

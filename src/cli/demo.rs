@@ -166,8 +166,7 @@ fn draw(maps: &Path, number: usize, reference: &crate::imaging::Image, measureme
         let values: Vec<f64> = measurement.displacement.iter().map(|u| u[c]).collect();
         let title = format!("Displacement {name}, frame {number}");
         let options = MapOptions::new(title, format!("{name} (px)"));
-        nodal_map(reference, measurement, &values, &options)?
-            .save_png(maps.join(format!("{number:06}-{name}.png")))?;
+        nodal_map(reference, measurement, &values, &options)?.save_png(maps.join(format!("{number:06}-{name}.png")))?;
     }
     let options = MapOptions {
         palette: Palette::Plasma,

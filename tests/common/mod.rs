@@ -13,6 +13,9 @@ use quadrille::isa::Isa;
 use quadrille::mesh::{Mesh, Roi, Zone, shape_functions};
 use quadrille::synth::{Depth, Motion, RenderOptions, Texture, Translation, render};
 use quadrille::units::Px;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use std::sync::Arc;
 
 /// Mean speckle size of all pictures, px: THEORY 2 gives its biases for 4 to 5 px.
@@ -180,4 +183,18 @@ pub fn field_rms<M: Motion>(mesh: &Mesh<Px>, displacement: &[[f64; 2]], motion: 
         n += 1;
     });
     (sum / f64::from(n)).sqrt()
+}
+
+/// The image as floats, with white Gaussian noise of standard deviation `noise` added.
+#[track_caller]
+pub fn noisy(image: &Image, noise: f32, seed: u64) -> Arc<Image> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut greys = Vec::with_capacity(image.width() * image.height());
+    for y in 0..image.height() {
+        for x in 0..image.width() {
+            let normal: f32 = StandardNormal.sample(&mut random);
+            greys.push(image.grey(x, y) + noise * normal);
+        }
+    }
+    Arc::new(Image::new(image.width(), image.height(), Pixels::F32(greys)).unwrap())
 }
