@@ -1,0 +1,219 @@
+//! Measured scatter against THEORY 2 and against the printed standard uncertainty.
+//!
+//! Monte Carlo: both images carry noise of their own, so every sample has its own reference.
+
+mod common;
+
+use common::dense::Dense;
+use common::*;
+use quadrille::backend::cpu::CpuBackend;
+use quadrille::correlate::{Correlation, Correlator, Options};
+use quadrille::field::Brightness;
+use quadrille::imaging::{Image, Interpolation};
+use quadrille::linalg::{BlockMatrix, Pattern};
+use quadrille::mesh::{Mesh, Zone};
+use quadrille::synth::{RenderOptions, Texture, Translation, render};
+use quadrille::units::Px;
+use std::sync::Arc;
+
+/// Standard deviation of the noise, grey levels.
+const NOISE: f32 = 2.0;
+/// Speckles so fine that an element of 12 px holds several, px: the autocorrelation is 4.5 px wide.
+const FINE_PX: f64 = 3.2;
+/// Elements along each side of a zone: the nodes in the middle do not feel the edge.
+const ELEMENTS: usize = 6;
+
+/// Where a node stands in its zone.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Place {
+    /// Two elements or more from the edge: what is less far differs from the theory of an endless mesh.
+    Inside,
+    /// On an edge, two elements or more from its ends.
+    Edge,
+    Corner,
+}
+
+const PLACES: [Place; 3] = [Place::Inside, Place::Edge, Place::Corner];
+
+fn place(mesh: &Mesh<Px>, node: usize) -> Option<Place> {
+    let grid = mesh.grids()[mesh.node_zone()[node] as usize];
+    let at = node - grid.first_node;
+    let from_edge = |k: usize, n: usize| k.min(n - k);
+    let [i, j] = [from_edge(at % (grid.nx + 1), grid.nx), from_edge(at / (grid.nx + 1), grid.ny)];
+    match (i.min(j), i.max(j)) {
+        (0, 0) => Some(Place::Corner),
+        (0, 2..) => Some(Place::Edge),
+        (2.., _) => Some(Place::Inside),
+        _ => None,
+    }
+}
+
+/// As many square zones as fit a picture of `side` px, a few px apart.
+fn many_zones(side: usize, element_size: usize) -> Vec<Zone> {
+    const GAP: usize = 8;
+    let pitch = ELEMENTS * element_size + GAP;
+    let count = (side - GAP) / pitch;
+    let corners = (0..count).flat_map(|j| (0..count).map(move |i| [GAP + i * pitch, GAP + j * pitch]));
+    corners
+        .enumerate()
+        .map(|(k, corner)| {
+            let [x0, y0] = corner.map(|x| x as f64);
+            let size = (ELEMENTS * element_size) as f64;
+            zone(&k.to_string(), [x0, y0, x0 + size, y0 + size])
+        })
+        .collect()
+}
+
+/// Images of one texture at rest and displaced, without noise.
+struct Pair {
+    reference: Arc<Image>,
+    deformed: Arc<Image>,
+    motion: Translation,
+}
+
+impl Pair {
+    fn new(side: usize, speckle_px: f64, shift: [f64; 2]) -> Self {
+        let motion = Translation(shift);
+        let options: RenderOptions = float(side, side);
+        let texture = Texture::new(2024, speckle_px).unwrap();
+        let [reference, deformed] = [REST, motion].map(|motion| Arc::new(render(&texture, &motion, &options).unwrap()));
+        Self { reference, deformed, motion }
+    }
+
+    /// One sample of the noise in both images, correlated.
+    #[track_caller]
+    fn sample(&self, seed: u64, zones: &[Zone], options: &Options) -> (Correlator<CpuBackend>, Correlation) {
+        let reference = noisy(&self.reference, NOISE, 2 * seed);
+        let deformed = noisy(&self.deformed, NOISE, 2 * seed + 1);
+        let correlator = prepared(&reference, zones, options.clone());
+        let correlation = cold(&correlator, &deformed);
+        assert!(correlation.measurement.measured.iter().all(|&measured| measured), "seed {seed}");
+        (correlator, correlation)
+    }
+}
+
+/// Components of nodal vectors by [`Place`].
+#[derive(Default)]
+struct Nodal([Vec<f64>; 3]);
+
+impl Nodal {
+    fn add(&mut self, place: Place, vector: [f64; 2]) {
+        self.0[place as usize].extend(vector);
+    }
+
+    fn rms(&self, place: Place) -> f64 {
+        let values = &self.0[place as usize];
+        (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+    }
+
+    /// Standard deviation of the typical node: half of a normal distribution lies within 0.6745 of it.
+    fn typical(&self, place: Place) -> f64 {
+        let mut sizes: Vec<f64> = self.0[place as usize].iter().map(|v| v.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes[sizes.len() / 2] / 0.6745
+    }
+}
+
+/// Errors, and printed standard uncertainties, of `n_samples` samples.
+#[track_caller]
+fn samples(pair: &Pair, n_samples: u64, zones: &[Zone], options: &Options) -> [Nodal; 2] {
+    let mut found = [Nodal::default(), Nodal::default()];
+    for seed in 0..n_samples {
+        let (correlator, correlation) = pair.sample(seed, zones, options);
+        let mesh = correlator.mesh();
+        let errors = node_errors(mesh, &correlation.measurement.displacement, &pair.motion);
+        for (node, (error, sigma)) in errors.into_iter().zip(&correlation.measurement.sigma).enumerate() {
+            if let Some(place) = place(mesh, node) {
+                found[0].add(place, error);
+                found[1].add(place, *sigma);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn nodal_noise_is_that_of_the_theory() {
+    const SIDE: usize = 1024;
+    let pair = Pair::new(SIDE, FINE_PX, [0.0, 0.0]);
+    // The numbers of samples give at least 1500 components at corners: 3 % statistical error there, less
+    // elsewhere.
+    for (element_size, n_samples) in [(12, 3), (16, 4), (24, 6), (32, 8)] {
+        let zones = many_zones(SIDE, element_size);
+        let [scatter, _] = samples(&pair, n_samples, &zones, &Options { element_size, ..Options::default() });
+        let mesh = Mesh::on_zones(&zones, element_size, SIDE, SIDE).unwrap();
+        let g_x = plain::gradient_rms(&pair.reference, &mesh)[0];
+        let theory = 6f64.sqrt() * f64::from(NOISE) / (element_size as f64 * g_x);
+        for (place, factor) in PLACES.into_iter().zip([1.0, 2f64.sqrt(), 2.0]) {
+            // The theory is that of a texture spread evenly. A corner that happens to hold little scatters
+            // much more than the others, so the typical node is compared.
+            let ratio = scatter.typical(place) / (factor * theory);
+            // The requirement; `ANCHORS.md` confirmed the theory within 7 %.
+            assert!((ratio - 1.0).abs() <= 0.1, "{element_size} px, {place:?}: {ratio} of the theory");
+        }
+    }
+}
+
+#[test]
+fn printed_uncertainty_is_the_scatter() {
+    const SIDE: usize = 640;
+    let zones = many_zones(SIDE, 16);
+    for shift in [[0.0, 0.0], [0.25, -0.4], [0.5, 0.5]] {
+        let pair = Pair::new(SIDE, FINE_PX, shift);
+        for (noise, brightness, interpolation) in [
+            (Some(f64::from(NOISE)), Brightness::Zone, Interpolation::Cubic),
+            (None, Brightness::Zone, Interpolation::Quintic),
+            (None, Brightness::Element, Interpolation::Cubic),
+        ] {
+            let options = Options { noise, brightness, interpolation, ..Options::default() };
+            // 36 zones hold 288 components at corners: 8 samples give 2 % statistical error.
+            let [scatter, printed] = samples(&pair, 8, &zones, &options);
+            for place in PLACES {
+                let ratio = printed.rms(place) / scatter.rms(place);
+                let what = format!("{place:?}, shift {shift:?}, noise {noise:?}, {brightness}, {interpolation:?}");
+                assert!((ratio - 1.0).abs() <= 0.1, "{what}: {ratio} of the scatter"); // the requirement
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_is_estimated_from_the_residual_at_any_sub_pixel_shift() {
+    const SIDE: usize = 512;
+    for shift in [[0.0, 0.0], [1.0, -2.0], [0.25, 0.25], [0.5, 0.0], [0.5, 0.5], [-0.25, 0.75]] {
+        let pair = Pair::new(SIDE, SPECKLE_PX, shift);
+        for interpolation in [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys] {
+            let options = Options { interpolation, ..Options::default() };
+            let (_, correlation) = pair.sample(1, &inside(SIDE, SIDE, 16), &options);
+            let ratio = correlation.zones[0].noise / f64::from(NOISE);
+            // The requirement. 230 000 pixels leave a statistical error of 0.2 %; what is left is
+            // interpolation error, which counts as noise.
+            assert!((ratio - 1.0).abs() <= 0.05, "{interpolation:?}, shift {shift:?}: {ratio} of the noise");
+        }
+    }
+}
+
+#[test]
+fn uncertainty_is_that_of_the_dense_inverse() {
+    let (width, height) = (232, 240);
+    let reference = picture(&REST, &float(width, height));
+    let zones = [
+        zone("left", [4.0, 4.0, 116.0, 156.0]),
+        zone("right", [117.5, 20.0, 229.5, 116.0]),
+        zone("strip", [4.0, 160.0, 228.0, 176.0]),
+        zone("two by three", [4.0, 180.0, 36.0, 228.0]),
+        zone("one", [60.0, 180.0, 76.0, 196.0]),
+    ];
+    let correlator = prepared(&reference, &zones, Options { brightness: Brightness::Off, ..Options::default() });
+    let mesh = correlator.mesh();
+    let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+    let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &plain::normal_matrices(&reference, mesh));
+    let inverse = Dense::of(&matrix).inverse();
+    for (node, sigma) in correlator.unit_sigma().into_iter().enumerate() {
+        for c in 0..2 {
+            let ratio = sigma[c] / (2.0 * inverse[2 * node + c][2 * node + c]).sqrt();
+            // 1.5 % is what is asked for: loads five steps apart leak into each other (`inverse_diagonal`).
+            assert!((ratio - 1.0).abs() <= 0.015, "node {node}, component {c}: {ratio} of the exact one");
+        }
+    }
+}
