@@ -115,23 +115,31 @@ impl Plane {
         View { width: self.width, height: self.height, stride: self.stride, data: self.data() }
     }
 
-    /// Fills the border by reflection about the outermost pixel centres (the rule of the prefilter).
-    pub fn reflect_border(&mut self) {
-        let (width, height) = (self.width, self.height);
-        let border = BORDER as isize;
-        for y in 0..height {
-            let row = self.at(-border, y as isize);
-            let row = &mut self.data_mut()[row..row + width + 2 * BORDER];
-            for k in 1..=BORDER {
-                row[BORDER - k] = row[BORDER + reflect(-(k as isize), width)];
-                row[BORDER + width - 1 + k] = row[BORDER + reflect((width - 1 + k) as isize, width)];
+    /// Fills the border by continuation through the outermost pixels, `c(-k) = 2 c(0) - c(k)` (the rule of
+    /// the prefilter).
+    pub fn continue_border(&mut self) {
+        let (width, height, stride) = (self.width, self.height, self.stride);
+        let first = self.at(0, 0);
+        let data = self.data_mut();
+        let through = |end: f32, inner: f32| 2.0 * end - inner;
+        // Only the taps' reach: the rest of the left and right border is never read into a result.
+        for row in data[first - BORDER..].chunks_mut(stride).take(height) {
+            let last = BORDER + width - 1;
+            for k in 1..=BORDER_ROWS {
+                let inner = k.min(width - 1);
+                row[BORDER - k] = through(row[BORDER], row[BORDER + inner]);
+                row[last + k] = through(row[last], row[last - inner]);
             }
         }
+        let row_start = |y: isize| (first - BORDER).wrapping_add_signed(y * stride as isize);
         for k in 1..=BORDER_ROWS as isize {
-            for y in [-k, height as isize - 1 + k] {
-                let from = self.at(-border, reflect(y, height) as isize);
-                let to = self.at(-border, y);
-                self.data_mut().copy_within(from..from + width + 2 * BORDER, to);
+            let last = height as isize - 1;
+            let inner = k.min(last);
+            for (to, end, from) in [(-k, 0, inner), (last + k, last, last - inner)] {
+                let (to, end, from) = (row_start(to), row_start(end), row_start(from));
+                for x in 0..width + 2 * BORDER {
+                    data[to + x] = through(data[end + x], data[from + x]);
+                }
             }
         }
     }
@@ -158,14 +166,4 @@ impl View<'_> {
 fn index(stride: usize, x: isize, y: isize) -> usize {
     debug_assert!(x >= -(BORDER as isize) && y >= -(BORDER_ROWS as isize));
     ((y + BORDER_ROWS as isize) * stride as isize + x + BORDER as isize) as usize
-}
-
-/// Index inside 0..n of the pixel that `at` is reflected to (about the first and last centre).
-pub(super) fn reflect(at: isize, n: usize) -> usize {
-    if n == 1 {
-        return 0;
-    }
-    let period = 2 * (n as isize - 1);
-    let k = at.rem_euclid(period);
-    (if k < n as isize { k } else { period - k }) as usize
 }

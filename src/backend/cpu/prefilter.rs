@@ -1,4 +1,6 @@
-//! B-spline coefficients of an image: the exact recursive prefilter with mirror boundaries.
+//! B-spline coefficients of an image: the exact recursive prefilter. Beyond its borders
+//! the image is continued through its outermost pixels, `s(-k) = 2 s(0) - s(k)`: value and slope go on,
+//! where mirroring would bend every border to slope zero.
 //!
 //! Rows: sixteen rows are transposed into a band so that the recursion along x runs in sixteen lanes.
 //! Columns: strips narrow enough that a strip of the whole height stays in the cache, lanes along x.
@@ -68,7 +70,7 @@ pub(super) fn coefficients<G: Grey>(
         // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
         unsafe { filter_columns(isa, &columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
     });
-    plane.reflect_border();
+    plane.continue_border();
     Ok(plane)
 }
 
@@ -147,20 +149,25 @@ fn transpose(from: &[[f32; BAND]], to: &mut [[f32; BAND]]) {
     to[..BAND].copy_from_slice(&a);
 }
 
-/// Weights of the samples in the first causal value, for mirror boundaries: the geometric sum over the
-/// mirrored signal, cut where the pole's power is below f32, else closed exactly.
+/// Weights of the samples in the first causal value, `sum_k z^k s(-k)` of the signal continued through its
+/// end samples, `s(-k) = 2 s(0) - s(k)`; exact but for powers of the pole below f32.
 fn causal_start(pole: f64, n: usize) -> Vec<f32> {
-    let horizon = (1e-10f64.ln() / pole.abs().ln()).ceil() as usize;
-    if n > horizon {
-        return (0..horizon).map(|k| pole.powi(k as i32) as f32).collect();
+    let horizon = (1e-10f64.ln() / pole.abs().ln()).ceil() as isize;
+    let last = n as isize - 1;
+    let mut weights = vec![0.0; n.min(horizon as usize + 1)];
+    // A signal shorter than the horizon is continued through both ends in turn.
+    weights.resize(if last < horizon { n } else { weights.len() }, 0.0);
+    for k in 0..=horizon {
+        let (mut at, mut sign, power) = (-k, 1.0, pole.powi(k as i32));
+        while !(0..=last).contains(&at) {
+            let (end, through) = if at < 0 { (0, 0) } else { (n - 1, 2 * last) };
+            weights[end] += 2.0 * sign * power;
+            sign = -sign;
+            at = through - at;
+        }
+        weights[at as usize] += sign * power;
     }
-    let closing = 1.0 - pole.powi(2 * n as i32 - 2);
-    (0..n)
-        .map(|k| {
-            let back = if k == 0 || k == n - 1 { 0.0 } else { pole.powi((2 * n - 2 - k) as i32) };
-            ((pole.powi(k as i32) + back) / closing) as f32
-        })
-        .collect()
+    weights.into_iter().map(|w| w as f32).collect()
 }
 
 /// The recursion for one pole along `line`, `W` independent signals side by side.
@@ -180,6 +187,7 @@ fn recurse<const FMA: bool, const W: usize>(line: &mut [[f32; W]], pole: f64) {
     for i in 0..W {
         last[i] *= gain;
     }
+    let end = line[n - 1];
     line[0] = last;
     for sample in line[1..].iter_mut() {
         for i in 0..W {
@@ -187,10 +195,8 @@ fn recurse<const FMA: bool, const W: usize>(line: &mut [[f32; W]], pole: f64) {
         }
         *sample = last;
     }
-    let end = (pole / (pole * pole - 1.0)) as f32;
-    for i in 0..W {
-        last[i] = end * mul_add::<FMA>(z, line[n - 2][i], line[n - 1][i]);
-    }
+    // Continued through its end, the signal keeps its end value under a symmetric filter of gain 1.
+    last = end;
     line[n - 1] = last;
     for sample in line[..n - 1].iter_mut().rev() {
         for i in 0..W {
@@ -241,15 +247,12 @@ fn filter_columns_body<const FMA: bool>(columns: &Columns, first: usize, count: 
             *l *= gain;
             *s = *l;
         }
+        let end: [f32; STRIP] = std::array::from_fn(|i| row(n - 1).get(i).copied().unwrap_or(0.0));
         for y in 1..n {
             causal_row::<FMA>(&mut last, row(y), z, gain);
         }
-        let end = (pole / (pole * pole - 1.0)) as f32;
-        let before: [f32; STRIP] = std::array::from_fn(|i| row(n - 2).get(i).copied().unwrap_or(0.0));
-        for (i, s) in row(n - 1).iter_mut().enumerate() {
-            last[i] = end * mul_add::<FMA>(z, before[i], *s);
-            *s = last[i];
-        }
+        row(n - 1).copy_from_slice(&end[..count]);
+        last = end;
         for y in (0..n - 1).rev() {
             anticausal_row::<FMA>(&mut last, row(y), z);
         }
