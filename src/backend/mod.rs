@@ -174,8 +174,8 @@ pub trait Backend: Sync {
     /// When the device fails.
     fn displacement(&self, field: &Self::Field) -> Result<Vec<[f64; 2]>, BackendError>;
 
-    /// Transfer of grey levels per zone.
-    fn transfer(&self, field: &Self::Field) -> Vec<GreyTransfer>;
+    /// Transfer of grey levels per zone; the mean over its elements where each has its own.
+    fn transfer(&self, level: &Self::Level, field: &Self::Field) -> Vec<GreyTransfer>;
 
     /// Sums of the last evaluation, per element.
     ///

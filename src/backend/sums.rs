@@ -50,6 +50,15 @@ impl PixelSums {
         if vf > 0.0 && vg > 0.0 { (c / (vf * vg).sqrt()).clamp(-1.0, 1.0) } else { 0.0 }
     }
 
+    /// Correlation coefficient of f and g over several sets that each have a gain and offset of their own:
+    /// what is left of the sets' variance of f after the residual.
+    pub fn pooled_correlation(sets: &[Self]) -> f64 {
+        let counted = || sets.iter().filter(|s| s.n >= 2.0);
+        let variance: f64 = counted().map(|s| s.ff - s.f * s.f / s.n).sum();
+        let residual: f64 = counted().map(|s| s.rr).sum();
+        if variance > 0.0 { (1.0 - residual / variance).max(0.0).sqrt() } else { 0.0 }
+    }
+
     /// Gain and offset that bring g closest to f: `(gain, offset)`; `None` when g is constant or the
     /// two are not positively correlated (no sensible change of light turns dark into bright).
     pub fn transfer(&self) -> Option<super::GreyTransfer> {

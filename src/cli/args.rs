@@ -23,7 +23,7 @@ pub enum Command {
     Correlate(CorrelateArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
-    /// Correlate an embedded example and compare the result with the truth.
+    /// Make an example series, correlate it and compare the result with the truth.
     Demo(DemoArgs),
 }
 
@@ -107,17 +107,17 @@ pub struct CorrelateArgs {
     /// Page of multi-page TIFF files. Default 0, the first.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub page: Option<u32>,
-    /// Millimetres per pixel: adds columns in mm.
+    /// Millimetres per pixel: adds columns in mm to the CSV files.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pixel_size: Option<f64>,
-    /// What to write per frame.
-    #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',', default_value = "csv,vtu")]
-    pub export: Vec<Export>,
+    /// What to write per frame. Default csv,vtu (or what the run.toml given as --case wrote).
+    #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
+    pub export: Option<Vec<Export>>,
     /// Where the pixel work is done.
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,
-    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: the fastest there is. Results
-    /// differ in the last bits between paths.
+    /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
+    /// --case, else the fastest there is. Results differ in the last bits between paths.
     #[arg(long, value_name = "NAME")]
     pub isa: Option<String>,
     /// Threads. Default: all cores. Results do not depend on it.
@@ -228,7 +228,7 @@ pub struct SynthArgs {
 
 /// Arguments of `quadrille demo`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  quadrille demo --output demo && xdg-open demo/maps/000020-uy.png")]
+#[command(after_help = "Example:\n  quadrille demo --output out/demo && xdg-open out/demo/maps/000020-uy.png")]
 pub struct DemoArgs {
     /// Folder for images and results.
     #[arg(long, value_name = "DIR", default_value = "out/demo")]

@@ -4,7 +4,7 @@ use super::args::CorrelateArgs;
 use super::plan::Plan;
 use super::progress::{Progress, Talk};
 use super::run_folder::RunFolder;
-use super::{Outcome, Result, chain, pool};
+use super::{Outcome, Result, absolute, chain, plural, pool};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
@@ -65,18 +65,18 @@ pub(super) fn run_series(
     let mut progress = Progress::new(talk, plan.deformed.len());
     let mesh = correlator.mesh();
     progress.say(&format!(
-        "reference {} ({width} x {height} px, {depth}), {} zone(s), {} elements of {} px, {} nodes; {}, {} threads",
+        "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
         plan.reference.display(),
-        zones.len(),
+        plural(zones.len(), "zone"),
         mesh.n_elements(),
         plan.options.element_size,
         mesh.n_nodes(),
         correlator.backend().device(),
-        pool.current_num_threads(),
+        plural(pool.current_num_threads(), "thread"),
     ));
     loaded.notes.iter().for_each(|note| progress.say(&format!("{}: {note}", plan.reference.display())));
     if !correlator.dropped().is_empty() {
-        progress.say(&format!("{} nodes without texture are left out", correlator.dropped().len()));
+        progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
@@ -307,15 +307,16 @@ impl Record {
 
     /// The case file with the record of the run.
     fn case(&self) -> String {
-        let image = |path: &Path, sha256: &str| {
+        let image = |path: &Path, sha256: Option<&str>| {
             let mut table = toml::Table::new();
-            table.insert("file".into(), path.display().to_string().into());
-            table.insert("sha256".into(), sha256.into());
+            table.insert("file".into(), absolute(path).into());
+            // A file that could not be read has none.
+            sha256.map(|sha256| table.insert("sha256".into(), sha256.into()));
             toml::Value::Table(table)
         };
         let reference = self.case.images.reference.clone().unwrap_or_default();
-        let mut images = vec![image(Path::new(&reference), &self.reference_sha256)];
-        images.extend(self.images.iter().map(|(path, sha)| image(path, sha.as_deref().unwrap_or("unreadable"))));
+        let mut images = vec![image(Path::new(&reference), Some(&self.reference_sha256))];
+        images.extend(self.images.iter().map(|(path, sha)| image(path, sha.as_deref())));
         let mut about = self.about.clone();
         about.insert("image".into(), toml::Value::Array(images));
         write_case(&crate::io::case::CaseFile { run: Some(about), ..self.case.clone() })

@@ -11,6 +11,7 @@ mod synth;
 use clap::Parser;
 use clap::error::ErrorKind;
 use std::error::Error;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// What a command came to.
@@ -58,6 +59,16 @@ fn one_line(message: &str) -> String {
     let said = said.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
     let said: Vec<_> = said.filter(|line| !line.is_empty()).collect();
     format!("{}; more with --help", said.join(" ").replace(" tip: ", "; "))
+}
+
+/// A count with its noun.
+fn plural(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// A path that holds from any folder.
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
 /// An error and its causes on one line.

@@ -1,13 +1,14 @@
 //! From flags and case file to one resolved plan.
 
-use super::Result;
 use super::args::{CorrelateArgs, Export};
+use super::{Result, absolute};
 use crate::correlate::Options;
 use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseZone, read_case};
 use crate::io::series::expand_series;
 use crate::isa::Isa;
 use crate::mesh::{Roi, Zone};
 use crate::units::PixelSize;
+use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
 /// What a run will do, every choice made.
@@ -34,7 +35,11 @@ impl Plan {
         let element_size = args.element_size.or(given.element_size_px.map(i64::from));
         let options = Options {
             // A negative size is refused with the same words as 0.
-            element_size: element_size.map_or(default.element_size, |size| usize::try_from(size).unwrap_or(0)),
+            element_size: match element_size {
+                Some(size) => usize::try_from(size)
+                    .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
+                None => default.element_size,
+            },
             interpolation: args.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
             tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
             max_iterations: args.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
@@ -53,15 +58,28 @@ impl Plan {
         } else {
             args.roi.iter().map(|&roi| CaseZone { name: None, roi: Some(roi) }).collect()
         };
+        options.check()?;
+        // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
+        let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
+        let recorded_isa = recorded("isa").and_then(|isa| Isa::named(isa.as_str()?));
         let isa = match &args.isa {
             Some(name) => Isa::named(name).ok_or_else(|| {
                 let there: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();
                 format!("this machine has no instruction path '{name}'; it has {}", there.join(", "))
             })?,
-            None => Isa::detect(),
+            None => recorded_isa.unwrap_or_else(Isa::detect),
         };
-        let none = args.export.contains(&Export::None);
-        if none && args.export.len() > 1 {
+        let export = match &args.export {
+            Some(export) => export.clone(),
+            None => match recorded("export") {
+                Some(toml::Value::Array(names)) => {
+                    let named = |name: &toml::Value| Export::from_str(name.as_str()?, true).ok();
+                    names.iter().filter_map(named).collect()
+                }
+                _ => vec![Export::Csv, Export::Vtu],
+            },
+        };
+        if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
         Ok(Self {
@@ -72,8 +90,8 @@ impl Plan {
             zones,
             options,
             isa,
-            csv: args.export.contains(&Export::Csv),
-            vtu: args.export.contains(&Export::Vtu),
+            csv: export.contains(&Export::Csv),
+            vtu: export.contains(&Export::Vtu),
         })
     }
 
@@ -93,12 +111,11 @@ impl Plan {
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
     pub fn resolved(&self, zones: &[Zone]) -> CaseFile {
-        let name = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string();
         let Options { element_size, interpolation, tolerance_px, max_iterations, brightness, .. } = self.options;
         CaseFile {
             images: CaseImages {
-                reference: Some(name(&self.reference)),
-                deformed: Some(self.deformed.iter().map(|path| name(path)).collect()),
+                reference: Some(absolute(&self.reference)),
+                deformed: Some(self.deformed.iter().map(|path| absolute(path)).collect()),
                 page: Some(self.page as u32),
                 pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
             },

@@ -30,7 +30,12 @@ pub(super) fn run(args: &SynthArgs) -> Result<Outcome> {
         }
         Field::Peel => {
             let (opening_px, slide_px) = (finite("--opening", args.opening)?, finite("--slide", args.slide)?);
-            make(args, Peel { opening_px, slide_px, ..Peel::new(width, height) })
+            let peel = Peel { opening_px, slide_px, ..Peel::new(width, height) };
+            let outcome = make(args, peel)?;
+            // Three pixels off the band: its pixels would be mixed into those of the faces.
+            let (upper, lower) = ((peel.upper_edge() - 3.0).floor(), (peel.lower_edge() + 3.0).ceil());
+            eprintln!("the strips: --roi 0,0,{width},{upper} --roi 0,{lower},{width},{height}");
+            Ok(outcome)
         }
     }
 }

@@ -221,7 +221,7 @@ impl<B: Backend> Correlator<B> {
     /// # Errors
     /// Options, zones or texture that do not allow a measurement; a device that fails.
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
-        check(&options)?;
+        options.check()?;
         let isa = backend.host_isa();
         let size = [reference.width(), reference.height()];
         let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
@@ -384,7 +384,7 @@ impl<B: Backend> Correlator<B> {
             let displacement = self.affine_field(level, &tried);
             let mut field = self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
             let sums = self.backend.observe(&level.prepared, frame, &mut field)?;
-            for (zone, transfer) in self.backend.transfer(&field).into_iter().enumerate() {
+            for (zone, transfer) in self.backend.transfer(&level.prepared, &field).into_iter().enumerate() {
                 let score = sums[zone].correlation();
                 if score > best[zone].0 {
                     best[zone] = (score, tried[zone], transfer);
@@ -418,7 +418,7 @@ impl<B: Backend> Correlator<B> {
                 && outcome.first.iter().zip(&outcome.last).all(|(a, b)| b.correlation() >= a.correlation() - 0.02);
             if usable {
                 displacement = self.backend.displacement(&field)?;
-                transfer = self.backend.transfer(&field);
+                transfer = self.backend.transfer(&level.prepared, &field);
             }
             displacement = self.levels[at - 1].taken_from_coarser(&level.mesh, &displacement);
         }
@@ -434,7 +434,13 @@ impl<B: Backend> Correlator<B> {
         let mesh = &level.mesh;
         let full_displacement = self.backend.displacement(field)?;
         let elements = self.backend.element_sums(&level.prepared, field)?;
-        let transfers = self.backend.transfer(field);
+        let transfers = self.backend.transfer(&level.prepared, field);
+        let matches: Vec<f64> = (0..mesh.zones().len())
+            .map(|zone| match self.options.brightness {
+                Brightness::Element => PixelSums::pooled_correlation(&elements[mesh.zone_elements(zone)]),
+                _ => outcome.last[zone].correlation(),
+            })
+            .collect();
         let mut measured = vec![false; mesh.n_nodes()];
         for (nodes, sums) in mesh.elements().iter().zip(&elements) {
             for &node in nodes {
@@ -446,7 +452,7 @@ impl<B: Backend> Correlator<B> {
             nodes_left += usize::from(level.keep[node] && !measured[node]);
             measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
         }
-        let status = self.judge(&outcome, &elements);
+        let status = self.judge(&outcome, &elements, &matches);
         let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.isa, mesh, own));
         let variance = own_variance.as_ref().unwrap_or(&self.inverse_variance);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
@@ -474,7 +480,7 @@ impl<B: Backend> Correlator<B> {
                 name: name.clone(),
                 rigid: rigid(mesh, &full_displacement, &measured, nodes),
                 transfer,
-                correlation: sums.correlation(),
+                correlation: matches[zone],
                 residual_rms: sums.residual_rms(),
                 noise,
             });
@@ -507,7 +513,7 @@ impl<B: Backend> Correlator<B> {
         })
     }
 
-    fn judge(&self, outcome: &Outcome, elements: &[PixelSums]) -> Status {
+    fn judge(&self, outcome: &Outcome, elements: &[PixelSums], matches: &[f64]) -> Status {
         let mesh = &self.levels[0].mesh;
         let left = (0..mesh.zones().len()).any(|zone| {
             let of_zone = &elements[mesh.zone_elements(zone)];
@@ -517,7 +523,7 @@ impl<B: Backend> Correlator<B> {
         });
         if left {
             Status::LeftImage
-        } else if outcome.status != Status::Diverged && !outcome.last.iter().all(matched) {
+        } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
             Status::Diverged
         } else {
             outcome.status
@@ -542,21 +548,28 @@ fn rigid(
     RigidMotion::fit(nodes.filter(|&n| measured[n]).map(|n| (mesh.nodes()[n], displacement[n])))
 }
 
-fn check(options: &Options) -> Result<(), CorrelationError> {
-    let positive = |v: f64| v.is_finite() && v > 0.0;
-    let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
-    if !positive(options.tolerance_px) || options.tolerance_px > 1.0 {
-        return fault("the tolerance", options.tolerance_px.to_string(), "a positive number of pixels up to 1");
+impl Options {
+    /// Whether the numbers among the options make sense (the element size is checked with the mesh).
+    ///
+    /// # Errors
+    /// [`CorrelationError::Option`] with the first that does not.
+    pub fn check(&self) -> Result<(), CorrelationError> {
+        let options = self;
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
+        if !positive(options.tolerance_px) || options.tolerance_px > 1.0 {
+            return fault("the tolerance", options.tolerance_px.to_string(), "a positive number of pixels up to 1");
+        }
+        if options.max_iterations == 0 {
+            return fault("the largest number of iterations", "0".into(), "at least 1");
+        }
+        if let Some(noise) = options.noise
+            && !positive(noise)
+        {
+            return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
+        }
+        Ok(())
     }
-    if options.max_iterations == 0 {
-        return fault("the largest number of iterations", "0".into(), "at least 1");
-    }
-    if let Some(noise) = options.noise
-        && !positive(noise)
-    {
-        return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
-    }
-    Ok(())
 }
 
 /// The number of halvings after which the largest zone is small enough to be searched, as far as the

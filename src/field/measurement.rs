@@ -23,6 +23,18 @@ pub enum Status {
 }
 
 impl Status {
+    /// Number used where a file cannot hold a word: 0 converged, 1 iteration limit, 2 diverged, 3 left the
+    /// image, 4 unreadable.
+    pub fn code(self) -> u8 {
+        match self {
+            Status::Converged => 0,
+            Status::IterationLimit => 1,
+            Status::Diverged => 2,
+            Status::LeftImage => 3,
+            Status::Unreadable => 4,
+        }
+    }
+
     /// Name used in files.
     pub fn name(self) -> &'static str {
         match self {

@@ -34,7 +34,8 @@ pub enum VtkError {
 /// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
 /// with displacement zero, so threshold on `measured`. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
-/// and `zone`, numbered from 0. Field data: `converged`, 1 or 0, and `dynamic_range_grey`. A comment at
+/// and `zone`, numbered from 0. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
+/// and `dynamic_range_grey`. A comment at
 /// the head holds `title`, status, units and zone names.
 ///
 /// # Errors
@@ -80,6 +81,7 @@ pub fn write_vtu<W: Write>(
         inside(xml, "UnstructuredGrid", &[], |xml| {
             inside(xml, "FieldData", &[], |xml| {
                 one_value(xml, "converged", &converged)?;
+                one_value(xml, "status_code", &[measurement.status.code()])?;
                 one_value(xml, "dynamic_range_grey", &[dynamic_range])
             })?;
             let size = [("NumberOfPoints", mesh.n_nodes()), ("NumberOfCells", mesh.n_elements())];

@@ -30,7 +30,7 @@ pub struct Summary {
     pub solver: &'static str,
     /// Correction below which a frame counts as converged.
     pub tolerance_px: f64,
-    /// Decoded reference to factorised matrix and uncertainty, seconds.
+    /// Decoded reference to factorised matrix, pyramid and uncertainty of all nodes, seconds.
     pub seconds_reference: f64,
     /// The whole run so far, files included, seconds.
     pub seconds_total: f64,

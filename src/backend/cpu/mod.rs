@@ -427,8 +427,20 @@ impl Backend for CpuBackend {
         Ok(field.displacement.clone())
     }
 
-    fn transfer(&self, field: &CpuField) -> Vec<GreyTransfer> {
-        field.transfer.clone()
+    fn transfer(&self, level: &CpuLevel, field: &CpuField) -> Vec<GreyTransfer> {
+        if !level.own_transfer() {
+            return field.transfer.clone();
+        }
+        let mean = |zone: usize| {
+            let elements = level.mesh.zone_elements(zone);
+            let n = elements.len() as f64;
+            let of_zone = &field.element_transfer[elements];
+            GreyTransfer {
+                gain: of_zone.iter().map(|t| f64::from(t.0)).sum::<f64>() / n,
+                offset: of_zone.iter().map(|t| f64::from(t.1)).sum::<f64>() / n,
+            }
+        };
+        (0..level.mesh.zones().len()).map(mean).collect()
     }
 
     fn element_sums(&self, level: &CpuLevel, field: &CpuField) -> Result<Vec<PixelSums>, BackendError> {
