@@ -4,6 +4,10 @@
 //! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
 //! `correlate`; `report`; `cli`.
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub mod backend;
 pub mod cli;
 pub mod correlate;

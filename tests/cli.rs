@@ -494,12 +494,12 @@ fn nodes_without_texture_are_left_out_with_their_place_when_that_is_asked_for() 
     }
     desk.correlate(&format!("{INSIDE} --output no ref.png a.png")).refused(&[
         "ref.png",
-        "nodes see no texture",
+        "nodes see too little texture",
         "node 0 at (16, 16) px",
         "--drop-textureless",
     ]);
     let ran = desk.correlate(&format!("{INSIDE} --drop-textureless --output out ref.png a.png")).fine();
-    assert!(ran.stderr.contains("nodes without texture are left out"), "{ran}");
+    assert!(ran.stderr.contains("with too little texture left out"), "{ran}");
     let left_out = desk.json("out/summary.json")["nodes_left_out"].as_array().unwrap().clone();
     assert!(!left_out.is_empty());
     let rows = desk.rows("out/csv/000001.csv");

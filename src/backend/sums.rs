@@ -50,13 +50,12 @@ impl PixelSums {
         if vf > 0.0 && vg > 0.0 { (c / (vf * vg).sqrt()).clamp(-1.0, 1.0) } else { 0.0 }
     }
 
-    /// Correlation coefficient of f and g over several sets that each have a gain and offset of their own:
-    /// what is left of the sets' variance of f after the residual.
-    pub fn pooled_correlation(sets: &[Self]) -> f64 {
-        let counted = || sets.iter().filter(|s| s.n >= 2.0);
-        let variance: f64 = counted().map(|s| s.ff - s.f * s.f / s.n).sum();
-        let residual: f64 = counted().map(|s| s.rr).sum();
-        if variance > 0.0 { (1.0 - residual / variance).max(0.0).sqrt() } else { 0.0 }
+    /// Mean correlation coefficient, by pixels, of several sets that each have a gain and offset of their
+    /// own; a set that is anticorrelated counts as 0, as a flat one does.
+    pub fn mean_correlation(sets: &[Self]) -> f64 {
+        let n: f64 = sets.iter().map(|s| s.n).sum();
+        let sum: f64 = sets.iter().map(|s| s.n * s.correlation().max(0.0)).sum();
+        if n > 0.0 { sum / n } else { 0.0 }
     }
 
     /// Gain and offset that bring g closest to f: `(gain, offset)`; `None` when g is constant or the

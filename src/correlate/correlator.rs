@@ -73,7 +73,7 @@ pub enum CorrelationError {
         wanted: &'static str,
     },
     /// Nodes of the reference see no texture.
-    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; move the zone off them, enlarge the elements, or leave them out with --drop-textureless", faults.len(), first_few(faults))]
+    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes))]
     NoTexture {
         /// The nodes.
         faults: Vec<TextureFault>,
@@ -110,6 +110,14 @@ impl CorrelationError {
     /// Whether the fault is one of the deformed image alone, so that the series can go on.
     pub fn is_of_the_frame(&self) -> bool {
         matches!(self, Self::Size { .. } | Self::Constant { .. })
+    }
+}
+
+fn advice(some_are_left: bool) -> &'static str {
+    if some_are_left {
+        "move the zone off them, enlarge the elements, or leave them out with --drop-textureless"
+    } else {
+        "check the zone, the exposure and the focus"
     }
 }
 
@@ -437,7 +445,7 @@ impl<B: Backend> Correlator<B> {
         let transfers = self.backend.transfer(&level.prepared, field);
         let matches: Vec<f64> = (0..mesh.zones().len())
             .map(|zone| match self.options.brightness {
-                Brightness::Element => PixelSums::pooled_correlation(&elements[mesh.zone_elements(zone)]),
+                Brightness::Element => PixelSums::mean_correlation(&elements[mesh.zone_elements(zone)]),
                 _ => outcome.last[zone].correlation(),
             })
             .collect();
@@ -633,11 +641,11 @@ fn finest_level<B: Backend>(
                 return Ok(Finest { level, inverse_variance, dropped });
             }
         }
-        if found.len() == keep.iter().filter(|&&kept| kept).count() {
-            return Err(CorrelationError::Textureless);
-        }
         if !options.drop_textureless {
             return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
+        }
+        if found.len() == keep.iter().filter(|&&kept| kept).count() {
+            return Err(CorrelationError::Textureless);
         }
         // An element with a node that is left out would be read at a guess there, so it is left out
         // too; that may leave further nodes without texture.

@@ -53,7 +53,7 @@ fn basis_slopes(degree: usize, t: f64) -> Vec<f64> {
     (0..=degree).map(|k| (if k > 0 { lower[k - 1] } else { 0.0 }) - if k < degree { lower[k] } else { 0.0 }).collect()
 }
 
-/// The B-spline of odd degree through the grey levels of an image, mirrored about its outermost pixels.
+/// The B-spline of odd degree through the grey levels of an image, continued through its outermost pixels.
 pub struct Spline {
     degree: usize,
     width: usize,
@@ -90,9 +90,12 @@ impl Spline {
         let first = whole.map(|x| x as isize - (self.degree as isize - 1) / 2);
         let mut sum = 0.0;
         for (j, wy) in wy.iter().enumerate() {
-            let row = mirrored(first[1] + j as isize, self.height) * self.width;
-            for (i, wx) in wx.iter().enumerate() {
-                sum += wy * wx * self.coefficients[row + mirrored(first[0] + i as isize, self.width)];
+            for (row, row_share) in continued(first[1] + j as isize, self.height) {
+                for (i, wx) in wx.iter().enumerate() {
+                    for (column, share) in continued(first[0] + i as isize, self.width) {
+                        sum += row_share * share * wy * wx * self.coefficients[row * self.width + column];
+                    }
+                }
             }
         }
         sum
@@ -107,9 +110,15 @@ impl Spline {
     }
 }
 
-fn mirrored(k: isize, n: usize) -> usize {
-    let k = k.unsigned_abs();
-    if k < n { k } else { 2 * (n - 1) - k }
+/// Places and shares that make up the value at `k`: beyond an end, twice the end less the value mirrored
+/// about it.
+fn continued(k: isize, n: usize) -> [(usize, f64); 2] {
+    let last = n as isize - 1;
+    match k {
+        _ if k < 0 => [(0, 2.0), (k.unsigned_abs(), -1.0)],
+        _ if k > last => [(n - 1, 2.0), ((2 * last - k) as usize, -1.0)],
+        _ => [(k as usize, 1.0), (k as usize, 0.0)],
+    }
 }
 
 /// LU factors of a banded matrix, without pivots (the interpolation equations are diagonally dominant).
@@ -126,8 +135,9 @@ impl Banded {
         let mut rows = vec![vec![0.0; 2 * half + 1]; n];
         for (i, row) in rows.iter_mut().enumerate() {
             for (k, weight) in at_pixel.iter().take(2 * half + 1).enumerate() {
-                let column = mirrored((i + k) as isize - half as isize, n);
-                row[column + half - i] += weight;
+                for (column, share) in continued((i + k) as isize - half as isize, n) {
+                    row[column + half - i] += share * weight;
+                }
             }
         }
         for k in 0..n {
