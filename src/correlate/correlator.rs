@@ -626,10 +626,14 @@ fn finest_level<B: Backend>(
         found.retain(|fault| keep[fault.node]);
         if found.is_empty() {
             matrix.hold(&keep);
-            let factorised = Solver::new(matrix.clone(), options.solver, || elimination_order(&mesh));
-            let has_factor = factorised.is_ok();
-            let solver = factorised.unwrap_or_else(|_| Solver::iterative(matrix));
-            let inverse_variance = inverse_variances(backend.host_isa(), &mesh, &solver);
+            let solver = Solver::iterative(matrix);
+            // Two long pieces of work that need the matrix alone.
+            let (factor, inverse_variance) = rayon::join(
+                || solver.factor(options.solver, || elimination_order(&mesh)),
+                || inverse_variances(backend.host_isa(), &mesh, &solver),
+            );
+            let has_factor = factor.is_ok();
+            let solver = solver.with_factor(factor.unwrap_or(None));
             found = undetermined(&mesh, &inverse_variance, &keep, noise);
             if !has_factor && found.is_empty() {
                 found = least_determined(&mesh, &inverse_variance, &keep);

@@ -6,7 +6,7 @@ use super::conjugate_gradients::BlockJacobi;
 
 /// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
 /// (`benches/RESULTS.md`, table of solvers).
-pub const DIRECT_UP_TO: usize = 20_000;
+pub const DIRECT_UP_TO: usize = 5_000;
 
 /// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
 /// about ninefold, so a correction exact to 1 % loses nothing.
@@ -43,13 +43,31 @@ impl Solver {
         choice: SolverChoice,
         order: impl FnOnce() -> Vec<usize>,
     ) -> Result<Self, NotPositiveDefinite> {
+        let solver = Self::iterative(matrix);
+        let factor = solver.factor(choice, order)?;
+        Ok(solver.with_factor(factor))
+    }
+
+    /// Makes the factor of the matrix, if `choice` asks for one.
+    ///
+    /// # Errors
+    /// [`NotPositiveDefinite`] when it does not exist.
+    pub fn factor(
+        &self,
+        choice: SolverChoice,
+        order: impl FnOnce() -> Vec<usize>,
+    ) -> Result<Option<Cholesky>, NotPositiveDefinite> {
         let direct = match choice {
-            SolverChoice::Auto => matrix.pattern().n_nodes() <= DIRECT_UP_TO,
+            SolverChoice::Auto => self.matrix.pattern().n_nodes() <= DIRECT_UP_TO,
             SolverChoice::Direct => true,
             SolverChoice::Iterative => false,
         };
-        let factor = if direct { Some(Cholesky::new(&matrix, &order())?) } else { None };
-        Ok(Self { factor, ..Self::iterative(matrix) })
+        direct.then(|| Cholesky::new(&self.matrix, &order())).transpose()
+    }
+
+    /// The same with a factor of its matrix, made by [`Solver::factor`].
+    pub fn with_factor(self, factor: Option<Cholesky>) -> Self {
+        Self { factor, ..self }
     }
 
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
