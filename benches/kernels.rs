@@ -41,11 +41,10 @@ fn mesh(element: usize) -> Arc<Mesh<Px>> {
 }
 
 fn options(interpolation: &str) -> KernelOptions {
-    let interpolation =
-        [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
-            .into_iter()
-            .find(|i| i.name() == interpolation)
-            .expect("a name of the list");
+    let interpolation = [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
+        .into_iter()
+        .find(|i| i.name() == interpolation)
+        .expect("a name of the list");
     KernelOptions { interpolation, grey_offset: 120.0, brightness: Brightness::Zone }
 }
 
