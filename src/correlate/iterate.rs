@@ -63,7 +63,7 @@ pub(super) fn iterate<B: Backend>(
         last: Vec::new(),
         own: None,
     };
-    let (mut previous, mut stalls, mut damping) = (f64::INFINITY, 0, 1.0);
+    let (mut previous, mut stalls) = (f64::INFINITY, 0);
     let mut counted_then: Option<f64> = None;
     for iteration in 1..=limits.max_iterations {
         if let Some(counted) = counted_with_loss(backend, level, field)? {
@@ -74,6 +74,9 @@ pub(super) fn iterate<B: Backend>(
             }
         }
         let solver = outcome.own.as_ref().unwrap_or(&level.solver);
+        // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
+        // settles it. More of them would only slow down what approaches from one side.
+        let damping = if stalls == 3 { 0.5 } else { 1.0 };
         let step = backend.step(&level.prepared, frame, field, solver, damping)?;
         let correction = step.correction_px;
         outcome.iterations = iteration;
@@ -93,13 +96,8 @@ pub(super) fn iterate<B: Backend>(
             outcome.status = Status::Converged;
             break;
         }
-        // A correction that comes back with the other sign each time is an overshoot somewhere: half
-        // steps settle it.
-        stalls = if correction > STALLED * previous { stalls + 1 } else { 0 };
-        if stalls == 3 {
-            damping *= 0.5;
-            stalls = 0;
-        }
+        // After a half step the correction is that of the full one: counting starts anew.
+        stalls = if correction > STALLED * previous && damping == 1.0 { stalls + 1 } else { 0 };
         previous = correction;
     }
     Ok(outcome)

@@ -151,16 +151,20 @@ pub(super) fn rounding(image: &Image) -> f64 {
 /// content of the quietest tenth of the image (second differences in both directions, which smooth
 /// texture hardly has; Immerkaer 1996), at most 2 % of the range of grey levels, at least the rounding
 /// of integer images.
+///
+/// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
+/// span of such noise limits it: 8 to 10 standard deviations.
 pub fn assumed_noise(image: &Image) -> f64 {
     const TILE: usize = 16;
     let (width, height) = (image.width(), image.height());
     let (low, high) = image.range();
-    let mut tiles = Vec::new();
+    // Noise by second differences, and standard deviation, of each tile.
+    let mut tiles: Vec<(f64, f64)> = Vec::new();
     // Every few rows and columns of tiles: a sample is enough.
     let step = TILE * (1 + width.max(height) / 1024);
     for y0 in (1..height.saturating_sub(TILE)).step_by(step) {
         for x0 in (1..width.saturating_sub(TILE)).step_by(step) {
-            let mut sum = 0.0;
+            let (mut sum, mut greys, mut squares) = (0.0, 0.0, 0.0);
             for y in y0..y0 + TILE {
                 for x in x0..x0 + TILE {
                     let row = |y: usize| {
@@ -168,13 +172,21 @@ pub fn assumed_noise(image: &Image) -> f64 {
                             + f64::from(image.grey(x + 1, y))
                     };
                     sum += (row(y - 1) - 2.0 * row(y) + row(y + 1)).powi(2);
+                    let grey = f64::from(image.grey(x, y) - low);
+                    greys += grey;
+                    squares += grey * grey;
                 }
             }
+            let n = (TILE * TILE) as f64;
             // The mask's squared weights sum to 36.
-            tiles.push((sum / 36.0 / (TILE * TILE) as f64).sqrt());
+            tiles.push(((sum / 36.0 / n).sqrt(), (squares / n - (greys / n).powi(2)).max(0.0).sqrt()));
         }
     }
-    tiles.sort_by(f64::total_cmp);
-    let quiet = tiles.get(tiles.len() / 10).copied().unwrap_or(0.0);
-    quiet.min(0.02 * f64::from(high - low)).max(rounding(image))
+    tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let quiet_tiles = &tiles[..tiles.len().div_ceil(10)];
+    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
+    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
+    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
+    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.02 };
+    quiet.min(share * f64::from(high - low)).max(rounding(image))
 }

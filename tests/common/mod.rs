@@ -55,6 +55,14 @@ pub fn changed(image: &Image, change: impl Fn(usize, usize, f32) -> f32) -> Arc<
     drawn(image.width(), image.height(), |x, y| change(x, y, image.grey(x, y)))
 }
 
+/// The image in whole grey levels, 0..255.
+#[track_caller]
+pub fn rounded(image: &Image) -> Arc<Image> {
+    let (width, height) = (image.width(), image.height());
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (image.grey(x, y) + 0.5) as u8)).collect();
+    Arc::new(Image::new(width, height, Pixels::U8(pixels)).unwrap())
+}
+
 /// The part of `image` of `width` x `height` px whose first pixel is `(x0, y0)`, as floats.
 #[track_caller]
 pub fn cropped(image: &Image, (x0, y0): (usize, usize), width: usize, height: usize) -> Arc<Image> {
@@ -145,6 +153,15 @@ pub fn node_errors<M: Motion>(mesh: &Mesh<Px>, displacement: &[[f64; 2]], motion
         [u[0] - exact[0], u[1] - exact[1]]
     };
     mesh.nodes().iter().zip(displacement).map(error).collect()
+}
+
+/// Largest error of a component at the measured nodes, in its standard uncertainties; `bias` px are
+/// taken off each error first.
+pub fn worst_by_sigma<M: Motion>(measurement: &Measurement<Px>, motion: &M, bias: f64) -> f64 {
+    let errors = node_errors(&measurement.mesh, &measurement.displacement, motion);
+    let nodes = (0..errors.len()).filter(|&node| measurement.measured[node]);
+    let components = nodes.flat_map(|node| [0, 1].map(|c| (errors[node][c], measurement.sigma[node][c])));
+    components.fold(0.0, |worst, (error, sigma)| ((error.abs() - bias).max(0.0) / sigma).max(worst))
 }
 
 /// Root mean square length of vectors: `sqrt(mean(x^2 + y^2))`.

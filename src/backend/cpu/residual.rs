@@ -79,7 +79,7 @@ pub(super) struct ElementSums {
 /// A pixel that lands beyond the outermost pixel centres fades out over this distance, px. A sharp edge
 /// would let pixels flicker in and out as the field settles, and the iteration never end; further out
 /// there is nothing to read.
-const EDGE: f32 = 0.1;
+const EDGE: f32 = 0.25;
 
 /// Where a pixel lands along one axis: tap column of its floor and the fraction beyond it.
 #[inline(always)]
