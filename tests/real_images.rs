@@ -57,11 +57,15 @@ fn mean(result: &Correlation) -> [f64; 2] {
 #[test]
 fn images_moved_by_whole_pixels_give_them_back_cold() {
     let Some(folder) = folder("pixel-shift") else { return };
-    let correlator = prepared(read(&folder, "ref.tif"), &[[32.0, 32.0, 480.0, 480.0]], Options::default());
+    // One corner of the zone sees a single edge.
+    let options = Options { drop_textureless: true, ..Options::default() };
+    let correlator = prepared(read(&folder, "ref.tif"), &[[32.0, 32.0, 480.0, 480.0]], options);
+    assert!(correlator.dropped().len() < 3, "{:?}", correlator.dropped());
     for n in [1, 2, 3, 4, 5, 10, 15] {
         let result = correlator.correlate(read(&folder, &format!("def_{n}.tif")), None).unwrap();
         assert_eq!(result.measurement.status, Status::Converged, "{n} px");
-        for u in &result.measurement.displacement {
+        let field = &result.measurement;
+        for (u, _) in field.displacement.iter().zip(&field.measured).filter(|(_, measured)| **measured) {
             // The pixels are the same: what is left is the correction that was still below the tolerance.
             assert!(u.iter().all(|u| (u - f64::from(n)).abs() < 1e-4), "{n} px: {u:?}");
         }
@@ -94,18 +98,22 @@ fn the_sinusoid_of_the_challenge_is_followed_better_than_by_the_reference_codes(
         .filter(|row: &Vec<f64>| row.len() == 7)
         .collect();
     let reference = read(&folder, "Sample14 Reference.tif");
-    let correlator = prepared(reference, &[[100.0, 100.0, 1956.0, 484.0]], Options::default());
+    // Its noise is high, and two nodes at the border have no more than that.
+    let options = Options { drop_textureless: true, ..Options::default() };
+    let correlator = prepared(reference, &[[100.0, 100.0, 1956.0, 484.0]], options);
+    assert!(correlator.dropped().len() < 5, "{:?}", correlator.dropped());
     for (name, column) in [("L1", 1), ("L3", 3), ("L5", 5)] {
         let result = correlator.correlate(read(&folder, &format!("Sample14 {name} Amp0.1b.tif")), None).unwrap();
         assert_eq!(result.measurement.status, Status::Converged, "{name}");
         let (mut sum, mut n) = (0.0, 0.0);
         for row in truth.iter().filter(|row| (116.0..1940.0).contains(&row[0])) {
             for y in (116..468).step_by(7) {
-                let u = at(&result, row[0], f64::from(y)).expect("inside the zone");
+                let Some(u) = at(&result, row[0], f64::from(y)) else { continue };
                 sum += (u[0] - row[column]).powi(2);
                 n += 1.0;
             }
         }
+        assert!(n > 80_000.0, "{n} points compared");
         let rms = (sum / f64::from(n)).sqrt();
         println!("{name}: rms of u_x against the truth {rms:.4} px");
         // The two global codes whose fields come with the images are at 0.052 px for L5.
@@ -161,7 +169,8 @@ fn the_cracking_plate_is_tracked_over_fifty_pixels() {
     let mut tracker = Tracker::new(&correlator);
     // An independent local correlation found these at x = 500 in two of the frames; it is good to 0.15 px
     // early and 0.3 px late.
-    let known = [(10, 60.0, [2.1, -33.8]), (10, 600.0, [-9.1, -34.1]), (10, 1140.0, [2.2, -35.0]), (19, 600.0, [-16.6, -56.4])];
+    let known =
+        [(10, 60.0, [2.1, -33.8]), (10, 600.0, [-9.1, -34.1]), (10, 1140.0, [2.2, -35.0]), (19, 600.0, [-16.6, -56.4])];
     for number in 1..=19 {
         let result = tracker.correlate(number, read(&folder, &format!("img_{:04} .png", 30 * number))).unwrap();
         assert_eq!(result.measurement.status, Status::Converged, "frame {number}");

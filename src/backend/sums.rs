@@ -50,6 +50,13 @@ impl PixelSums {
         if vf > 0.0 && vg > 0.0 { (c / (vf * vg).sqrt()).clamp(-1.0, 1.0) } else { 0.0 }
     }
 
+    /// How much of f the residual leaves explained, on the scale of a correlation coefficient:
+    /// `sqrt(1 - sum r^2 / sum (f - mean f)^2)`, 0 when nothing.
+    pub fn explained(&self) -> f64 {
+        let variance = self.ff - self.f * self.f / self.n.max(1.0);
+        if variance > 0.0 { (1.0 - self.rr / variance).max(0.0).sqrt() } else { 0.0 }
+    }
+
     /// Mean correlation coefficient, by pixels, of several sets that each have a gain and offset of their
     /// own; a set that is anticorrelated counts as 0, as a flat one does.
     pub fn mean_correlation(sets: &[Self]) -> f64 {

@@ -446,7 +446,9 @@ impl<B: Backend> Correlator<B> {
         let matches: Vec<f64> = (0..mesh.zones().len())
             .map(|zone| match self.options.brightness {
                 Brightness::Element => PixelSums::mean_correlation(&elements[mesh.zone_elements(zone)]),
-                _ => outcome.last[zone].correlation(),
+                // Without a transfer a change of light is misfit, although it correlates.
+                Brightness::Off => outcome.last[zone].explained(),
+                Brightness::Zone => outcome.last[zone].correlation(),
             })
             .collect();
         let mut measured = vec![false; mesh.n_nodes()];

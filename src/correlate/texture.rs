@@ -149,8 +149,9 @@ pub(super) fn rounding(image: &Image) -> f64 {
 
 /// The image noise assumed for the texture check when none is given, grey levels: the high-frequency
 /// content of the quietest tenth of the image (second differences in both directions, which smooth
-/// texture hardly has; Immerkaer 1996), at most 2 % of the range of grey levels, at least the rounding
-/// of integer images.
+/// texture hardly has; Immerkaer 1996), at least the rounding of integer images. Fine or sharp-edged
+/// speckles have second differences too, so it is taken to be at most 1 % of the range of grey levels: a
+/// good reference must not be refused for a noise that nobody measured.
 ///
 /// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
 /// span of such noise limits it: 8 to 10 standard deviations.
@@ -187,6 +188,6 @@ pub fn assumed_noise(image: &Image) -> f64 {
     let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
     // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
     let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
-    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.02 };
+    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
     quiet.min(share * f64::from(high - low)).max(rounding(image))
 }
