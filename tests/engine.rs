@@ -161,6 +161,7 @@ fn all_instruction_paths_agree() {
             .collect();
         for (isa, displacement) in &found[1..] {
             let difference = largest_difference(displacement, &found[0].1);
+            println!("{isa} and {}, {interpolation:?}: {difference:.1e} px", found[0].0);
             // The requirement on f32 kernels. The paths round differently and nothing else.
             assert!(difference <= 1e-5, "{isa} and {}, {interpolation:?}: {difference} px", found[0].0);
         }

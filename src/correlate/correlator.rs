@@ -1,134 +1,21 @@
 //! A prepared reference that correlates deformed images with itself.
 
+use super::error::CorrelationError;
+use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
-use super::level::{Level, assemble, coarse_mesh, elimination_order, support};
+use super::level::{Level, coarse_mesh};
+use super::options::Options;
 use super::search::{Affine, motions};
-use super::texture::{TextureFault, assumed_noise, faults, least_determined, rounding, undetermined};
+use super::texture::{TextureFault, assumed_noise, rounding};
 use super::uncertainty::{NoiseGain, inverse_variances};
-use crate::backend::{Backend, BackendError, GreyMap, GreyTransfer, KernelOptions, PixelSums};
-use crate::field::{Brightness, Measurement, RigidMotion, StartFrom, Status};
-use crate::imaging::{Image, Interpolation};
+use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
+use crate::field::{Brightness, Measurement, RigidMotion, Status};
+use crate::imaging::Image;
 use crate::isa::Isa;
-use crate::linalg::{Pattern, Solver, SolverChoice};
-use crate::mesh::{Mesh, MeshError, Zone};
+use crate::mesh::{Mesh, Zone};
 use crate::units::Px;
 use serde::Serialize;
 use std::sync::Arc;
-use thiserror::Error;
-
-/// Choices of a correlation; the defaults suit a first try.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Element size, px (4..=128).
-    pub element_size: usize,
-    /// Interpolation of the deformed image.
-    pub interpolation: Interpolation,
-    /// Largest nodal correction at which a frame counts as converged, px.
-    pub tolerance_px: f64,
-    /// Gauss-Newton iterations on the finest level after which a frame is given up.
-    pub max_iterations: usize,
-    /// How brightness and contrast are followed.
-    pub brightness: Brightness,
-    /// Where frames of a series start.
-    pub start: StartFrom,
-    /// Standard deviation of the noise of one image, grey levels; estimated from the residual if `None`.
-    pub noise: Option<f64>,
-    /// Leave nodes without texture out instead of refusing the reference.
-    pub drop_textureless: bool,
-    /// Solver of the normal equations.
-    pub solver: SolverChoice,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            element_size: 16,
-            interpolation: Interpolation::default(),
-            tolerance_px: 1e-4,
-            max_iterations: 50,
-            brightness: Brightness::default(),
-            start: StartFrom::default(),
-            noise: None,
-            drop_textureless: false,
-            solver: SolverChoice::default(),
-        }
-    }
-}
-
-/// Why a reference cannot be prepared, or a frame not be tried.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum CorrelationError {
-    /// The zones or the element size do not fit the image.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-    /// A number among the options makes no sense.
-    #[error("{name} is {value}; give {wanted}")]
-    Option {
-        /// The option.
-        name: &'static str,
-        /// What was given.
-        value: String,
-        /// What is allowed.
-        wanted: &'static str,
-    },
-    /// Nodes of the reference see no texture.
-    #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes))]
-    NoTexture {
-        /// The nodes.
-        faults: Vec<TextureFault>,
-        /// Nodes of the mesh.
-        n_nodes: usize,
-    },
-    /// Nothing is left to measure.
-    #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
-    Textureless,
-    /// A deformed image of another size.
-    #[error("the image is {width} x {height} px, the reference {reference_width} x {reference_height} px")]
-    Size {
-        /// Columns of the deformed image.
-        width: usize,
-        /// Rows of the deformed image.
-        height: usize,
-        /// Columns of the reference.
-        reference_width: usize,
-        /// Rows of the reference.
-        reference_height: usize,
-    },
-    /// A deformed image without any contrast.
-    #[error("every pixel has the grey level {grey}: there is no picture to correlate")]
-    Constant {
-        /// The grey level.
-        grey: f32,
-    },
-    /// The device failed.
-    #[error("the device failed")]
-    Backend(#[from] BackendError),
-}
-
-impl CorrelationError {
-    /// Whether the fault is one of the deformed image alone, so that the series can go on.
-    pub fn is_of_the_frame(&self) -> bool {
-        matches!(self, Self::Size { .. } | Self::Constant { .. })
-    }
-}
-
-fn advice(some_are_left: bool) -> &'static str {
-    if some_are_left {
-        "move the zone off them, enlarge the elements, or leave them out with --drop-textureless"
-    } else {
-        "check the zone, the exposure and the focus"
-    }
-}
-
-fn first_few(faults: &[TextureFault]) -> String {
-    const SHOWN: usize = 3;
-    let mut text: Vec<String> = faults.iter().take(SHOWN).map(ToString::to_string).collect();
-    if faults.len() > SHOWN {
-        text.push(format!("and {} more", faults.len() - SHOWN));
-    }
-    text.join("; ")
-}
 
 /// Where a frame's iteration started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -315,7 +202,8 @@ impl<B: Backend> Correlator<B> {
     /// transfer per zone); when it fails, or there is none, the frame is searched for.
     ///
     /// # Errors
-    /// An image of another size, or a device that fails. Not converging is a result, not an error.
+    /// An image of another size or without contrast, a start for another mesh, or a device that fails. Not
+    /// converging is a result, not an error.
     pub fn correlate(
         &self,
         image: Arc<Image>,
@@ -335,6 +223,11 @@ impl<B: Backend> Correlator<B> {
         }
         let mut frame = self.backend.frame(image, &self.kernel)?;
         if let Some((displacement, transfer)) = start {
+            let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
+            let (nodes, zones) = (displacement.len(), transfer.len());
+            if (nodes, zones) != (mesh_nodes, mesh_zones) {
+                return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
+            }
             let attempt = self.follow_prediction(&mut frame, &displacement, transfer)?;
             if attempt.measurement.status == Status::Converged {
                 return Ok(attempt);
@@ -558,30 +451,6 @@ fn rigid(
     RigidMotion::fit(nodes.filter(|&n| measured[n]).map(|n| (mesh.nodes()[n], displacement[n])))
 }
 
-impl Options {
-    /// Whether the numbers among the options make sense (the element size is checked with the mesh).
-    ///
-    /// # Errors
-    /// [`CorrelationError::Option`] with the first that does not.
-    pub fn check(&self) -> Result<(), CorrelationError> {
-        let options = self;
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
-        if !positive(options.tolerance_px) || options.tolerance_px > 1.0 {
-            return fault("the tolerance", options.tolerance_px.to_string(), "a positive number of pixels up to 1");
-        }
-        if options.max_iterations == 0 {
-            return fault("the largest number of iterations", "0".into(), "at least 1");
-        }
-        if let Some(noise) = options.noise
-            && !positive(noise)
-        {
-            return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
-        }
-        Ok(())
-    }
-}
-
 /// The number of halvings after which the largest zone is small enough to be searched, as far as the
 /// smallest zone stays wide enough.
 fn search_level(mesh: &Mesh<Px>) -> usize {
@@ -598,72 +467,4 @@ fn search_level(mesh: &Mesh<Px>) -> usize {
         level += 1;
     }
     level
-}
-
-/// The finest level and what goes with it.
-struct Finest<B: Backend> {
-    level: Level<B>,
-    inverse_variance: Vec<[f64; 2]>,
-    dropped: Vec<TextureFault>,
-}
-
-/// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused or left out,
-/// until what remains is determined.
-fn finest_level<B: Backend>(
-    backend: &B,
-    frame: &mut B::Frame,
-    mesh: Arc<Mesh<Px>>,
-    noise: f64,
-    kernel: &KernelOptions,
-    options: &Options,
-) -> Result<Finest<B>, CorrelationError> {
-    let (mut prepared, mut moments) = backend.reference(frame, 0, mesh.clone(), kernel)?;
-    let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-    let mut keep = vec![true; mesh.n_nodes()];
-    let mut active = vec![true; mesh.n_elements()];
-    let mut dropped: Vec<TextureFault> = Vec::new();
-    loop {
-        let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
-        let mut found = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation);
-        found.retain(|fault| keep[fault.node]);
-        if found.is_empty() {
-            matrix.hold(&keep);
-            let solver = Solver::iterative(matrix);
-            // Two long pieces of work that need the matrix alone.
-            let (factor, inverse_variance) = rayon::join(
-                || solver.factor(options.solver, || elimination_order(&mesh)),
-                || inverse_variances(backend.host_isa(), &mesh, &solver),
-            );
-            let has_factor = factor.is_ok();
-            let solver = solver.with_factor(factor.unwrap_or(None));
-            found = undetermined(&mesh, &inverse_variance, &keep, noise);
-            if !has_factor && found.is_empty() {
-                found = least_determined(&mesh, &inverse_variance, &keep);
-            }
-            if found.is_empty() {
-                backend.restrict(&mut prepared, &active);
-                dropped.sort_by_key(|fault| fault.node);
-                let level = Level { mesh, prepared, moments, pattern, solver, keep };
-                return Ok(Finest { level, inverse_variance, dropped });
-            }
-        }
-        if !options.drop_textureless {
-            return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
-        }
-        if found.len() == keep.iter().filter(|&&kept| kept).count() {
-            return Err(CorrelationError::Textureless);
-        }
-        // An element with a node that is left out would be read at a guess there, so it is left out
-        // too; that may leave further nodes without texture.
-        for fault in &found {
-            keep[fault.node] = false;
-        }
-        for (element, nodes) in mesh.elements().iter().enumerate() {
-            if active[element] && nodes.iter().any(|&node| !keep[node as usize]) {
-                active[element] = false;
-                moments[element] = Default::default();
-            }
-        }
-        dropped.extend(found);
-    }
 }

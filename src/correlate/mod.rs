@@ -1,13 +1,18 @@
 //! Global Q4 correlation of an image series (THEORY 2): one reference, any number of deformed images.
 
 mod correlator;
+mod error;
+mod finest;
 mod iterate;
 mod level;
+mod options;
 mod search;
 mod series;
 mod texture;
 mod uncertainty;
 
-pub use correlator::{Correlation, CorrelationError, Correlator, Options, StartUsed, ZoneResult};
+pub use correlator::{Correlation, Correlator, StartUsed, ZoneResult};
+pub use error::CorrelationError;
+pub use options::Options;
 pub use series::Tracker;
 pub use texture::{Lack, TextureFault, assumed_noise};

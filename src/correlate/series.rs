@@ -1,6 +1,7 @@
 //! Starts along a series.
 
-use super::correlator::{Correlation, CorrelationError, Correlator};
+use super::correlator::{Correlation, Correlator};
+use super::error::CorrelationError;
 use crate::backend::{Backend, GreyTransfer};
 use crate::field::{StartFrom, Status};
 use crate::imaging::Image;

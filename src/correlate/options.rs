@@ -1,0 +1,68 @@
+//! Choices of a correlation.
+
+use super::error::CorrelationError;
+use crate::field::{Brightness, StartFrom};
+use crate::imaging::Interpolation;
+use crate::linalg::SolverChoice;
+
+/// Choices of a correlation; the defaults suit a first try.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Element size, px (4..=128).
+    pub element_size: usize,
+    /// Interpolation of the deformed image.
+    pub interpolation: Interpolation,
+    /// Largest nodal correction at which a frame counts as converged, px.
+    pub tolerance_px: f64,
+    /// Gauss-Newton iterations on the finest level after which a frame is given up.
+    pub max_iterations: usize,
+    /// How brightness and contrast are followed.
+    pub brightness: Brightness,
+    /// Where frames of a series start.
+    pub start: StartFrom,
+    /// Standard deviation of the noise of one image, grey levels; estimated from the residual if `None`.
+    pub noise: Option<f64>,
+    /// Leave nodes without texture out instead of refusing the reference.
+    pub drop_textureless: bool,
+    /// Solver of the normal equations.
+    pub solver: SolverChoice,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            element_size: 16,
+            interpolation: Interpolation::default(),
+            tolerance_px: 1e-4,
+            max_iterations: 50,
+            brightness: Brightness::default(),
+            start: StartFrom::default(),
+            noise: None,
+            drop_textureless: false,
+            solver: SolverChoice::default(),
+        }
+    }
+}
+
+impl Options {
+    /// Whether the numbers among the options make sense (the element size is checked with the mesh).
+    ///
+    /// # Errors
+    /// [`CorrelationError::Option`] with the first that does not.
+    pub fn check(&self) -> Result<(), CorrelationError> {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
+        if !positive(self.tolerance_px) || self.tolerance_px > 1.0 {
+            return fault("the tolerance", self.tolerance_px.to_string(), "a positive number of pixels up to 1");
+        }
+        if self.max_iterations == 0 {
+            return fault("the largest number of iterations", "0".into(), "at least 1");
+        }
+        if let Some(noise) = self.noise
+            && !positive(noise)
+        {
+            return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
+        }
+        Ok(())
+    }
+}
