@@ -5,7 +5,7 @@ use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, coarse_mesh};
 use super::options::Options;
-use super::search::{Affine, motions};
+use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
 use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
@@ -271,33 +271,34 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[top];
         let deformed = self.backend.grey_map(frame, top)?;
         let n_zones = level.mesh.zones().len();
-        let candidates: Vec<Vec<Affine>> =
+        let candidates: Vec<Vec<Motion>> =
             level.mesh.grids().iter().map(|grid| motions(&self.search_map, &deformed, grid)).collect();
         // Every zone tries its own next candidate in each round and keeps the best match.
-        let mut best: Vec<(f64, Affine, GreyTransfer)> =
-            vec![(f64::NEG_INFINITY, Affine::translation([0.0; 2]), GreyTransfer::NONE); n_zones];
+        let mut best: Vec<(f64, Motion, GreyTransfer)> =
+            vec![(f64::NEG_INFINITY, Motion::rest(), GreyTransfer::NONE); n_zones];
         let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
         for round in 0..rounds {
             if best.iter().all(|b| b.0 > 0.8) {
                 break;
             }
-            let tried: Vec<Affine> = candidates.iter().map(|c| c[round.min(c.len() - 1)]).collect();
-            let displacement = self.affine_field(level, &tried);
+            let tried: Vec<Motion> = candidates.iter().map(|c| c[round.min(c.len() - 1)].clone()).collect();
+            let displacement = self.moved(level, &tried);
             let mut field = self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
             let sums = self.backend.observe(&level.prepared, frame, &mut field)?;
             for (zone, transfer) in self.backend.transfer(&level.prepared, &field).into_iter().enumerate() {
                 let score = sums[zone].correlation();
                 if score > best[zone].0 {
-                    best[zone] = (score, tried[zone], transfer);
+                    best[zone] = (score, tried[zone].clone(), transfer);
                 }
             }
         }
-        let motions: Vec<Affine> = best.iter().map(|b| b.1).collect();
         let transfer = best.iter().map(|b| b.2).collect();
-        self.down_the_pyramid(frame, self.affine_field(level, &motions), transfer, StartUsed::Cold)
+        let motions: Vec<Motion> = best.into_iter().map(|b| b.1).collect();
+        self.down_the_pyramid(frame, self.moved(level, &motions), transfer, StartUsed::Cold)
     }
 
-    fn affine_field(&self, level: &Level<B>, motions: &[Affine]) -> Vec<[f64; 2]> {
+    /// The displacement of a level's nodes under the motions of their zones.
+    fn moved(&self, level: &Level<B>, motions: &[Motion]) -> Vec<[f64; 2]> {
         let zones = level.mesh.node_zone();
         level.mesh.nodes().iter().zip(zones).map(|(&x, &zone)| motions[zone as usize].displacement(x)).collect()
     }

@@ -1,5 +1,5 @@
-//! Where a frame starts when nothing is known: FFT cross-correlation of tiles on a coarse level, and the
-//! affine motion that most tiles of a zone agree on.
+//! Where a frame starts when nothing is known: FFT cross-correlation of tiles on a coarse level, the
+//! affine motion that most tiles of a zone agree on, and what groups of tiles find beyond it.
 
 use crate::backend::GreyMap;
 use crate::mesh::Grid;
@@ -19,20 +19,69 @@ const AGREEMENT_PX: f64 = 1.5;
 
 /// An affine displacement `u(x) = shift + gradient (x - centre)`, px of its level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Affine {
-    pub centre: [f64; 2],
-    pub shift: [f64; 2],
-    pub gradient: [[f64; 2]; 2],
+struct Affine {
+    centre: [f64; 2],
+    shift: [f64; 2],
+    gradient: [[f64; 2]; 2],
 }
 
 impl Affine {
-    pub fn translation(shift: [f64; 2]) -> Self {
+    fn translation(shift: [f64; 2]) -> Self {
         Self { centre: [0.0; 2], shift, gradient: [[0.0; 2]; 2] }
     }
 
-    pub fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
+    fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
         let d = [x[0] - self.centre[0], x[1] - self.centre[1]];
         std::array::from_fn(|c| self.shift[c] + self.gradient[c][0] * d[0] + self.gradient[c][1] * d[1])
+    }
+}
+
+/// A motion of one zone: affine, and the local deviations of tiles from it where there are any.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    affine: Affine,
+    /// Centres of tiles and their displacement beyond the affine one.
+    deviations: Vec<([f64; 2], [f64; 2])>,
+}
+
+/// The deviation at a point is the median of this many tiles around it: two of them may be wrong.
+const NEIGHBOURS: usize = 5;
+
+impl Motion {
+    /// Rest.
+    pub fn rest() -> Self {
+        Self::of(Affine::translation([0.0; 2]))
+    }
+
+    fn of(affine: Affine) -> Self {
+        Self { affine, deviations: Vec::new() }
+    }
+
+    fn with_deviations(affine: Affine, matches: &[Match]) -> Self {
+        let deviation = |m: &Match| {
+            let u = affine.displacement(m.centre);
+            (m.centre, [m.displacement[0] - u[0], m.displacement[1] - u[1]])
+        };
+        Self { affine, deviations: matches.iter().map(deviation).collect() }
+    }
+
+    /// The displacement of the point `x`, px of the level.
+    pub fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
+        let u = self.affine.displacement(x);
+        let mut near: Vec<(f64, [f64; 2])> = self
+            .deviations
+            .iter()
+            .map(|(at, deviation)| ((at[0] - x[0]).powi(2) + (at[1] - x[1]).powi(2), *deviation))
+            .collect();
+        if near.len() < NEIGHBOURS {
+            return u;
+        }
+        near.select_nth_unstable_by(NEIGHBOURS - 1, |a, b| a.0.total_cmp(&b.0));
+        std::array::from_fn(|c| {
+            let mut values: [f64; NEIGHBOURS] = std::array::from_fn(|k| near[k].1[c]);
+            values.sort_by(f64::total_cmp);
+            u[c] + values[NEIGHBOURS / 2]
+        })
     }
 }
 
@@ -45,15 +94,17 @@ struct Match {
 }
 
 /// The motions worth trying for one zone, the most probable first; the last is rest.
-pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> Vec<Affine> {
-    let mut motions = Vec::new();
+pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> Vec<Motion> {
     let matches = match_tiles(reference, deformed, zone);
-    motions.extend(agreed_motion(&matches));
+    let agreed = agreed_motion(&matches);
+    let mut motions: Vec<Motion> = agreed.map(Motion::of).into_iter().collect();
+    // A specimen that bends or breaks moves differently in different places.
+    motions.push(Motion::with_deviations(agreed.unwrap_or(Affine::translation([0.0; 2])), &matches));
     // The single best tile, for zones of few tiles or in pieces.
     if let Some(best) = matches.iter().max_by(|a, b| a.score.total_cmp(&b.score)) {
-        motions.push(Affine::translation(best.displacement));
+        motions.push(Motion::of(Affine::translation(best.displacement)));
     }
-    motions.push(Affine::translation([0.0; 2]));
+    motions.push(Motion::rest());
     motions
 }
 
