@@ -105,7 +105,7 @@ fn the_sinusoid_of_the_challenge_is_followed_better_than_by_the_reference_codes(
     for (name, column) in [("L1", 1), ("L3", 3), ("L5", 5)] {
         let result = correlator.correlate(read(&folder, &format!("Sample14 {name} Amp0.1b.tif")), None).unwrap();
         assert_eq!(result.measurement.status, Status::Converged, "{name}");
-        let (mut sum, mut n) = (0.0, 0.0);
+        let (mut sum, mut n) = (0.0f64, 0.0f64);
         for row in truth.iter().filter(|row| (116.0..1940.0).contains(&row[0])) {
             for y in (116..468).step_by(7) {
                 let Some(u) = at(&result, row[0], f64::from(y)) else { continue };
@@ -114,7 +114,7 @@ fn the_sinusoid_of_the_challenge_is_followed_better_than_by_the_reference_codes(
             }
         }
         assert!(n > 80_000.0, "{n} points compared");
-        let rms = (sum / f64::from(n)).sqrt();
+        let rms: f64 = (sum / n).sqrt();
         println!("{name}: rms of u_x against the truth {rms:.4} px");
         // The two global codes whose fields come with the images are at 0.052 px for L5.
         assert!(rms < 0.052, "{name}: rms {rms} px");

@@ -429,32 +429,3 @@ fn what_cannot_be_rendered_is_an_error_that_says_why() {
     assert_error(render(&texture(), &folding, &float(64, 64)), "folds");
     assert_error(render(&texture(), &Translation([f64::NAN, 0.0]), &float(8, 8)), "folds");
 }
-
-#[test]
-#[ignore = "writes pictures and timings for the eye: QUADRILLE_PICTURES=folder"]
-fn pictures_for_the_eye() {
-    let folder = std::path::PathBuf::from(std::env::var_os("QUADRILLE_PICTURES").unwrap());
-    let (width, height) = (1024, 1024);
-    let options = RenderOptions { noise: 2.0, ..RenderOptions::new(width, height) };
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let best_of_five = |motion: &dyn Motion, options: &RenderOptions| {
-        let times = (0..5).map(|_| {
-            let start = std::time::Instant::now();
-            one.install(|| render(&texture(), motion, options)).unwrap();
-            start.elapsed().as_secs_f64()
-        });
-        1e9 * times.fold(f64::INFINITY, f64::min) / (width * height) as f64
-    };
-    let save = |name: &str, motion: &dyn Motion| {
-        let [clean, noisy] = [0.0, 2.0].map(|noise| best_of_five(motion, &RenderOptions { noise, ..options }));
-        println!("{name}: {clean:.1} ns per pixel on one thread, {noisy:.1} with noise (best of 5)");
-        let image = render(&texture(), motion, &options).unwrap();
-        let Pixels::U8(bytes) = image.pixels() else { return };
-        image::save_buffer(folder.join(name).with_extension("png"), bytes, 1024, 1024, image::ColorType::L8).unwrap();
-    };
-    save("reference", &Translation([0.0, 0.0]));
-    save("accuracy", &Accuracy::new(width, height));
-    save("star", &Star::new(width, height));
-    save("peel-05", &Peel::new(width, height).at(0.5));
-    save("peel-10", &Peel::new(width, height));
-}

@@ -2,7 +2,7 @@
 
 use crate::field::Status;
 use crate::report::summary::FrameSummary;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -34,8 +34,13 @@ impl Progress {
         if talk == Talk::Quiet || !terminal {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
-        let template = "{bar:30} {pos}/{len} frames  {per_sec}  {eta} left  {msg}";
-        bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        let template = "{bar:30} {pos}/{len} frames  {rate}  {eta} left";
+        let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // Nowhere to report a failed write of the bar to.
+            let _ = write!(out, "{:.1} frames/s", state.per_sec());
+        };
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_style(style.with_key("rate", rate));
         let now = Instant::now();
         Self { talk, bar, terminal, total, begin: now, last_line: now }
     }

@@ -6,8 +6,12 @@ use crate::mesh::Mesh;
 use crate::units::Px;
 
 /// A node is without texture when its weakest gradient direction carries less than this many times what
-/// image noise alone would put there.
-const NOISE_MARGIN: f64 = 4.0;
+/// image noise alone would put there on average. The sums over few pixels scatter: a node of `support` (sum
+/// of psi^2) sees about 2.8 times as many independent pixels, and the margin is five and a half standard
+/// deviations of their mean square.
+fn noise_margin(support: f64) -> f64 {
+    1.5 + 4.8 / support.max(1.0).sqrt()
+}
 
 /// A node that cannot be measured, and why.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,12 +83,13 @@ pub(super) fn faults(
     noise: f64,
     interpolation: Interpolation,
 ) -> Vec<TextureFault> {
-    let needed = NOISE_MARGIN * noise * noise * interpolation.gradient_noise_gain();
+    let from_noise = noise * noise * interpolation.gradient_noise_gain();
     (0..mesh.n_nodes())
         .filter_map(|node| {
             let [xx, xy, yy] = matrix.diagonal(node);
             let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
             let weight = support[node].max(f64::MIN_POSITIVE);
+            let needed = noise_margin(weight) * from_noise;
             let (weakest, strongest) = ((mean - half).max(0.0) / weight, (mean + half) / weight);
             // The relative floor catches exact stripes in noise-free images, where f32 leaves a rest.
             let fault = support[node] <= 0.0 || weakest <= needed || weakest <= 1e-5 * strongest;
