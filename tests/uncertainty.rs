@@ -171,8 +171,8 @@ fn printed_uncertainty_is_the_scatter() {
             let [scatter, printed] = samples(&pair, 8, &zones, &options);
             for place in PLACES {
                 let ratio = printed.rms(place) / scatter.rms(place);
-                println!("{what}: printed uncertainty {ratio:.3} of the scatter");
                 let what = format!("{place:?}, shift {shift:?}, noise {noise:?}, {brightness}, {interpolation:?}");
+                println!("{what}: printed uncertainty {ratio:.3} of the scatter");
                 assert!((ratio - 1.0).abs() <= 0.1, "{what}: {ratio} of the scatter"); // the requirement
             }
         }
