@@ -1,7 +1,7 @@
 //! Instruction paths of the CPU kernels, chosen at run time.
 //!
 //! A kernel is written once as an `#[inline(always)]` function over fixed-size arrays and compiled for
-//! each path by [`multiversioned!`]; rustc vectorises the loops. Fused multiply-adds round differently
+//! each path by the macro `multiversioned!`; rustc vectorises the loops. Fused multiply-adds round differently
 //! from separate ones, so different paths give different last bits; one path always gives the same.
 
 use std::fmt;
