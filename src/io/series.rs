@@ -113,10 +113,10 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
     Ok(files)
 }
 
-/// Component by component, numbers by value; ties (`natord` skips blanks) by the plain order.
+/// Component by component, numbers by value; whatever their leading zeros; ties by the plain order.
 fn natural_order(a: &Path, b: &Path) -> Ordering {
     let natural = |(a, b): (std::path::Component, std::path::Component)| {
-        natord::compare(&a.as_os_str().to_string_lossy(), &b.as_os_str().to_string_lossy())
+        alphanumeric_sort::compare_str(a.as_os_str().to_string_lossy(), b.as_os_str().to_string_lossy())
     };
     a.components()
         .zip(b.components())
@@ -124,4 +124,18 @@ fn natural_order(a: &Path, b: &Path) -> Ordering {
         .find(|order| order.is_ne())
         .unwrap_or_else(|| a.components().count().cmp(&b.components().count()))
         .then_with(|| a.cmp(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_sort_by_value_whatever_their_leading_zeros() {
+        let wanted = ["img_2.tif", "img_0003.tif", "img_04 b.tif", "img_010.tif", "img_00011.tif", "img_100.tif"];
+        let mut names = wanted.map(PathBuf::from);
+        names.reverse();
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(names, wanted.map(PathBuf::from));
+    }
 }
