@@ -217,9 +217,8 @@ impl<B: Backend> Correlator<B> {
                 reference_height: self.size[1],
             });
         }
-        let (low, high) = image.range();
-        if low == high {
-            return Err(CorrelationError::Constant { grey: low });
+        if image.is_constant() {
+            return Err(CorrelationError::Constant { grey: image.grey(0, 0) });
         }
         let mut frame = self.backend.frame(image, &self.kernel)?;
         if let Some((displacement, transfer)) = start {

@@ -139,16 +139,31 @@ impl Image {
 
     /// Smallest and largest grey level.
     pub fn range(&self) -> (f32, f32) {
-        fn ends<T: Copy + Into<f32>>(values: &[T]) -> (f32, f32) {
-            values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| {
-                let v = v.into();
-                (low.min(v), high.max(v))
-            })
+        // In the recorded type: integer minima run in vectors.
+        match &self.pixels {
+            Pixels::U8(p) => {
+                let (low, high) = p.iter().fold((u8::MAX, 0), |(low, high), &v| (v.min(low), v.max(high)));
+                (f32::from(low), f32::from(high))
+            }
+            Pixels::U16(p) => {
+                let (low, high) = p.iter().fold((u16::MAX, 0), |(low, high), &v| (v.min(low), v.max(high)));
+                (f32::from(low), f32::from(high))
+            }
+            Pixels::F32(p) => {
+                p.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
+            }
+        }
+    }
+
+    /// Whether all pixels have one grey level. Looks no further than the first that differs.
+    pub fn is_constant(&self) -> bool {
+        fn all_equal<T: PartialEq>(values: &[T]) -> bool {
+            values.iter().all(|v| *v == values[0])
         }
         match &self.pixels {
-            Pixels::U8(p) => ends(p),
-            Pixels::U16(p) => ends(p),
-            Pixels::F32(p) => ends(p),
+            Pixels::U8(p) => all_equal(p),
+            Pixels::U16(p) => all_equal(p),
+            Pixels::F32(p) => all_equal(p),
         }
     }
 }

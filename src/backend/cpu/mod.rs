@@ -8,6 +8,7 @@ mod pixels;
 mod plane;
 mod prefilter;
 mod residual;
+mod sample;
 mod spline;
 
 use crate::backend::{

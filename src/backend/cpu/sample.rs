@@ -1,0 +1,185 @@
+//! Grey levels of the deformed image between its pixels: where a row of pixels lands, which of them count,
+//! and the interpolation itself.
+
+use super::plane::View;
+use super::spline::Spline;
+use crate::isa::mul_add;
+
+/// A pixel that lands beyond the outermost pixel centres fades out over this distance, px. A sharp edge
+/// would let pixels flicker in and out as the field settles, and the iteration never end; further out
+/// there is nothing to read.
+const EDGE: f32 = 0.25;
+
+/// Where a pixel lands along one axis: tap column of its floor and the fraction beyond it.
+#[inline(always)]
+pub(super) fn place(pixel: i32, u: f32) -> (i32, f32) {
+    let floor = u.floor();
+    (pixel + floor as i32, u - floor)
+}
+
+/// Whether a position lies between the first and the last pixel centre of an axis of `n` pixels.
+#[inline(always)]
+fn inside(at: i32, t: f32, n: usize) -> bool {
+    let last = n as i32 - 1;
+    at >= 0 && (at < last || (at == last && t == 0.0))
+}
+
+/// Weight of a position on an axis of `n` pixels: 1 inside, 0 from [`EDGE`] outside on.
+#[inline(always)]
+pub(super) fn weight(at: i32, t: f32, n: usize) -> f32 {
+    if inside(at, t, n) {
+        return 1.0;
+    }
+    // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
+    let beyond = if at < 0 { (-1 - at) as f32 + (1.0 - t) } else { (at - (n as i32 - 1)) as f32 + t };
+    (1.0 - beyond / EDGE).max(0.0)
+}
+
+/// `L` lanes at `at`, which the caller has checked.
+#[inline(always)]
+pub(super) fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
+    debug_assert!(at + L <= values.len());
+    // SAFETY: every caller has compared `at + L` (of the farthest load) with the length.
+    unsafe { &*values.as_ptr().add(at).cast::<[f32; L]>() }
+}
+
+/// Asks the cache for the line of `values` at `at`; a hint, so any index will do.
+#[inline(always)]
+pub(super) fn prefetch(values: &[f32], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch never faults, and the address is formed without leaving the wrapping rules.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, at);
+}
+
+/// Grey levels of the deformed image at one row of lanes, and which of them count.
+pub(super) struct Row<const L: usize> {
+    pub g: [f32; L],
+    pub counted: [f32; L],
+    pub all_counted: bool,
+}
+
+/// Interpolates the row of `lanes` pixels from column `x`, row `y`, with displacements (less the whole
+/// offset, which `x` and `y` already contain) `ux`, `uy`.
+#[inline(always)]
+pub(super) fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    scalar: bool,
+    [x, y]: [i32; 2],
+    lanes: usize,
+    ux: &[f32; L],
+    uy: &[f32; L],
+) -> Row<L> {
+    let before = (K / 2 - 1) as isize;
+    let (first_x, last_x) = (place(x, ux[0]), place(x + lanes as i32 - 1, ux[lanes - 1]));
+    let (first_y, last_y) = (place(y, uy[0]), place(y, uy[lanes - 1]));
+    // u is affine along the row: if both ends are inside, all lanes are, and floors lie between the ends'.
+    let all_inside = inside(first_x.0, first_x.1, c.width)
+        && inside(last_x.0, last_x.1, c.width)
+        && inside(first_y.0, first_y.1, c.height)
+        && inside(last_y.0, last_y.1, c.height);
+    let shift_ends = (first_x.0 - x, last_x.0 - x - (lanes as i32 - 1));
+    let (sx0, sx1) = (shift_ends.0.min(shift_ends.1), shift_ends.0.max(shift_ends.1));
+    let (y0, y1) = (first_y.0.min(last_y.0), first_y.0.max(last_y.0));
+    let combinations = (sx1 - sx0 + 1) * (y1 - y0 + 1);
+    let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
+    if !scalar && all_inside && combinations <= 6 {
+        let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
+        // A floor just outside the image is allowed by `EDGE`; its taps lie in the border.
+        if farthest <= c.data.len() && x + sx0 >= -1 && y0 >= -1 {
+            row.all_counted = true;
+            for sy in y0..=y1 {
+                for sx in sx0..=sx1 {
+                    let at = c.at((x + sx) as isize - before, sy as isize - before);
+                    let (fx, fy) = (sx as f32, (sy - y) as f32);
+                    if combinations == 1 {
+                        let (tx, ty) = (ux.map(|u| u - fx), uy.map(|u| u - fy));
+                        row.g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
+                    } else {
+                        let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
+                        for i in 0..L {
+                            tx[i] = ux[i] - fx;
+                            ty[i] = uy[i] - fy;
+                        }
+                        let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
+                        for i in 0..L {
+                            // Floors rise, and the last one not above a lane keeps it, so that every lane
+                            // gets a value whatever u - floor rounds to. Without short-circuits: a branch
+                            // per lane would undo the vectors.
+                            let here = ((tx[i] >= 0.0) | (sx == sx0)) & ((ty[i] >= 0.0) | (sy == y0));
+                            row.g[i] = if here { g[i] } else { row.g[i] };
+                        }
+                    }
+                }
+            }
+            return row;
+        }
+    }
+    for i in 0..lanes {
+        let ((px, tx), (py, ty)) = (place(x + i as i32, ux[i]), place(y, uy[i]));
+        let weight = weight(px, tx, c.width) * weight(py, ty, c.height);
+        if weight > 0.0 {
+            row.counted[i] = weight;
+            row.g[i] = interpolate_one::<FMA, S, K>(c, px, py, tx, ty);
+        }
+    }
+    row
+}
+
+#[inline(always)]
+pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    at: usize,
+    tx: &[f32; L],
+    ty: &[f32; L],
+) -> [f32; L] {
+    let (wx, wy) = (S::weights::<FMA, L>(tx), S::weights::<FMA, L>(ty));
+    let mut g = [0.0; L];
+    for j in 0..K {
+        let mut along = [0.0; L];
+        for k in 0..K {
+            let taps = load::<L>(c.data, at + j * c.stride + k);
+            for i in 0..L {
+                along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
+            }
+        }
+        for i in 0..L {
+            g[i] = mul_add::<FMA>(wy[j][i], along[i], g[i]);
+        }
+    }
+    g
+}
+
+/// Index of the value `ahead` columns and `below` rows from a position that may be anywhere.
+#[inline(always)]
+pub(super) fn next_taps(plane: View<'_>, [x, y]: [i32; 2], below: usize, ahead: usize) -> usize {
+    let row = (y as isize + below as isize).wrapping_mul(plane.stride as isize);
+    plane.at(0, 0).wrapping_add_signed(row.wrapping_add(x as isize + ahead as isize))
+}
+
+/// One pixel, the same sums in the same order.
+#[inline(always)]
+fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(
+    c: View<'_>,
+    x: i32,
+    y: i32,
+    tx: f32,
+    ty: f32,
+) -> f32 {
+    let before = (K / 2 - 1) as isize;
+    let (wx, wy) = (S::weights::<FMA, 1>(&[tx]), S::weights::<FMA, 1>(&[ty]));
+    let mut g = 0.0;
+    for (j, wy) in wy.iter().enumerate() {
+        let at = c.at(x as isize - before, y as isize - before + j as isize);
+        let mut along = 0.0;
+        for (wx, tap) in wx.iter().zip(&c.data[at..at + K]) {
+            along = mul_add::<FMA>(wx[0], *tap, along);
+        }
+        g = mul_add::<FMA>(wy[0], along, g);
+    }
+    g
+}
