@@ -11,7 +11,6 @@ use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
-use crate::isa::Isa;
 use crate::mesh::{Mesh, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -106,7 +105,6 @@ pub struct Correlator<B: Backend> {
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
-    isa: Isa,
 }
 
 impl<B: Backend> Correlator<B> {
@@ -117,7 +115,6 @@ impl<B: Backend> Correlator<B> {
     /// Options, zones or texture that do not allow a measurement; a device that fails.
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
         options.check()?;
-        let isa = backend.host_isa();
         let size = [reference.width(), reference.height()];
         let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
         let (low, high) = reference.range();
@@ -149,7 +146,6 @@ impl<B: Backend> Correlator<B> {
             search_map,
             inverse_variance,
             dropped,
-            isa,
         })
     }
 
@@ -356,7 +352,7 @@ impl<B: Backend> Correlator<B> {
             measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
         }
         let status = self.judge(&outcome, &elements, &matches);
-        let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.isa, mesh, own));
+        let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.backend.host_isa(), mesh, own));
         let variance = own_variance.as_ref().unwrap_or(&self.inverse_variance);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
