@@ -8,7 +8,7 @@ use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
 use quadrille::io::store::{Place, Store, StoreError, StoreHeader, StoreWriter, Variable, remove_store};
-use quadrille::mesh::{Mesh, Roi, Zone};
+use quadrille::mesh::{Mesh, MeshError, Roi, Zone, ZoneElements};
 use quadrille::units::{PixelSize, Px};
 use serde_json::{Value, json};
 use std::fs;
@@ -22,8 +22,8 @@ const N_FRAMES: usize = 5;
 
 fn mesh() -> Arc<Mesh<Px>> {
     let zones = [
-        Zone { name: "upper, \"left\"".into(), roi: Roi { x0: 0.5, y0: 2.0, x1: 33.0, y1: 35.0 } },
-        Zone { name: "lower ü".into(), roi: Roi { x0: 4.0, y0: 40.25, x1: 52.0, y1: 57.0 } },
+        Zone::rectangle("upper, \"left\"", Roi { x0: 0.5, y0: 2.0, x1: 33.0, y1: 35.0 }),
+        Zone::rectangle("lower ü", Roi { x0: 4.0, y0: 40.25, x1: 52.0, y1: 57.0 }),
     ];
     Mesh::on_zones(&zones, 16, 64, 64).unwrap().into()
 }
@@ -102,15 +102,13 @@ fn fields_and_header_read_back_to_the_same_bits() {
         let store = Store::open(named).unwrap();
         assert_eq!(store.path(), path);
         let read = store.header();
-        for (a, b) in [(read.mesh.nodes(), header().mesh.nodes())] {
-            assert_eq!(a, b);
-        }
+        assert_eq!(read.mesh.nodes(), header().mesh.nodes());
         assert_eq!(read.mesh.elements(), header().mesh.elements());
         assert_eq!(read.mesh.node_zone(), header().mesh.node_zone());
         assert_eq!(read.mesh.element_zone(), header().mesh.element_zone());
         assert_eq!(read.mesh.zones(), header().mesh.zones());
         assert_eq!((0..2).map(|z| read.mesh.zone_nodes(z)).collect::<Vec<_>>(), [0..9, 9..17]);
-        // The mesh is read as a free one; everything else is equal as it stands.
+        // The mesh is read as a free one, without its grids; everything else is equal as it stands.
         assert_eq!(&StoreHeader { mesh: read.mesh.clone(), ..header() }, read);
         assert_eq!(store.n_frames(), N_FRAMES);
         let statuses: Vec<_> = (1..=N_FRAMES).map(|number| store.status(number).unwrap()).collect();
@@ -148,6 +146,20 @@ fn fields_and_header_read_back_to_the_same_bits() {
             assert!(read.elements.iter().any(Option::is_none) && read.elements.iter().any(Option::is_some));
         }
     }
+}
+
+#[test]
+fn a_free_mesh_with_triangles_reads_back() {
+    let zone = |name: &str, x: f64| ZoneElements {
+        name: name.into(),
+        nodes: vec![[x, 0.0], [x + 9.5, 1.0], [x + 10.0, 8.0], [x - 1.0, 9.0], [x + 17.0, 4.0]],
+        elements: vec![[0, 1, 2, 3], [1, 4, 2, 2]],
+    };
+    let mesh = Arc::new(Mesh::from_zones(vec![zone("a", 1.0), zone("b", 31.0)]).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    StoreWriter::create(&folder.path().join("fields.zarr"), &StoreHeader { mesh: mesh.clone(), ..header() }).unwrap();
+    let store = Store::open(folder.path()).unwrap();
+    assert_eq!(**store.mesh(), *mesh);
 }
 
 #[test]
@@ -319,7 +331,10 @@ fn metadata_cut_anywhere_is_refused() {
         for length in (0..whole.len() - 2).step_by(1 + whole.len() / 100) {
             fs::write(&file, &whole[..length]).unwrap();
             let error = refusal(&path);
-            assert!(matches!(&error, StoreError::Metadata { file: named, .. } if *named == file), "{length}: {error:?}");
+            assert!(
+                matches!(&error, StoreError::Metadata { file: named, .. } if *named == file),
+                "{length}: {error:?}"
+            );
         }
         fs::remove_file(&file).unwrap();
         assert!(matches!(refusal(&path), StoreError::Metadata { .. } | StoreError::NotFound { .. }), "{name}");
@@ -341,7 +356,7 @@ fn metadata_that_does_not_fit_the_layout_is_refused_with_the_file() {
         ("node_zone/zarr.json", "17", "18", "shape"),
         ("sigma_px/zarr.json", "5,", "6,", "shape"),
         ("sigma_px/zarr.json", "float32", "float64", "numbers"),
-        ("status/zarr.json", "uint8", "int8", "numbers"),
+        ("status/zarr.json", "uint8", "uint16", "numbers"),
         ("displacement_px/zarr.json", "\"crc32c\"", "\"crc64\"", "describes no array"),
     ];
     for (name, old, new, wanted) in cases {
@@ -372,7 +387,8 @@ fn a_chunk_that_is_cut_changed_or_missing_is_refused_by_name_and_the_other_frame
                 Variable::StrainElement | Variable::StrainNode => store.strain(1).unwrap_err(),
                 _ => store.frame(1).unwrap_err(),
             };
-            let named = matches!(&error, StoreError::DamagedChunk { file: named, frame: Some(1), .. } if *named == file);
+            let named =
+                matches!(&error, StoreError::DamagedChunk { file: named, frame: Some(1), .. } if *named == file);
             assert!(named, "{variable:?}, {what}: {error:?}");
             assert!(store.values(1, variable).is_err(), "{variable:?}, {what}");
         };
@@ -428,16 +444,25 @@ fn whole_chunks_with_impossible_numbers_are_refused() {
     let mut zones = mesh.node_zone().to_vec();
     zones[0] = 1;
     assert_damaged("not numbered in order", &|path| foreign_chunk(path, "node_zone", &[0], &zones));
-    let zones = vec![2; mesh.n_elements()];
+    let zones = vec![2u32; mesh.n_elements()];
     assert_damaged("below 2", &|path| foreign_chunk(path, "element_zone", &[0], &zones));
     assert_damaged("no status", &|path| foreign_chunk(path, "status", &[0], &[77u8]));
     let marks = vec![3u8; mesh.n_nodes()];
     assert_damaged("mark of node 0 is 3", &|path| foreign_chunk(path, "measured", &[0, 0], &marks));
-    let lost = vec![f64::NAN; 2 * mesh.n_nodes()];
+    let mut lost = vec![f64::NAN; 2 * mesh.n_nodes()];
+    lost[7] = 0.5; // a chunk of nothing but fill values would be left out
     // Node 1 is the one that is not measured.
     assert_damaged("node 0 is measured", &|path| foreign_chunk(path, "displacement_px", &[0, 0, 0], &lost));
     let residual = vec![f32::INFINITY; mesh.n_elements()];
     assert_damaged("residual of element 0", &|path| foreign_chunk(path, "residual_grey", &[0, 0], &residual));
+}
+
+#[test]
+fn a_mesh_that_is_none_is_refused_with_the_element() {
+    let (_folder, path) = written();
+    foreign_chunk(&path, "node_position_px", &[0, 0], &vec![1.0f64; 2 * mesh().n_nodes()]);
+    let error = refusal(&path);
+    assert!(matches!(&error, StoreError::Mesh { source: MeshError::BadElement { element: 0, .. }, .. }), "{error:?}");
 }
 
 #[test]
@@ -857,7 +882,8 @@ fn numpy_and_scipy_read_the_exported_arrays_to_the_same_bits() {
         assert_eq!(mat_part[name]["shape"], json!([n, components]), "{name}");
         assert_eq!(mat_part[name]["values"], json!(frames[1]), "{name}");
         // In MATLAB the frame is the last axis: in the order of C it goes fastest.
-        let interleaved: Vec<_> = (0..n * components).flat_map(|k| [frames[0][k].clone(), frames[1][k].clone()]).collect();
+        let interleaved: Vec<_> =
+            (0..n * components).flat_map(|k| [frames[0][k].clone(), frames[1][k].clone()]).collect();
         let shape = if components > 1 { json!([n, components, 2]) } else { json!([n, 2]) };
         assert_eq!(mat[name]["shape"], shape, "{name}");
         assert_eq!(mat[name]["values"], json!(interleaved), "{name}");

@@ -110,7 +110,9 @@ fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbe
         };
         if let Some(there) = names.iter().map(|name| output.join(name)).find(|path| path.exists()) {
             let there = there.display();
-            return Err(format!("{there}: is there already; replace it with --overwrite, or choose another --output").into());
+            return Err(
+                format!("{there}: is there already; replace it with --overwrite, or choose another --output").into()
+            );
         }
     }
     Ok(())
@@ -202,13 +204,7 @@ fn check<F: ArrayFile>(store: &Store, numbers: &[usize], split: bool) -> std::re
 }
 
 /// Writes what all frames share, then array by array the frames.
-fn fill<F: ArrayFile>(
-    file: &mut F,
-    store: &Store,
-    numbers: &[usize],
-    split: bool,
-    ticker: &mut Ticker,
-) -> Result<()> {
+fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
     let header = store.header();
     let mesh = store.mesh();
     let counted = |numbers: &[u32]| Values::U32(numbers.iter().map(|number| number + F::FIRST).collect());
