@@ -1,6 +1,7 @@
 //! The command line, as the user types it.
 
-use crate::field::{Brightness, StartFrom};
+use super::frames::Frames;
+use crate::field::{Brightness, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -21,6 +22,8 @@ pub struct Cli {
 pub enum Command {
     /// Measure displacement fields: one reference image, any number of deformed ones.
     Correlate(CorrelateArgs),
+    /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
+    Export(ExportArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
     /// Make an example series, correlate it and compare the result with the truth.
@@ -37,14 +40,14 @@ pub enum Device {
     Cpu,
 }
 
-/// A table of values per frame that is written.
+/// A table of values per frame that is written beside the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Export {
     /// DIR/csv/NNNNNN.csv: one row per measured node.
     Csv,
     /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
     Vtu,
-    /// Nothing but run.toml and summary.json.
+    /// Nothing beside run.toml, summary.json and fields.zarr.
     None,
 }
 
@@ -110,9 +113,13 @@ pub struct CorrelateArgs {
     /// Millimetres per pixel: adds columns in mm to the CSV files.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pixel_size: Option<f64>,
-    /// What to write per frame. Default csv,vtu (or what the run.toml given as --case wrote).
+    /// What to write per frame beside the store DIR/fields.zarr. Default csv,vtu up to 1000 frames and none
+    /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
     #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
     pub export: Option<Vec<Export>>,
+    /// Definition of the strains. Default green-lagrange.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
     /// Where the pixel work is done.
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,
@@ -129,6 +136,52 @@ pub struct CorrelateArgs {
     /// One line for every frame.
     #[arg(long, short)]
     pub verbose: bool,
+}
+
+/// What `quadrille export` makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// DIR/csv/NNNNNN.csv: one row per measured node.
+    Csv,
+    /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
+    Vtu,
+    /// DIR/fields.npz for numpy.load; with --split DIR/npz/NNNNNN.npz.
+    Npz,
+    /// DIR/fields.mat for MATLAB and scipy.io.loadmat; with --split DIR/mat/NNNNNN.mat.
+    Mat,
+}
+
+/// Arguments of `quadrille export`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Tables and ParaView files of a long series, every frame from 100 to 200:\n    \
+    quadrille export out --to csv,vtu --frames 100-200\n  \
+    One file for MATLAB, in another folder:\n    \
+    quadrille export out --to mat --output for-matlab\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be done.")]
+pub struct ExportArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// What to make.
+    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
+    pub to: Vec<Target>,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// Folder for the files; made when it is not there. Default: DIR.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// npz and mat: a file for each frame instead of one for all.
+    #[arg(long)]
+    pub split: bool,
+    /// Replace files that are there already.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// A displacement field that `quadrille synth` can make.

@@ -1,8 +1,12 @@
-//! Files: images, series of images, case files, tables and VTK.
+//! Files: images, series of images, case files, the store of a run, tables, VTK, NumPy and MATLAB.
 
+pub mod arrays;
 pub mod case;
 pub mod csv;
 pub mod images;
+pub mod mat;
+pub mod npz;
 pub mod series;
+pub mod store;
 mod tiff;
 pub mod vtk;
