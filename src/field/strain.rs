@@ -290,21 +290,25 @@ impl ElementGeometry {
             .map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
-    pub fn gradients(&self, [xi, eta]: [f64; 2]) -> Option<[[f64; 2]; 4]> {
+    /// Derivatives of (x, y) by (xi, eta), and of the shape functions.
+    fn map(&self, [xi, eta]: [f64; 2]) -> ([[f64; 2]; 2], [[f64; 2]; 4]) {
         let by_local = [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]];
-        let mut jacobian = [[0.0; 2]; 2]; // d(x, y) by (xi, eta)
-        for (by, at) in by_local.iter().zip(&self.at) {
-            for c in 0..2 {
-                for k in 0..2 {
-                    jacobian[c][k] += at[c] * by[k];
-                }
-            }
-        }
-        let [[xx, xe], [yx, ye]] = jacobian;
+        let jacobian = [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| self.at[i][c] * by_local[i][k]).sum()));
+        (jacobian, by_local)
+    }
+
+    /// Determinant of the map from local coordinates (0..1).
+    pub fn jacobian(&self, at: [f64; 2]) -> f64 {
+        let ([[xx, xe], [yx, ye]], _) = self.map(at);
+        xx * ye - xe * yx
+    }
+
+    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
+    pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
+        let ([[xx, xe], [yx, ye]], by_local) = self.map(at);
         let det = xx * ye - xe * yx;
-        // Relative to the area: units do not matter.
-        if !(det.abs() > 1e-9 * self.area) {
+        // Relative to the area: units do not matter. NaN is flat as well.
+        if det.is_nan() || det.abs() <= 1e-9 * self.area {
             return None;
         }
         Some(by_local.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det]))
