@@ -1,6 +1,5 @@
 //! Opening and sliding between two zones along the edges that face each other.
 
-use super::geometry::boundary;
 use super::{NodalNoise, QuantityError, Reading, Value};
 use crate::field::Measurement;
 use crate::mesh::Mesh;
@@ -167,18 +166,15 @@ fn unit(a: [f64; 2]) -> [f64; 2] {
 
 impl Border {
     fn new<U: Length>(mesh: &Mesh<U>, zone: usize) -> Self {
-        let pairs = boundary(mesh, zone);
         let at = |node: u32| mesh.nodes()[node as usize];
-        // All edges have the zone on one side: which one, the sign of the enclosed area tells.
-        let origin = pairs.first().map_or([0.0; 2], |edge| at(edge[0]));
-        let area: f64 = pairs.iter().map(|&[a, b]| cross(minus(at(a), origin), minus(at(b), origin))).sum();
-        let side = if area < 0.0 { -1.0 } else { 1.0 };
-        let edges: Vec<Edge> = pairs
-            .iter()
-            .map(|&[a, b]| {
+        let edges: Vec<Edge> = mesh
+            .boundary(zone)
+            .into_iter()
+            .map(|[a, b]| {
                 let ends = [at(a), at(b)];
+                // Going along an edge the zone is on the side of +y when x is ahead.
                 let [dx, dy] = unit(minus(ends[1], ends[0]));
-                Edge { nodes: [a as usize, b as usize], ends, normal: [side * dy, -side * dx] }
+                Edge { nodes: [a as usize, b as usize], ends, normal: [dy, -dx] }
             })
             .collect();
         let mut starting: HashMap<usize, Vec<usize>> = HashMap::new();

@@ -6,7 +6,6 @@
 
 mod extensometer;
 mod facing;
-mod geometry;
 mod noise;
 mod plan;
 mod point;
