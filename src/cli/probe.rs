@@ -16,9 +16,11 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
     let asked = asked(args, &store)?;
     if asked.is_empty() {
-        return Err("nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
+        return Err(
+            "nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
                     file with [[probe]], [[line]], [[extensometer]] or [[opening]]"
-            .into());
+                .into(),
+        );
     }
     let numbers = args.frames.numbers(store.n_frames())?;
     let has_field = |number: usize| store.status(number).map(|status| status.is_some_and(|status| status.has_field()));
@@ -35,7 +37,9 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
         }
     }
     if n_fields == 0 {
-        return Err(format!("{}: none of the frames asked for has a field; see summary.json", args.run.display()).into());
+        return Err(
+            format!("{}: none of the frames asked for has a field; see summary.json", args.run.display()).into()
+        );
     }
     wanted.sort_unstable();
     let n = wanted.len();

@@ -22,7 +22,8 @@ pub(super) const FOLDER: &str = "quantities";
 /// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
 pub(super) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
-    let named = |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
+    let named =
+        |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
     for (at, probe) in asked.probes.iter().enumerate() {
         let name = named(&probe.name, "point", at);
@@ -108,8 +109,8 @@ pub(super) fn write(
     let write = || -> Result<QuantitySummary> {
         let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
         let Fields { header, pixel_size, element_size_px, regularised } = fields;
-        let mut tables =
-            QuantityTables::new(quantities, load, pixel_size, regularised, element_size_px, header, open).map_err(failed)?;
+        let mut tables = QuantityTables::new(quantities, load, pixel_size, regularised, element_size_px, header, open)
+            .map_err(failed)?;
         for frame in frames {
             let (number, status, field) = frame?;
             if let Some(drawn) = tables.frame(number, status, field.as_ref()).map_err(failed)? {

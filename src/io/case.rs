@@ -1,12 +1,6 @@
 //! Case files: what to correlate and how, as TOML.
 
-mod quantities;
-
-pub use quantities::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
-};
-
-use crate::field::{Brightness, StartFrom};
+use crate::field::{Brightness, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use serde::de::{self, SeqAccess, Visitor};
@@ -16,6 +10,11 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
+
+mod quantities;
+pub use quantities::{
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+};
 
 /// A case file; what it does not say is `None` and left to the command line and the defaults.
 ///
@@ -133,6 +132,9 @@ pub struct CaseCorrelation {
     /// Standard deviation of the camera noise, grey levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
+    /// Definition of the strains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<StrainDefinition>,
     /// Whether nodes without texture are left out instead of refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_textureless: Option<bool>,

@@ -7,7 +7,8 @@ use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
 /// Names of the tables.
-pub const QUANTITY_TABLES: [&str; 6] = ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
+pub const QUANTITY_TABLES: [&str; 6] =
+    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
