@@ -2,9 +2,17 @@
 //!
 //! The pictures stay in `target/tmp/figures`, to be looked at.
 
-use quadrille::report::{Area, Axis, Picture, Plot, ReportError, Series, Style};
+use quadrille::backend::cpu::CpuBackend;
+use quadrille::correlate::{Correlator, Options};
+use quadrille::io::images::read_image;
+use quadrille::mesh::{Roi, Zone};
+use quadrille::report::{
+    Area, Axis, Backdrop, Figure, FigureOptions, Format, Picture, Plot, ReportError, Series, Style, draw_frame,
+};
+use quadrille::units::PixelSize;
 use resvg::{tiny_skia, usvg};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 fn folder() -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("figures");
@@ -112,4 +120,65 @@ fn look() {
         notes: vec![],
     };
     check("loglog", &plot.draw().unwrap());
+}
+
+fn data(name: &str) -> Option<PathBuf> {
+    let data = std::env::var_os("QUADRILLE_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let folder = data.join(name);
+    if !folder.is_dir() {
+        println!("skipped: the real images of {name} are not there (QUADRILLE_DATA)");
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn figures_of_real_tests_are_small_and_complete() {
+    // A tall palette image with a hole, a very wide one, a square one, two zones along a crack.
+    let cases: [(&str, &str, &str, usize, &[[f64; 4]], [f64; 4]); 4] = [
+        ("dicchallenge-s12-openhole", "oht_cfrp_00.tiff", "oht_cfrp_11.tiff", 12, &[[44.0, 20.0, 350.0, 1020.0]], [60.0, 300.0, 340.0, 300.0]),
+        ("dicchallenge2-star", "DIC_Challenge_Star_Noise_Ref.tiff", "DIC_Challenge_Star_Noise_Def.tiff", 16, &[[10.0, 10.0, 3990.0, 490.0]], [10.0, 250.0, 3980.0, 250.0]),
+        ("dicchallenge-s05-contrast", "Sample5 Reference.tif", "Sample5-001 X0.10 Y0.10 N2 C100 R20.tif", 16, &[[16.0, 16.0, 496.0, 496.0]], [20.0, 20.0, 480.0, 480.0]),
+        ("crack-heterogeneous", "img_0000 .png", "img_0060 .png", 16, &[[60.0, 100.0, 700.0, 596.0], [60.0, 612.0, 700.0, 1100.0]], [100.0, 150.0, 100.0, 1090.0]),
+    ];
+    for (name, reference, deformed, size, zones, line) in cases {
+        let Some(folder) = data(name) else { continue };
+        let load = |file: &str| {
+            let path = folder.join(file);
+            Arc::new(read_image(&path, 0).unwrap_or_else(|e| panic!("{}: {e}", path.display())).image)
+        };
+        let zones: Vec<Zone> = zones
+            .iter()
+            .enumerate()
+            .map(|(k, &[x0, y0, x1, y1])| Zone { name: format!("strip {k}"), roi: Roi { x0, y0, x1, y1 } })
+            .collect();
+        let options = Options { element_size: size, drop_textureless: true, ..Options::default() };
+        let image = load(reference);
+        let correlator = Correlator::new(CpuBackend::default(), image.clone(), &zones, options).unwrap();
+        let moved = load(deformed);
+        let measurement = correlator.correlate(moved.clone(), None).unwrap().measurement;
+        let options = FigureOptions {
+            figures: Figure::ALL.to_vec(),
+            formats: vec![Format::Png, Format::Svg],
+            line: Some(line),
+            pixel_size: PixelSize::new(0.0123),
+            range_grey: Some(correlator.grey_range()),
+            guard_px: vec![3.0; zones.len()],
+            notes: vec![format!("reference: {reference}; image: {deformed}")],
+            ..FigureOptions::default()
+        };
+        let out = super_folder(name);
+        let begin = std::time::Instant::now();
+        let files = draw_frame(&out, 1, &measurement, &Backdrop::new(&image, 1), Some(&Backdrop::new(&moved, 1)), &options).unwrap();
+        println!("{name}: {} files in {:.1} s", files.len(), begin.elapsed().as_secs_f64());
+        for file in files {
+            let n = std::fs::metadata(&file).unwrap().len();
+            assert!(n < 2_000_000, "{}: {n} bytes", file.display());
+        }
+    }
+}
+
+fn super_folder(name: &str) -> PathBuf {
+    folder().join(name)
 }

@@ -2,22 +2,29 @@
 
 mod axes;
 mod backdrop;
+mod edges;
+mod figures;
 mod letters;
 pub mod map;
+mod mesh_figure;
 mod over_image;
 mod picture;
 pub mod plot;
+mod profile;
 mod raster;
 mod scale;
 mod scene;
 pub mod summary;
 
 pub use backdrop::Backdrop;
+pub use figures::{Figure, FigureOptions, Format, draw_frame};
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
+pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};
 pub use plot::{Axis, Plot, Series, Style};
 pub use scale::Palette;
 
+use crate::field::QuantityError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -71,6 +78,18 @@ pub enum ReportError {
         /// The file.
         path: PathBuf,
     },
+    /// Displacements cannot be multiplied by that.
+    #[error("displacements cannot be magnified {factor} times; give a factor above 0, up to 1e6")]
+    Magnification {
+        /// What was asked for.
+        factor: f64,
+    },
+    /// Per cent of an unknown range.
+    #[error("the residual in per cent needs the range of grey levels of the reference; ask for `residual`")]
+    Percent,
+    /// The line of a profile is none.
+    #[error("no profile can be drawn along this line")]
+    Line(#[from] QuantityError),
     /// The PNG data cannot be written.
     #[error("the picture cannot be written")]
     Encode(#[source] image::ImageError),

@@ -128,25 +128,26 @@ impl Picture {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ReportError> {
         let path = path.as_ref();
         let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-        match ending.as_deref() {
-            Some("png") => self.save_png(path),
-            Some("svg") => {
-                std::fs::write(path, &self.svg).map_err(|source| ReportError::Write { path: path.to_owned(), source })
-            }
-            _ => Err(ReportError::Ending { path: path.to_owned() }),
-        }
-    }
-
-    /// Writes the picture as a PNG file.
-    ///
-    /// # Errors
-    /// The file cannot be made or written.
-    pub fn save_png(&self, path: impl AsRef<Path>) -> Result<(), ReportError> {
-        let path = path.as_ref();
+        let is_png = match ending.as_deref() {
+            Some("png") => true,
+            Some("svg") => false,
+            _ => return Err(ReportError::Ending { path: path.to_owned() }),
+        };
+        // Under another name first: a file is there whole or not at all.
+        let mut unfinished = path.as_os_str().to_owned();
+        unfinished.push(".part");
+        let unfinished = Path::new(&unfinished);
         let failed = |source| ReportError::Write { path: path.to_owned(), source };
-        let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-        self.write_png(&mut file)?;
-        file.flush().map_err(failed)
+        let write = || {
+            let mut file = BufWriter::new(File::create(unfinished).map_err(failed)?);
+            if is_png { self.write_png(&mut file)? } else { file.write_all(self.svg.as_bytes()).map_err(failed)? }
+            file.flush().map_err(failed)?;
+            std::fs::rename(unfinished, path).map_err(failed)
+        };
+        write().inspect_err(|_| {
+            // What is left of it helps nobody.
+            let _ = std::fs::remove_file(unfinished);
+        })
     }
 }
 
