@@ -91,7 +91,7 @@ mod tests {
 
     fn mesh() -> Mesh<Px> {
         let roi = Roi { x0: 0.0, y0: 0.0, x1: 40.0, y1: 24.0 };
-        Mesh::on_zones(&[Zone { name: "all".into(), roi }], 8, 64, 64).unwrap() // 5 x 3 elements
+        Mesh::on_zones(&[Zone::rectangle("all", roi)], 8, 64, 64).unwrap() // 5 x 3 elements
     }
 
     #[test]

@@ -346,7 +346,7 @@ impl<'a> Frame<'a> {
         if let Some((low, high)) = ends {
             let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
             let n = mesh.n_elements();
-            notes.push(format!("{} to {}{unit}; {shown} of {n} elements", written(low), written(high)));
+            notes.push(format!("values {} to {}{unit}, on {shown} of {n} elements", written(low), written(high)));
         }
         if let (Some(strain), Some(_)) = (&self.strain, figure.strain()) {
             let length = strain.length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 };

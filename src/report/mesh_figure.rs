@@ -108,8 +108,8 @@ pub fn deformed_mesh(
     let layout = Layout::new(backdrop, View::image(backdrop).with(positions), options.pixel_size, None, &words);
     let mut scene = layout.begin();
     let choose = |element: usize| drawn[element];
-    outline(&mut scene, &layout, mesh, &choose);
     draw_mesh(&mut scene, &layout, mesh, &choose, &at, &[]);
+    outline(&mut scene, &layout, mesh, &choose);
     name_zones(&mut scene, &layout, mesh, &choose, &at);
     Ok(layout.finish(scene))
 }
@@ -229,9 +229,24 @@ fn magnification(asked: Option<f64>, measurement: &Measurement<Px>, drawn: &[boo
     // Not the largest of all: one node gone wrong must not hide the others.
     let length = lengths[(lengths.len() - 1) * 99 / 100];
     let wanted = SHOWN_PART * (x1 - x0).max(y1 - y0) / length.max(f64::MIN_POSITIVE);
-    let wanted = wanted.clamp(1.0, LARGEST_CHOICE);
+    let wanted = wanted.min(unfolded(measurement, drawn)).clamp(1.0, LARGEST_CHOICE);
     let power = 10f64.powf(wanted.log10().floor());
     Ok([5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= wanted * (1.0 + 1e-9)).unwrap_or(power))
+}
+
+/// The factor at which elements begin to fold over, nearly.
+fn unfolded(measurement: &Measurement<Px>, drawn: &[bool]) -> f64 {
+    let mesh = &measurement.mesh;
+    let edges = Edges::new(mesh, 0..mesh.n_elements(), |element| drawn[element]).all;
+    let between = |field: &[[f64; 2]], [a, b]: [u32; 2]| {
+        let [a, b] = [a, b].map(|node| field[node as usize]);
+        (b[0] - a[0]).hypot(b[1] - a[1])
+    };
+    let ratio = |&edge: &[u32; 2]| between(&measurement.displacement, edge) / between(mesh.nodes(), edge);
+    let mut ratios: Vec<f64> = edges.iter().map(ratio).filter(|ratio| ratio.is_finite()).collect();
+    ratios.sort_unstable_by(f64::total_cmp);
+    let steep = ratios.get(ratios.len().saturating_sub(1) * 98 / 100).copied().unwrap_or(0.0);
+    0.5 / steep.max(f64::MIN_POSITIVE)
 }
 
 /// A factor without needless decimals.

@@ -2,9 +2,9 @@
 
 use super::figures::{FigureOptions, Values};
 use super::map::warnings;
-use super::raster::Element;
 use super::{Axis, Plot, ReportError, Series, Style};
 use crate::field::{Measurement, NodalNoise, Segment, at_point};
+use crate::mesh::shape_functions;
 use crate::units::Px;
 
 /// Points of a profile, about.
@@ -85,26 +85,14 @@ pub(super) fn profile_plot(
 /// measured.
 fn sample(measurement: &Measurement<Px>, field: &Values, points: &[(f64, [f64; 2])], values: &mut [f64]) {
     let mesh = &measurement.mesh;
-    for (number, nodes) in mesh.elements().iter().enumerate() {
-        if !nodes.iter().all(|&node| measurement.measured[node as usize]) {
-            continue;
-        }
-        let corners = nodes.map(|node| mesh.nodes()[node as usize]);
-        let inside = |p: [f64; 2]| {
-            (0..2).all(|k| corners.iter().any(|c| c[k] <= p[k]) && corners.iter().any(|c| c[k] >= p[k]))
-        };
-        let mut element = None;
-        for ((_, at), value) in points.iter().zip(values.iter_mut()) {
-            if !inside(*at) {
-                continue;
-            }
-            let element = element.get_or_insert_with(|| Element::new(corners));
-            if let Some(shape) = element.shape(*at) {
-                *value = match field {
-                    Values::Nodes(v) => shape.iter().zip(nodes).map(|(n, &node)| n * v[node as usize]).sum(),
-                    Values::Elements(v) => v[number],
-                };
-            }
+    for ((_, [x, y]), value) in points.iter().zip(values) {
+        let Some((element, xi, eta)) = mesh.find(*x, *y) else { continue };
+        let nodes = mesh.elements()[element].map(|node| node as usize);
+        if nodes.iter().all(|&node| measurement.measured[node]) {
+            *value = match field {
+                Values::Nodes(v) => shape_functions(xi, eta).iter().zip(nodes).map(|(n, node)| n * v[node]).sum(),
+                Values::Elements(v) => v[element],
+            };
         }
     }
 }

@@ -47,7 +47,10 @@ impl Layer {
     }
 }
 
-/// An element made ready to find the local coordinates of points.
+/// An element made ready to find the shape functions at points.
+///
+/// `mesh::local_coordinates` iterates, point by point. Here there are as many points as pixels, and a
+/// magnified element may be folded over: the closed form finds the pixels of such a one as well.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Element {
     /// Three corners, the last two nodes being one: the corner, and the rows of the inverse of its edges.
