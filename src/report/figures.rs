@@ -370,9 +370,12 @@ impl<'a> Frame<'a> {
             guard_px: options.guard_px.clone(),
         };
         match figure {
-            Figure::Mesh => {
-                mesh_figure(self.reference, &measurement.mesh, Some(&measurement.measured), &mesh("Mesh on the reference"))
-            }
+            Figure::Mesh => mesh_figure(
+                self.reference,
+                &measurement.mesh,
+                Some(&measurement.measured),
+                &mesh("Mesh on the reference"),
+            ),
             Figure::Register => {
                 register_figure(self.reference, measurement, options.rigid, &mesh("Zones in register"), options.range)
             }

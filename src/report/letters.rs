@@ -145,6 +145,11 @@ impl std::fmt::Display for Short {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         // Adding zero turns -0 into 0.
         let rounded = (self.0 * 100.0).round() / 100.0 + 0.0;
-        write!(f, "{rounded}")
+        let text = rounded.to_string();
+        match (text.strip_prefix("0."), text.strip_prefix("-0.")) {
+            (Some(decimals), _) => write!(f, ".{decimals}"),
+            (_, Some(decimals)) => write!(f, "-.{decimals}"),
+            _ => f.write_str(&text),
+        }
     }
 }

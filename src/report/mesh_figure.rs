@@ -136,15 +136,22 @@ pub fn register_figure(
     let map = MapOptions { range, trim: 0.005, ..MapOptions::new("", "displacement left (px)") };
     let bar = bar_for(&cells, &map)?;
 
-    let times = if factor == 1.0 { "at its true size".to_owned() } else { format!("magnified {} times", plain(factor)) };
+    let times =
+        if factor == 1.0 { "at its true size".to_owned() } else { format!("magnified {} times", plain(factor)) };
     let mut notes = vec![format!("rigid motion removed; what is left {times}; dashed: outline before deformation")];
     for motion in &removed {
+        let numbers = [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
+        if !numbers.iter().all(|v| v.is_finite()) {
+            continue;
+        }
         let name = motion.zone.map_or("all zones".to_owned(), |zone| format!("zone {}", mesh.zones()[zone]));
         let [x, y] = motion.motion.translation.map(written);
         let [cx, cy] = motion.motion.centre.map(|c| format!("{c:.0}"));
         let turn = written(motion.motion.rotation_rad.to_degrees());
         let rest = written(motion.left_rms);
-        notes.push(format!("{name}: moved by ({x}, {y}) px, turned by {turn} deg about ({cx}, {cy}) px; left {rest} px rms"));
+        notes.push(format!(
+            "{name}: moved by ({x}, {y}) px, turned by {turn} deg about ({cx}, {cy}) px; left {rest} px rms"
+        ));
         // A sheet of fifty zones is no caption.
         if notes.len() == 9 && removed.len() > 8 {
             notes.push(format!("and {} more zones", removed.len() - 8));
@@ -183,7 +190,9 @@ pub fn register_figure(
     let mut border = Path::default();
     for zone in 0..mesh.zones().len() {
         let edges = Edges::new(mesh, mesh.zone_elements(zone), choose);
-        lines(&edges.border, at).into_iter().for_each(|line| border.line(line.into_iter().map(|n| layout.place(at(n)))));
+        lines(&edges.border, at)
+            .into_iter()
+            .for_each(|line| border.straightened(line.into_iter().map(|n| layout.place(at(n)))));
     }
     scene.stroke(&border, &Stroke::new(BLACK, 1.2));
     outline(&mut scene, &layout, mesh, &choose);
@@ -260,7 +269,7 @@ fn outline(scene: &mut Scene, layout: &Layout<'_>, mesh: &Mesh<Px>, drawn: &impl
     let mut path = Path::default();
     for zone in 0..mesh.zones().len() {
         let edges = Edges::new(mesh, mesh.zone_elements(zone), drawn);
-        lines(&edges.border, at).into_iter().for_each(|line| path.line(line.into_iter().map(|n| layout.place(at(n)))));
+        lines(&edges.border, at).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
     }
     scene.stroke(&path, &Stroke { opacity: 0.8, ..Stroke::new(WHITE, 2.6) });
     scene.stroke(&path, &Stroke { dash: &[6.0, 4.0], ..Stroke::new([60; 3], 1.3) });
@@ -286,7 +295,7 @@ fn draw_mesh(
         let path_of = |edges: &[[u32; 2]]| {
             let mut path = Path::default();
             let home = |node: u32| mesh.nodes()[node as usize];
-            lines(edges, home).into_iter().for_each(|line| path.line(line.into_iter().map(|n| layout.place(at(n)))));
+            lines(edges, home).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
             path
         };
         let border = path_of(&edges.border);

@@ -140,7 +140,11 @@ impl Picture {
         let failed = |source| ReportError::Write { path: path.to_owned(), source };
         let write = || {
             let mut file = BufWriter::new(File::create(unfinished).map_err(failed)?);
-            if is_png { self.write_png(&mut file)? } else { file.write_all(self.svg.as_bytes()).map_err(failed)? }
+            if is_png {
+                self.write_png(&mut file)?
+            } else {
+                file.write_all(self.svg.as_bytes()).map_err(failed)?
+            }
             file.flush().map_err(failed)?;
             std::fs::rename(unfinished, path).map_err(failed)
         };

@@ -155,7 +155,8 @@ impl Scale {
     /// Where `value` stands; far beyond the ends it stays at a finite place.
     fn at(&self, value: f64) -> f64 {
         let part = if self.log {
-            (value.max(f64::MIN_POSITIVE) / self.range.low).ln() / (self.range.high / self.range.low).ln()
+            let [low, high, value] = [self.range.low, self.range.high, value.max(f64::MIN_POSITIVE)].map(f64::ln);
+            (value - low) / (high - low)
         } else {
             self.range.fraction(value)
         };
@@ -176,7 +177,7 @@ impl Scale {
 fn widened(range: Range, log: bool) -> Range {
     let Range { low, high } = range;
     if log {
-        let room = (high / low).powf(0.04);
+        let room = (0.04 * (high.ln() - low.ln())).exp();
         let wide = Range { low: low / room, high: high * room };
         return if wide.low > 0.0 && wide.high <= LARGEST { wide } else { range };
     }

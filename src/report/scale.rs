@@ -143,9 +143,10 @@ fn labels(range: Range, exponent: i32) -> impl Fn(f64) -> String {
 /// them that get a mark without a number.
 pub(super) fn log_ticks(range: Range, length: f64, gap: f64, extent: impl Fn(&str) -> f64) -> (Vec<Tick>, Vec<f64>) {
     let Range { low, high } = range;
-    let decades = (high / low).log10();
+    // Differences of logarithms: the ratio of numbers far apart may overflow.
+    let decades = high.log10() - low.log10();
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    let place = |v: f64| (v / low).log10() / decades * length;
+    let place = |v: f64| (v.log10() - low.log10()) / decades * length;
     let inside = |v: &f64| *v >= low * (1.0 - 1e-9) && *v <= high * (1.0 + 1e-9);
     let fits = |ticks: &[Tick]| {
         ticks.windows(2).all(|pair| {

@@ -89,6 +89,27 @@ impl Path {
         }
     }
 
+    /// A line through `points` that leaves out those on straight stretches.
+    pub fn straightened(&mut self, points: impl IntoIterator<Item = [f64; 2]>) {
+        let mut kept: Vec<[f64; 2]> = Vec::new();
+        let mut passed: Vec<[f64; 2]> = Vec::new();
+        for point in points {
+            let Some(&from) = kept.last() else {
+                kept.push(point);
+                continue;
+            };
+            // No longer than this, or the search would take the square of the length.
+            let straight = passed.len() < LONGEST_STRETCH && passed.iter().all(|&p| is_between(from, p, point));
+            if !straight && let Some(&last) = passed.last() {
+                kept.push(last);
+                passed.clear();
+            }
+            passed.push(point);
+        }
+        kept.extend(passed.last());
+        self.line(kept);
+    }
+
     /// A closed line through `points`.
     pub fn polygon(&mut self, points: impl IntoIterator<Item = [f64; 2]>) {
         let before = self.0.len();
@@ -107,6 +128,18 @@ impl Path {
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
+}
+
+/// How far a point may lie off a stretch that counts as straight.
+const STRAIGHT: f64 = 0.06;
+const LONGEST_STRETCH: usize = 64;
+
+/// Whether `p` lies on the way from `a` to `b`.
+fn is_between(a: [f64; 2], p: [f64; 2], b: [f64; 2]) -> bool {
+    let (d, q) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let length = d[0].hypot(d[1]);
+    let (along, off) = (d[0] * q[0] + d[1] * q[1], d[0] * q[1] - d[1] * q[0]);
+    off.abs() <= STRAIGHT * length && (0.0..=length * length).contains(&along)
 }
 
 fn rounded(point: [f64; 2]) -> [f64; 2] {
