@@ -1,6 +1,6 @@
 //! Case files: read, written, and what is said about wrong ones.
 
-use quadrille::field::{Brightness, StartFrom, UnknownChoice};
+use quadrille::field::{Brightness, StartFrom, StrainDefinition, UnknownChoice};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
     CaseCorrelation, CaseError, CaseFile, CaseImages, CaseZone, parse_case, read_case, write_case,
@@ -24,6 +24,7 @@ max_iterations = 40
 brightness = "element"
 start = "cold"
 noise = 2
+strain = "hencky"
 drop_textureless = true
 
 [[zone]]
@@ -55,6 +56,7 @@ fn full() -> CaseFile {
             brightness: Some(Brightness::Element),
             start: Some(StartFrom::Cold),
             noise: Some(2.0),
+            strain: Some(StrainDefinition::Hencky),
             drop_textureless: Some(true),
         },
         zones: vec![
@@ -177,6 +179,7 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("interpolation = 'cubik'", "unknown word `cubik`, expected one of `cubic`, `quintic`, `keys`, `bilinear`"),
         ("interpolation = 3", "expected a word in quotes"),
         ("brightness = 'on'", "`zone`, `element`, `off`"),
+        ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
         ("start = 'warm'", "`previous` or `cold`"),
         ("start = warm", "a text without quotes"),
         ("noise =", "no value"),

@@ -1,6 +1,7 @@
 //! `quadrille figures`.
 
 use super::args::{FiguresArgs, StrainPlace};
+use super::frames::Frames;
 use super::{Outcome, Result, chain, plural, pool};
 use crate::imaging::Image;
 use crate::io::images::read_image;
@@ -13,49 +14,59 @@ use std::time::{Duration, Instant};
 
 /// How often a long run says how far it is.
 const EVERY: Duration = Duration::from_secs(10);
+/// In the folder of a run.
+const FOLDER: &str = "figures";
 
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let wanted = args.frames.numbers(store.n_frames())?;
-    let (mut numbers, mut without_field) = (Vec::new(), 0);
-    for &number in &wanted {
+    let (numbers, complete) = with_field(&store, &args.frames, args.quiet)?;
+    if numbers.is_empty() {
+        return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
+    }
+    let folder = args.output.clone().unwrap_or_else(|| args.run.join(FOLDER));
+    let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
+    series.draw(&numbers, &folder, args.threads)?;
+    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Draws the usual figures of a run that has just ended.
+pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet: bool) -> Result<()> {
+    let store = Store::open(run)?;
+    let (numbers, _) = with_field(&store, frames, quiet)?;
+    let header = store.header();
+    let case = header.case.parse().unwrap_or_default();
+    let options = of_header(header, &case, FigureOptions { strain: header.strain, ..FigureOptions::default() });
+    Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FOLDER), threads)
+}
+
+/// The frames asked for that have a field, and whether all that were named do.
+fn with_field(store: &Store, frames: &Frames, quiet: bool) -> Result<(Vec<usize>, bool)> {
+    let (mut numbers, mut complete) = (Vec::new(), true);
+    for number in frames.numbers(store.n_frames())? {
         match store.status(number)? {
             Some(status) if status.has_field() => numbers.push(number),
-            status => {
-                without_field += 1;
-                if args.frames.are_named() && !args.quiet {
+            status if frames.are_named() => {
+                complete = false;
+                if !quiet {
                     let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
                     eprintln!("frame {number} has no field: {status}");
                 }
             }
+            _ => {}
         }
-        if args.frames.is_last() && !numbers.is_empty() {
+        if frames.is_last() && !numbers.is_empty() {
             break;
         }
     }
-    if numbers.is_empty() {
-        let path = store.path().display();
-        return Err(format!("{path}: none of {} has a field; see summary.json", plural(wanted.len(), "frame")).into());
-    }
-    let folder = args.output.clone().unwrap_or_else(|| args.run.join("figures"));
-    let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
-    let n_files = pool(args.threads)?.install(|| series.draw(&numbers, &folder))?;
-    if !args.quiet {
-        eprintln!("{} of {} in {}", plural(n_files, "picture"), plural(numbers.len(), "frame"), folder.display());
-    }
-    let complete = without_field == 0 || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    Ok((numbers, complete))
 }
 
 /// What is drawn, from the arguments and from what the run says.
 fn options(args: &FiguresArgs, header: &StoreHeader) -> FigureOptions {
-    let case = header.case.parse::<toml::Table>().unwrap_or_default();
-    let regularised = case.get("correlation").and_then(|part| part.get("regularisation"));
     let default = FigureOptions::default();
-    let figures = if args.quantity.is_empty() { default.figures.clone() } else { without_doubles(&args.quantity) };
-    FigureOptions {
-        figures,
+    let options = FigureOptions {
+        figures: if args.quantity.is_empty() { default.figures.clone() } else { without_doubles(&args.quantity) },
         formats: without_doubles(&args.format),
         line: args.line,
         magnify: args.magnify,
@@ -63,11 +74,20 @@ fn options(args: &FiguresArgs, header: &StoreHeader) -> FigureOptions {
         strain: args.strain.unwrap_or(header.strain),
         strain_on_nodes: args.strain_on == StrainPlace::Nodes,
         rigid: args.remove_rigid,
+        ..default
+    };
+    of_header(header, &header.case.parse().unwrap_or_default(), options)
+}
+
+/// `options` with what the run says.
+fn of_header(header: &StoreHeader, case: &toml::Table, options: FigureOptions) -> FigureOptions {
+    let regularised = case.get("correlation").and_then(|part| part.get("regularisation"));
+    FigureOptions {
         pixel_size: header.pixel_size,
         range_grey: Some(header.range_grey),
         known_noise: regularised.is_none_or(|kind| kind.as_str() == Some("none")),
-        guard_px: guards(&case),
-        ..default
+        guard_px: guards(case),
+        ..options
     }
 }
 
@@ -115,11 +135,11 @@ impl<'a> Series<'a> {
         Self { store, options, reference, ratio, page, quiet }
     }
 
-    /// Draws the frames; gives the number of pictures.
-    fn draw(&self, numbers: &[usize], folder: &Path) -> Result<usize> {
+    /// Draws the frames.
+    fn draw(&self, numbers: &[usize], folder: &Path, threads: Option<usize>) -> Result<()> {
         let done = Mutex::new((0, Instant::now()));
-        let files = numbers.par_iter().map(|&number| {
-            let files = self.draw_one(number, folder)?;
+        let one = |&number: &usize| {
+            let n_files = self.draw_one(number, folder)?.len();
             if let Ok(mut done) = done.lock() {
                 done.0 += 1;
                 if !self.quiet && done.1.elapsed() > EVERY {
@@ -127,9 +147,14 @@ impl<'a> Series<'a> {
                     eprintln!("figures: {} of {} frames", done.0, numbers.len());
                 }
             }
-            Ok(files.len())
-        });
-        files.collect::<Result<Vec<_>>>().map(|files| files.iter().sum())
+            Ok(n_files)
+        };
+        let n_files = pool(threads)?.install(|| numbers.par_iter().map(one).collect::<Result<Vec<_>>>())?;
+        if !self.quiet {
+            let (n_files, n_frames) = (n_files.iter().sum(), numbers.len());
+            eprintln!("{} of {} in {}", plural(n_files, "picture"), plural(n_frames, "frame"), folder.display());
+        }
+        Ok(())
     }
 
     fn draw_one(&self, number: usize, folder: &Path) -> Result<Vec<PathBuf>> {

@@ -3,6 +3,9 @@
 mod args;
 mod correlate;
 mod demo;
+mod export;
+mod figures;
+mod frames;
 mod plan;
 mod progress;
 mod run_folder;
@@ -40,6 +43,8 @@ pub fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
+        args::Command::Export(args) => export::run(&args),
+        args::Command::Figures(args) => figures::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
     };

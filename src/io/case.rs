@@ -1,6 +1,6 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, StartFrom};
+use crate::field::{Brightness, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use serde::de::{self, SeqAccess, Visitor};
@@ -90,6 +90,9 @@ pub struct CaseCorrelation {
     /// Standard deviation of the camera noise, grey levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
+    /// Definition of the strains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<StrainDefinition>,
     /// Whether nodes without texture are left out instead of refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_textureless: Option<bool>,
