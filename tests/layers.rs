@@ -385,6 +385,8 @@ fn a_crate_a_print_and_a_file_away_from_home_are_found() {
     assert_violates(
         "correlate/level.rs",
         "use rustfft::Fft;",
-        &["src/correlate/level.rs, line 1: the crate rustfft is at home in src/correlate/search.rs, src/metrology/wave.rs alone"],
+        &[
+            "src/correlate/level.rs, line 1: the crate rustfft is at home in src/correlate/search.rs, src/metrology/wave.rs alone",
+        ],
     );
 }

@@ -3,6 +3,7 @@
 mod args;
 mod correlate;
 mod demo;
+mod metrology;
 mod plan;
 mod progress;
 mod run_folder;
@@ -42,6 +43,7 @@ pub fn main() -> ExitCode {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
+        args::Command::Metrology(args) => metrology::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

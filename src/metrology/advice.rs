@@ -37,7 +37,7 @@ pub struct Advice {
 
 impl Advice {
     /// The rule: of the sizes that hold three speckles along a side, have at most 1 % of their nodes without
-    /// texture and converged in every trial, the smallest whose uncertainty is within the target; when a
+    /// texture (beyond those that no size heals) and converged in every trial, the smallest whose uncertainty is within the target; when a
     /// period is to be resolved, the largest that resolves it.
     pub(super) fn new(
         noise: &Noise,
@@ -47,9 +47,11 @@ impl Advice {
         options: &Options,
     ) -> Self {
         let speckle = texture.larger_speckle_px();
+        // What no size heals is not the size's fault: there is no texture at all.
+        let bare_percent = results.iter().map(|result| result.refused_percent).fold(100.0, f64::min);
         let sound = |result: &&SizeResult| {
             let converged = result.measured.as_ref().is_some_and(|scatter| scatter.n_pairs_failed == 0);
-            converged && result.refused_percent <= REFUSED_PERCENT
+            converged && result.refused_percent <= bare_percent + REFUSED_PERCENT
         };
         let holds_speckles =
             |result: &&SizeResult| speckle.is_none_or(|speckle| result.element_size_px as f64 >= SPECKLES * speckle);
@@ -77,6 +79,11 @@ impl Advice {
             None => (fit.iter().find(|result| within(result)).or(fit.last()).copied(), None),
         };
         let mut hints = about_images(noise, texture);
+        if bare_percent > REFUSED_PERCENT {
+            hints.push(format!(
+                "{bare_percent:.0} % of the nodes see no texture with any size tried: choose the specimen with --roi"
+            ));
+        }
         let Some(chosen) = chosen else {
             reasons.push(
                 "every size tried leaves nodes without texture or pairs that do not converge: \
@@ -117,15 +124,16 @@ fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
     let mut hints = Vec::new();
     if noise.origin == Origin::Assumed {
         hints.push(
-            "the noise is assumed, not measured: all uncertainties scale with it; one more image of the \
-             specimen at rest, named after the reference, measures it"
+            "the noise is assumed, not measured, and rather too large: all uncertainties scale with it; one more \
+             image of the specimen at rest, named after the reference, measures it"
                 .into(),
         );
     }
     if noise.sigma_grey > 1.25 * noise.ceiling_grey {
         hints.push(format!(
-            "noise of {:.2} grey levels is more than the {:.2} that the highest spatial frequencies of the image hold",
-            noise.sigma_grey, noise.ceiling_grey
+            "the reference can hold no more than {:.2} grey levels of white noise: the images are not equally \
+             noisy, or what differs between them is not all noise",
+            noise.ceiling_grey
         ));
     }
     if noise.depends_on_grey() {
@@ -145,7 +153,7 @@ fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
         }
     }
     match texture.larger_speckle_px() {
-        None => hints.push("the texture is much coarser than 30 px in some direction: no speckle size".into()),
+        None => hints.push("the texture is coarser than 32 px in some direction: no speckle size".into()),
         Some(_) => {
             let [x, y] = texture.speckle_px.map(|s| s.unwrap_or(f64::NAN));
             let (small, large) = (x.min(y), x.max(y));
@@ -182,7 +190,8 @@ fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
 }
 
 fn about_bias(bias: &[Bias], used: Interpolation, sigma: f64) -> Option<String> {
-    let largest = |wanted| bias.iter().find(|b| b.interpolation == wanted && !b.shift_px.is_empty()).map(|b| b.largest_px);
+    let largest =
+        |wanted| bias.iter().find(|b| b.interpolation == wanted && !b.shift_px.is_empty()).map(|b| b.largest_px);
     let (own, best) = (largest(used)?, largest(Interpolation::Quintic)?);
     (own > BIAS_SHARE * sigma && best < 0.5 * own).then(|| {
         format!(

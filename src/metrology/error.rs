@@ -112,7 +112,9 @@ pub enum MetrologyError {
         reference_height: usize,
     },
     /// A static image that is the reference once more.
-    #[error("{name}: has the same pixels as the reference, so it says nothing about noise; give another image of the specimen at rest")]
+    #[error(
+        "{name}: has the same pixels as the reference, so it says nothing about noise; give another image of the specimen at rest"
+    )]
     StaticIsReference {
         /// The image.
         name: String,

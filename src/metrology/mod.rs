@@ -25,6 +25,7 @@ pub use trials::{Bias, Resolved, Scatter};
 use crate::correlate::CorrelationError;
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::Roi;
+use rayon::prelude::*;
 use region::Region;
 use serde::Serialize;
 use std::sync::Arc;
@@ -148,18 +149,18 @@ pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> R
     }
     let sizes = sizes(options, &region)?;
     let noise = noise::noise(reference, stills, options.noise, &region)?;
-    let texture = Texture::new(&part, &region, noise.sigma_grey);
+    let texture = Texture::new(&part, &region, noise.in_reference());
     if texture.weaker_gradient() <= 0.0 {
         return Err(MetrologyError::OnlyNoise { sigma_grey: noise.sigma_grey });
     }
-    let picture = WavePicture::new(&part, noise.sigma_grey);
+    let picture = WavePicture::new(&part, noise.in_reference());
     let interpolation = options.interpolation;
     let trials = Trials { region: &region, picture: &picture, noise: noise.sigma_grey, interpolation };
     let scatter = trials.scatter(&sizes, options.seed)?;
-    let mut results = Vec::new();
-    for (&size, measured) in sizes.iter().zip(scatter) {
-        results.push(size_result(&trials, &part, &texture, size, measured)?);
-    }
+    // One size a task: much of a small correlation runs on one thread.
+    let results: Vec<SizeResult> = (sizes.par_iter().zip(scatter))
+        .map(|(&size, measured)| size_result(&trials, &part, &texture, size, measured))
+        .collect::<Result<_, _>>()?;
     if results.iter().all(|result| result.sigma_predicted_px.is_none()) {
         return Err(CorrelationError::Textureless.into());
     }

@@ -8,7 +8,7 @@ use super::{MetrologyError, Still, grey_levels};
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlator, Options as CorrelateOptions, assumed_noise};
 use crate::field::Status;
-use crate::imaging::{Image, Interpolation};
+use crate::imaging::{Image, Interpolation, Pixels};
 use crate::mesh::shape_functions;
 use serde::Serialize;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ pub enum Origin {
     StaticImages,
     /// Given by the user.
     Given,
-    /// Assumed from the one image there is: not measured.
+    /// Assumed: all that the highest spatial frequencies of the one image hold is taken for noise.
     Assumed,
 }
 
@@ -32,9 +32,10 @@ pub struct Noise {
     pub sigma_grey: f64,
     /// Where it comes from.
     pub origin: Origin,
-    /// Noise that the highest spatial frequencies of the reference leave room for: white noise cannot be
-    /// more than this.
+    /// White noise in the reference is at most this: all that its highest spatial frequencies hold.
     pub ceiling_grey: f64,
+    /// What the texture check of `correlate` takes for noise when none is given (careful not to refuse).
+    pub assumed_by_correlate_grey: f64,
     /// Each static image against the reference.
     pub pairs: Vec<StaticPair>,
     /// Noise of dark, middle and bright pixels: of three equal parts of the range of grey levels. Empty
@@ -47,8 +48,11 @@ pub struct Noise {
 pub struct StaticPair {
     /// The image.
     pub name: String,
-    /// Noise of one image, grey levels, after drift and change of light are undone.
+    /// Noise of one image, grey levels, after drift and change of light are undone: the root mean square of
+    /// its own and that of the reference.
     pub sigma_grey: f64,
+    /// White noise in this image is at most this.
+    pub ceiling_grey: f64,
     /// Drift of the middle of the zone, px.
     pub drift_px: [f64; 2],
     /// Rotation, degrees.
@@ -73,6 +77,11 @@ pub struct GreyNoise {
 }
 
 impl Noise {
+    /// White noise that can be in the reference, grey levels.
+    pub(super) fn in_reference(&self) -> f64 {
+        self.sigma_grey.min(self.ceiling_grey)
+    }
+
     /// Whether bright pixels are noisier or quieter than dark ones by more than 10 % of the mean.
     pub fn depends_on_grey(&self) -> bool {
         let levels = self.by_grey.iter().filter(|part| part.n_pixels >= 1000).map(|part| part.sigma_grey);
@@ -94,12 +103,16 @@ pub(super) fn noise(
 ) -> Result<Noise, MetrologyError> {
     let part = region.cut(reference);
     let ceiling_grey = WavePicture::noise_ceiling(&part);
-    let alone = |sigma_grey, origin| Noise { sigma_grey, origin, ceiling_grey, pairs: Vec::new(), by_grey: Vec::new() };
+    let assumed_by_correlate_grey = assumed_noise(&part);
+    let (pairs, by_grey) = (Vec::new(), Vec::new());
+    let alone =
+        |sigma_grey, origin| Noise { sigma_grey, origin, ceiling_grey, assumed_by_correlate_grey, pairs, by_grey };
     if let Some(given) = given {
         return Ok(alone(given, Origin::Given));
     }
     if stills.is_empty() {
-        return Ok(alone(assumed_noise(&part), Origin::Assumed));
+        // Too much rather than too little: what is assumed must not promise an accuracy.
+        return Ok(alone(ceiling_grey.max(rounding(&part)), Origin::Assumed));
     }
     for still in stills {
         let (width, height) = (still.image.width(), still.image.height());
@@ -115,7 +128,8 @@ pub(super) fn noise(
     let element_size = DRIFT_ELEMENTS.into_iter().find(|&size| region.fits(size)).unwrap_or(16);
     // Quintic: what interpolation does to the texture would count as noise.
     let interpolation = Interpolation::Quintic;
-    let options = CorrelateOptions { element_size, interpolation, drop_textureless: true, ..CorrelateOptions::default() };
+    let options =
+        CorrelateOptions { element_size, interpolation, drop_textureless: true, ..CorrelateOptions::default() };
     let correlator = Correlator::new(CpuBackend::default(), part.clone(), &region.zones(), options)?;
     let mut bins = Bins::new(&part, region);
     let mut pairs = Vec::new();
@@ -135,6 +149,7 @@ pub(super) fn noise(
         pairs.push(StaticPair {
             name,
             sigma_grey: zone.noise,
+            ceiling_grey: WavePicture::noise_ceiling(&image),
             drift_px: rigid.translation,
             rotation_deg: rigid.rotation_rad.to_degrees(),
             gain: zone.transfer.gain,
@@ -142,7 +157,16 @@ pub(super) fn noise(
         });
     }
     let sigma_grey = (pairs.iter().map(|pair| pair.sigma_grey.powi(2)).sum::<f64>() / pairs.len() as f64).sqrt();
-    Ok(Noise { sigma_grey, origin: Origin::StaticImages, ceiling_grey, pairs, by_grey: bins.finish() })
+    let by_grey = bins.finish();
+    Ok(Noise { sigma_grey, origin: Origin::StaticImages, ceiling_grey, assumed_by_correlate_grey, pairs, by_grey })
+}
+
+/// Noise of the rounding to whole grey levels; a trace for floats, since no image is without any.
+fn rounding(image: &Image) -> f64 {
+    match image.pixels() {
+        Pixels::F32(_) => 1e-6 * f64::from(image.range().1 - image.range().0),
+        _ => 1.0 / 12f64.sqrt(),
+    }
 }
 
 /// Squared residuals by grey level.

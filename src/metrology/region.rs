@@ -150,7 +150,9 @@ mod tests {
             let (zone, [w, h], outer) = (region.zone(), region.size(), region.in_image());
             assert!(w * h <= MOST_PIXELS && zone[0] >= BAND && zone[2] + BAND <= w && zone[3] + BAND <= h);
             if let Some(Roi { x0, y0, x1, y1 }) = roi {
-                assert!(outer[0] as f64 >= x0 && outer[1] as f64 >= y0 && outer[2] as f64 <= x1 && outer[3] as f64 <= y1);
+                assert!(
+                    outer[0] as f64 >= x0 && outer[1] as f64 >= y0 && outer[2] as f64 <= x1 && outer[3] as f64 <= y1
+                );
             }
             let part = region.cut(&image);
             assert_eq!((part.width(), part.height()), (w, h));

@@ -13,8 +13,8 @@ pub struct Texture {
     pub gradient_grey_per_px: [f64; 2],
     /// The same with the noise in it: what the correlation sees.
     pub gradient_with_noise_grey_per_px: [f64; 2],
-    /// Speckle size along x and y: full width at half maximum of the autocorrelation, px. `None` where it
-    /// does not fall to a half within 32 px.
+    /// Speckle size along x and y: full width at half maximum of the autocorrelation, px; the median over
+    /// squares of 64 px. `None` where it does not fall to a half within 16 px: coarser than 32 px.
     pub speckle_px: [Option<f64>; 2],
     /// Standard deviation of the grey levels.
     pub contrast_grey: f64,
@@ -30,10 +30,12 @@ pub struct Texture {
 }
 
 /// Largest lag of the autocorrelation, px.
-const LAGS: usize = 32;
-/// Side of the squares within which the mean is taken off, px: light that varies over the specimen is not
-/// texture.
-const SQUARE: usize = 128;
+const LAGS: usize = 16;
+/// Side of the squares whose speckles are measured apart, px: light that varies over the specimen is not
+/// texture, and the edge of the specimen only spoils the squares that it crosses.
+const SQUARE: usize = 64;
+/// A square of which noise makes more than this share of the variance says nothing about speckles.
+const NOISE_SHARE: f64 = 0.25;
 /// Weights of the spline's slope beyond this distance are below 1e-7.
 const TAPS: usize = 12;
 
@@ -42,8 +44,6 @@ impl Texture {
         let sorted = grey_levels(image, region);
         let with_noise = gradient_squares(image, region);
         let of_noise = noise * noise * Interpolation::Cubic.gradient_noise_gain();
-        let (correlation, variance) = autocorrelation(image, region);
-        let peak = (variance - noise * noise).max(0.0);
         let percentiles_grey = Self::percentiles(&sorted);
         let full = match image.pixels() {
             Pixels::U8(_) => Some(255.0),
@@ -56,7 +56,7 @@ impl Texture {
         Self {
             gradient_grey_per_px: with_noise.map(|square| (square - of_noise).max(0.0).sqrt()),
             gradient_with_noise_grey_per_px: with_noise.map(f64::sqrt),
-            speckle_px: correlation.map(|along| full_width(peak, &along)),
+            speckle_px: speckles(image, region, noise),
             contrast_grey: (squares / sorted.len() as f64).sqrt(),
             percentiles_grey,
             range_grey: [sorted[0], sorted[sorted.len() - 1]].map(f64::from),
@@ -107,17 +107,15 @@ fn gradient_squares(image: &Image, region: &Region) -> [f64; 2] {
     sums.map(|sum| sum / n as f64)
 }
 
-/// Covariance of the grey levels at lags 1 to `LAGS` along x and along y, and their variance.
-fn autocorrelation(image: &Image, region: &Region) -> ([Vec<f64>; 2], f64) {
+/// Widths of the autocorrelation along x and y: medians over the squares that have texture.
+fn speckles(image: &Image, region: &Region, noise: f64) -> [Option<f64>; 2] {
     let [x0, y0, x1, y1] = region.zone();
-    let mut sums = [vec![0.0; LAGS + 1], vec![0.0; LAGS + 1]];
-    let mut counts = [vec![0usize; LAGS + 1], vec![0usize; LAGS + 1]];
-    // Squares of equal size that cover the zone.
     let cuts = |low: usize, high: usize| -> Vec<usize> {
         let n = ((high - low) / SQUARE).max(1);
         (0..=n).map(|k| low + k * (high - low) / n).collect()
     };
     let (columns, rows) = (cuts(x0, x1), cuts(y0, y1));
+    let mut widths = [Vec::new(), Vec::new()];
     for ys in rows.windows(2) {
         for xs in columns.windows(2) {
             let (width, height) = (xs[1] - xs[0], ys[1] - ys[0]);
@@ -127,27 +125,38 @@ fn autocorrelation(image: &Image, region: &Region) -> ([Vec<f64>; 2], f64) {
             }
             let mean = square.iter().sum::<f64>() / square.len() as f64;
             square.iter_mut().for_each(|v| *v -= mean);
-            for (c, step, length) in [(0, 1, width), (1, width, height)] {
-                for lag in 0..=LAGS.min(length / 2) {
-                    let (across, along) = if c == 0 { (height, width - lag) } else { (height - lag, width) };
-                    let mut sum = 0.0;
-                    for row in 0..across {
-                        let at = row * width;
-                        let (near, far) = (&square[at..at + along], &square[at + lag * step..at + lag * step + along]);
-                        sum += near.iter().zip(far).map(|(a, b)| a * b).sum::<f64>();
-                    }
-                    sums[c][lag] += sum;
-                    counts[c][lag] += across * along;
-                }
+            let variance = square.iter().map(|v| v * v).sum::<f64>() / square.len() as f64;
+            // White noise is in the variance, and in no other lag.
+            let peak = variance - noise * noise;
+            if peak <= (1.0 - NOISE_SHARE) * variance || peak <= 0.0 {
+                continue;
+            }
+            for (c, widths) in widths.iter_mut().enumerate() {
+                // Infinite: wider than can be seen, which the median must know.
+                widths.push(full_width(peak, &covariance(&square, width, c)).unwrap_or(f64::INFINITY));
             }
         }
     }
-    let variance = sums[0][0] / counts[0][0].max(1) as f64;
-    let means = [0, 1].map(|c| {
-        let reached = (1..=LAGS).take_while(|&lag| counts[c][lag] > 0);
-        reached.map(|lag| sums[c][lag] / counts[c][lag] as f64).collect()
-    });
-    (means, variance)
+    widths.map(|mut widths| {
+        widths.sort_by(f64::total_cmp);
+        widths.get(widths.len() / 2).copied().filter(|width| width.is_finite())
+    })
+}
+
+/// Covariance of the values of a square, `width` to a row, at lags from 1 on along x (0) or y (1).
+fn covariance(square: &[f64], width: usize, axis: usize) -> Vec<f64> {
+    let height = square.len() / width;
+    let mean_product = |lag: usize| {
+        let (rows, columns, step) =
+            if axis == 0 { (height, width - lag, lag) } else { (height - lag, width, lag * width) };
+        let row = |row: usize| {
+            let at = row * width;
+            let (near, far) = (&square[at..at + columns], &square[at + step..at + step + columns]);
+            near.iter().zip(far).map(|(a, b)| a * b).sum::<f64>()
+        };
+        (0..rows).map(row).sum::<f64>() / (rows * columns) as f64
+    };
+    (1..=LAGS.min([width, height][axis] / 2)).map(mean_product).collect()
 }
 
 /// Twice the lag at which the covariance has fallen to half of its `peak` at lag 0, which holds no noise.

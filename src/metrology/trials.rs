@@ -11,16 +11,22 @@ use crate::field::Status;
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::Mesh;
 use crate::units::Px;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Displacements of the copies, px: none is a whole pixel, none is half of one along both axes.
 const SHIFTS: [[f64; 2]; 4] = [[0.21, 0.37], [0.5, 0.13], [0.67, 0.79], [0.88, 0.5]];
-/// Pairs with independent noise: enough of them that few nodes still give a standard deviation.
-const FEWEST_PAIRS: usize = 8;
+/// Pairs with independent noise: until there are this many values (standard deviation good to 1 %), at most
+/// as many pairs as there is time for.
+const ENOUGH_VALUES: f64 = 5000.0;
 const MOST_PAIRS: usize = 32;
 const PIXELS_OF_PAIRS: usize = 8 << 20;
+/// A size none of whose first pairs converged is given up.
+const PAIRS_TO_GIVE_UP: usize = 2;
+/// Sub-pixel displacements take 5 to 10 iterations; what takes more has failed.
+const MOST_ITERATIONS: usize = 25;
 /// Sub-pixel displacements along both axes at which the bias is looked for, px; it is odd about 0.5.
 const BIAS_SHIFTS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
 /// Periods in element sizes between which each crest's 90 % are looked for.
@@ -34,7 +40,7 @@ const AMPLITUDE_PX: f64 = 0.5;
 const AMPLITUDE_BY_PERIOD: f64 = 0.01;
 /// Rows of nodes at either edge of the zone that do not count, and rows that must be left.
 const EDGE_ROWS: usize = 2;
-const LEAST_ROWS: usize = 6;
+const LEAST_ROWS: usize = 4;
 
 /// The picture that trials are made of: the user's image, its noise taken off.
 pub(super) struct Trials<'a> {
@@ -47,11 +53,11 @@ pub(super) struct Trials<'a> {
 /// Scatter of the results of one element size over pairs with noise of their own.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scatter {
-    /// Standard deviation of the error of inner nodes, along x and y, px.
+    /// Standard deviation of the error of inner nodes about its mean, along x and y, px.
     pub inner_px: [f64; 2],
     /// The same of nodes on the edge of the zone (corners not among them), px; `None` without any.
     pub edge_px: Option<[f64; 2]>,
-    /// Mean error of inner nodes, px.
+    /// Mean error of inner nodes, largest over the displacements of the copies, px.
     pub mean_error_px: [f64; 2],
     /// Standard deviation of exx and eyy at the centres of elements off the edge; `None` without any.
     pub strain: Option<[f64; 2]>,
@@ -115,10 +121,50 @@ impl Moments {
     fn rms(&self) -> Option<[f64; 2]> {
         (self.n > 0.0).then(|| self.squares.map(|sum| (sum / self.n).sqrt()))
     }
+}
 
-    fn deviation(&self) -> Option<[f64; 2]> {
-        let mean = self.mean()?;
-        (self.n > 1.0).then(|| [0, 1].map(|c| (self.squares[c] / self.n - mean[c] * mean[c]).max(0.0).sqrt()))
+/// What the pairs of one element size have given: inner nodes, edge nodes and strains by displacement.
+#[derive(Default)]
+struct Sums {
+    by_shift: [[Moments; 3]; SHIFTS.len()],
+    n_pairs: usize,
+    n_failed: usize,
+}
+
+impl Sums {
+    /// Whether no pair after the first `pairs` is needed; all displacements come equally often.
+    fn done(&self, pairs: usize) -> bool {
+        let n: f64 = self.by_shift.iter().map(|sums| sums[0].n).sum();
+        let given_up = self.n_failed >= PAIRS_TO_GIVE_UP && self.n_failed == self.n_pairs;
+        given_up || (pairs % SHIFTS.len() == 0 && n >= ENOUGH_VALUES)
+    }
+
+    /// The standard deviation about the mean of each displacement: what differs in the mean is bias.
+    fn deviation(&self, kind: usize) -> Option<[f64; 2]> {
+        let (mut n, mut squares) = (0.0, [0.0; 2]);
+        for moments in self.by_shift.iter().map(|sums| &sums[kind]) {
+            let Some(mean) = moments.mean() else { continue };
+            n += moments.n;
+            for c in 0..2 {
+                squares[c] += (moments.squares[c] - moments.n * mean[c] * mean[c]).max(0.0);
+            }
+        }
+        (n > 1.0).then(|| squares.map(|sum| (sum / n).sqrt()))
+    }
+
+    fn scatter(&self) -> Option<Scatter> {
+        let n: f64 = self.by_shift.iter().map(|sums| sums[0].n).sum();
+        let means = self.by_shift.iter().filter_map(|sums| sums[0].mean());
+        Some(Scatter {
+            inner_px: self.deviation(0)?,
+            edge_px: self.deviation(1),
+            mean_error_px: means.fold([0.0; 2], |a, mean| [0, 1].map(|c| f64::max(a[c], mean[c].abs()))),
+            strain: self.deviation(2),
+            n_values: n as usize,
+            statistical_percent: 100.0 / (2.0 * n).sqrt(),
+            n_pairs_failed: self.n_failed,
+            n_pairs: self.n_pairs,
+        })
     }
 }
 
@@ -130,9 +176,8 @@ fn n_edges(mesh: &Mesh<Px>, node: usize, ends: [[f64; 2]; 2]) -> usize {
 
 /// Corners of the box around the nodes.
 fn ends(mesh: &Mesh<Px>) -> [[f64; 2]; 2] {
-    let fold = |start: f64, pick: fn(f64, f64) -> f64| {
-        [0, 1].map(|k| mesh.nodes().iter().map(|x| x[k]).fold(start, pick))
-    };
+    let fold =
+        |start: f64, pick: fn(f64, f64) -> f64| [0, 1].map(|k| mesh.nodes().iter().map(|x| x[k]).fold(start, pick));
     [fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max)]
 }
 
@@ -149,6 +194,7 @@ impl Trials<'_> {
             interpolation,
             noise: Some(noise.max(f64::MIN_POSITIVE)),
             drop_textureless: true,
+            max_iterations: MOST_ITERATIONS,
             ..CorrelateOptions::default()
         };
         Correlator::new(CpuBackend::default(), reference.clone(), &self.region.zones(), options)
@@ -169,42 +215,34 @@ impl Trials<'_> {
     /// The scatter for each element size; `None` where nothing converged, or no node is inside.
     pub fn scatter(&self, sizes: &[usize], seed: u64) -> Result<Vec<Option<Scatter>>, MetrologyError> {
         let [width, height] = self.region.size();
-        let n_pairs = (PIXELS_OF_PAIRS / (width * height)).clamp(FEWEST_PAIRS, MOST_PAIRS);
+        let most_pairs = (PIXELS_OF_PAIRS / (width * height)).clamp(2 * SHIFTS.len(), MOST_PAIRS);
         let rest = self.picture.at_rest();
         let moved = SHIFTS.map(|shift| self.picture.moved(shift));
-        let mut sums = vec![[Moments::default(), Moments::default(), Moments::default()]; sizes.len()];
-        let mut failed = vec![0; sizes.len()];
-        for pair in 0..n_pairs {
-            let (shift, moved) = (SHIFTS[pair % SHIFTS.len()], &moved[pair % SHIFTS.len()]);
+        let mut found: Vec<Sums> = sizes.iter().map(|_| Sums::default()).collect();
+        for pair in 0..most_pairs {
+            let which = pair % SHIFTS.len();
+            if found.iter().all(|sums| sums.done(pair)) {
+                break;
+            }
             let own = seed.wrapping_add(2 * pair as u64);
             let reference = self.image(&rest, self.noise, own)?;
-            let deformed = self.image(moved, self.noise, own.wrapping_add(1))?;
-            for (at, &size) in sizes.iter().enumerate() {
+            let deformed = self.image(&moved[which], self.noise, own.wrapping_add(1))?;
+            found.par_iter_mut().zip(sizes).filter(|(sums, _)| !sums.done(pair)).try_for_each(|(sums, &size)| {
+                sums.n_pairs += 1;
                 let result = match self.correlator(&reference, size, self.interpolation, self.noise) {
                     Ok(correlator) => Self::solve(&correlator, deformed.clone())?,
                     // With this noise no node is left: a pair without result.
                     Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => None,
-                    Err(error) => return Err(error.into()),
+                    Err(error) => return Err(MetrologyError::from(error)),
                 };
                 match result {
-                    Some(result) => add_errors(&result, shift, &mut sums[at]),
-                    None => failed[at] += 1,
+                    Some(result) => add_errors(&result, SHIFTS[which], &mut sums.by_shift[which]),
+                    None => sums.n_failed += 1,
                 }
-            }
+                Ok(())
+            })?;
         }
-        let scatter = |([inner, edge, strain], n_pairs_failed): ([Moments; 3], usize)| {
-            Some(Scatter {
-                inner_px: inner.deviation()?,
-                edge_px: edge.deviation(),
-                mean_error_px: inner.mean()?,
-                strain: strain.deviation(),
-                n_values: inner.n as usize,
-                statistical_percent: 100.0 / (2.0 * inner.n).sqrt(),
-                n_pairs_failed,
-                n_pairs,
-            })
-        };
-        Ok(sums.into_iter().zip(failed).map(scatter).collect())
+        Ok(found.iter().map(Sums::scatter).collect())
     }
 
     /// The bias of each interpolation with elements of `size` px, without noise.
