@@ -3,7 +3,7 @@
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
-use super::level::{Level, coarse_mesh};
+use super::level::Level;
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
@@ -11,7 +11,7 @@ use super::uncertainty::{NoiseGain, inverse_variances};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
-use crate::mesh::{Mesh, Zone};
+use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::Serialize;
 use std::sync::Arc;
@@ -99,6 +99,8 @@ pub struct Correlator<B: Backend> {
     size: [usize; 2],
     levels: Vec<Level<B>>,
     search_map: GreyMap,
+    /// The pixels of each zone on the coarsest level.
+    search_pixels: Vec<PixelSet>,
     inverse_variance: Vec<[f64; 2]>,
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
@@ -116,7 +118,7 @@ impl<B: Backend> Correlator<B> {
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
         options.check()?;
         let size = [reference.width(), reference.height()];
-        let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
+        let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
         let kernel = KernelOptions {
             interpolation: options.interpolation,
@@ -127,11 +129,13 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let mut frame = backend.frame(reference, &kernel)?;
         let Finest { level, inverse_variance, dropped } =
-            finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
+            finest_level(&backend, &mut frame, &laid, noise, &kernel, &options)?;
         let mut levels = vec![level];
-        for level in 1..=search_level(&mesh) {
-            let coarse = Arc::new(coarse_mesh(&levels[level - 1].mesh, options.element_size));
-            levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel)?);
+        for level in 1..=search_level(&laid.mesh) {
+            let size = size.map(|n| n >> level);
+            let Some(coarse) = laid.halved(options.element_size, size) else { break };
+            levels.push(Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel)?);
+            laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
         Ok(Self {
@@ -144,6 +148,7 @@ impl<B: Backend> Correlator<B> {
             size,
             levels,
             search_map,
+            search_pixels: laid.zone_pixels,
             inverse_variance,
             dropped,
         })
@@ -266,8 +271,8 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[top];
         let deformed = self.backend.grey_map(frame, top)?;
         let n_zones = level.mesh.zones().len();
-        let candidates: Vec<Vec<Motion>> =
-            level.mesh.grids().iter().map(|grid| motions(&self.search_map, &deformed, grid)).collect();
+        let of_zone = |zone| motions(&self.search_map, &deformed, level.mesh.bounds(zone), &self.search_pixels[zone]);
+        let candidates: Vec<Vec<Motion>> = (0..n_zones).map(of_zone).collect();
         // Every zone tries its own next candidate in each round and keeps the best match.
         let mut best: Vec<(f64, Motion, GreyTransfer)> =
             vec![(f64::NEG_INFINITY, Motion::rest(), GreyTransfer::NONE); n_zones];
@@ -451,8 +456,9 @@ fn rigid(
 /// smallest zone stays wide enough.
 fn search_level(mesh: &Mesh<Px>) -> usize {
     let (mut longest, mut shortest) = (0.0f64, f64::INFINITY);
-    for grid in mesh.grids() {
-        let (width, height) = (grid.nx as f64 * grid.hx, grid.ny as f64 * grid.hy);
+    for zone in 0..mesh.zones().len() {
+        let bounds = mesh.bounds(zone);
+        let (width, height) = (bounds.x1 - bounds.x0, bounds.y1 - bounds.y0);
         longest = longest.max(width.max(height));
         shortest = shortest.min(width.min(height));
     }

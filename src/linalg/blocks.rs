@@ -1,6 +1,7 @@
 //! Sparse symmetric matrices of 2x2 blocks, one row of blocks per node.
 
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The 8x8 symmetric matrix of one Q4 element, upper triangle by rows. Unknown `2 k + c` is component
@@ -86,6 +87,41 @@ impl Pattern {
     /// The elements of a node, with the node's corner in each.
     pub(crate) fn elements_of(&self, node: usize) -> &[(u32, u8)] {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
+    }
+
+    /// Colours of the nodes in `nodes` such that two of one colour are at least `steps` apart: each node gets
+    /// the first colour that is free.
+    pub fn colours(&self, nodes: Range<usize>, steps: usize) -> Vec<u32> {
+        let first = nodes.start;
+        let mut colour = vec![u32::MAX; nodes.len()];
+        let mut seen = vec![usize::MAX; nodes.len()];
+        for node in nodes.clone() {
+            let (mut ring, mut taken) = (vec![node], Vec::new());
+            seen[node - first] = node;
+            for _ in 1..steps {
+                let mut next = Vec::new();
+                for &at in &ring {
+                    for &other in &self.columns[self.row(at)] {
+                        let other = other as usize;
+                        if nodes.contains(&other) && seen[other - first] != node {
+                            seen[other - first] = node;
+                            taken.push(colour[other - first]);
+                            next.push(other);
+                        }
+                    }
+                }
+                ring = next;
+            }
+            taken.sort_unstable();
+            let mut free = 0;
+            for colour in taken {
+                if colour == free {
+                    free += 1;
+                }
+            }
+            colour[node - first] = free;
+        }
+        colour
     }
 
     /// Sums element vectors (unknown `2 k + c` of corner `k`) into nodal ones, in element order.

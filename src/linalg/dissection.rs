@@ -1,5 +1,8 @@
 //! Nested dissection of regular grids.
 
+use super::blocks::Pattern;
+use std::ops::Range;
+
 /// Parts of at most this many nodes are not cut further.
 const LEAF: usize = 24;
 
@@ -32,5 +35,36 @@ pub fn nested_dissection(columns: usize, rows: usize) -> Vec<usize> {
     }
     let mut order = Vec::with_capacity(columns * rows);
     cut((0, columns), (0, rows), columns, &mut order);
+    order
+}
+
+/// An elimination order of the nodes in `nodes`, which may lie anywhere: the set is cut in two halves across
+/// its longer side; those nodes of the first half that are coupled to the second come last, recursively.
+pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -> Vec<usize> {
+    fn cut(mut set: Vec<usize>, pattern: &Pattern, points: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
+        let extent = |k: usize| {
+            let of = |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&n| points[n][k]).fold(start, pick);
+            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
+        };
+        if set.len() <= LEAF {
+            order.extend(set);
+            return;
+        }
+        let axis = usize::from(extent(1) > extent(0));
+        set.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]).then(a.cmp(&b)));
+        let upper = set.split_off(set.len() / 2);
+        // 1: lower half, 2: upper half, 0: neither.
+        set.iter().for_each(|&n| half[n] = 1);
+        upper.iter().for_each(|&n| half[n] = 2);
+        let between = |n: usize| pattern.columns()[pattern.row(n)].iter().any(|&other| half[other as usize] == 2);
+        let (separator, lower): (Vec<_>, Vec<_>) = set.iter().partition(|&&n| between(n));
+        set.iter().chain(&upper).for_each(|&n| half[n] = 0);
+        cut(lower, pattern, points, half, order);
+        cut(upper, pattern, points, half, order);
+        order.extend(separator);
+    }
+    let mut order = Vec::with_capacity(nodes.len());
+    let mut half = vec![0; points.len()];
+    cut(nodes.collect(), pattern, points, &mut half, &mut order);
     order
 }

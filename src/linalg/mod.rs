@@ -10,6 +10,6 @@ mod solver;
 pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
-pub use dissection::nested_dissection;
+pub use dissection::{dissection, nested_dissection};
 pub use inverse_diagonal::inverse_diagonal;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
