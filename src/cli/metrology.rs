@@ -7,7 +7,8 @@ use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
-use crate::metrology::{Metrology, Options, Origin, Still, measure};
+use crate::metrology::{Metrology, Options, Origin, SizeResult, Still, measure};
+use crate::report::{Axis, Plot, Series, Style};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -99,7 +100,11 @@ pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     };
     if let Some(folder) = folder {
         folder.write_json("metrology.json", &record)?;
-        eprintln!("numbers in {}", folder.path().join("metrology.json").display());
+        let picture = plot(&metrology, &args.reference).draw()?;
+        for name in ["metrology.png", "metrology.svg"] {
+            picture.save(folder.path().join(name))?;
+        }
+        eprintln!("numbers and curves in {}: metrology.json, .png, .svg", folder.path().display());
     }
     eprintln!("{seconds:.1} s");
     Ok(Outcome::Fine)
@@ -160,6 +165,44 @@ fn small(value: Option<f64>) -> String {
 
 fn larger(pair: [f64; 2]) -> f64 {
     pair[0].max(pair[1])
+}
+
+/// Uncertainty and resolved period against element size.
+fn plot(found: &Metrology, reference: &Path) -> Plot {
+    let of = |value: fn(&SizeResult) -> Option<f64>| -> (Vec<f64>, Vec<f64>) {
+        let sizes = found.sizes.iter();
+        sizes.filter_map(|result| Some((result.element_size_px as f64, value(result)?))).unzip()
+    };
+    let series = |name: &str, style, value: fn(&SizeResult) -> Option<f64>| {
+        let (x, y) = of(value);
+        Series::new(name, style, x, y)
+    };
+    let drawn = vec![
+        series("uncertainty: formula", Style::Dashed, |r| Some(larger(r.sigma_formula_px))),
+        series("uncertainty: predicted by correlate", Style::Line, |r| r.sigma_predicted_px.map(larger)),
+        series("uncertainty: measured, inner nodes", Style::Markers, SizeResult::sigma_px),
+        series("uncertainty: measured, edge nodes", Style::Markers, |r| r.measured.as_ref()?.edge_px.map(larger)),
+        series("period resolved: theory, mean over phase", Style::Dashed, |r| Some(r.period_theory_px[1])),
+        series("period resolved: measured, mean", Style::Markers, |r| r.period_measured?.averaged_px),
+        series("period resolved: measured, worst", Style::Markers, |r| r.period_measured?.at_middle_px),
+    ];
+    let origin = match found.noise.origin {
+        Origin::StaticImages => "measured",
+        Origin::Given => "given",
+        Origin::Assumed => "assumed, not measured",
+    };
+    let name = reference.file_name().unwrap_or_default().to_string_lossy();
+    let mut notes = vec![format!("noise of one image {:.2} grey levels ({origin})", found.noise.sigma_grey)];
+    if let Some(size) = found.advice.element_size_px {
+        notes.push(format!("recommended: elements of {size} px"));
+    }
+    Plot {
+        title: format!("{name}: what elements of a size measure"),
+        x: Axis::log("element size (px)"),
+        y: Axis::log("displacement uncertainty (px); period resolved at 90 % (px)"),
+        series: drawn.into_iter().filter(|series| !series.x.is_empty()).collect(),
+        notes,
+    }
 }
 
 fn print(found: &Metrology, options: &Options) {

@@ -81,7 +81,7 @@ impl Region {
     /// The same as the one zone of a mesh.
     pub fn zones(&self) -> [Zone; 1] {
         let [x0, y0, x1, y1] = self.zone.map(|v| v as f64);
-        [Zone { name: "image".into(), roi: Roi { x0, y0, x1, y1 } }]
+        [Zone::rectangle("image", Roi { x0, y0, x1, y1 })]
     }
 
     /// The zone in the whole image: left, top, right, bottom, the last two not included.
