@@ -10,8 +10,8 @@ mod strain;
 pub use measurement::{Measurement, Status};
 pub use options::{Brightness, StartFrom, UnknownChoice};
 pub use quantities::{
-    Elongation, Extensometer, Facing, FacingPoint, Jump, NodalNoise, PointValues, QuantityError, Reading, RemoveRigid,
-    RigidRemoved, Segment, Value, at_point, remove_rigid,
+    Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,
+    PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
 };
 pub use rigid::RigidMotion;
 pub use strain::{

@@ -1,6 +1,5 @@
 //! Virtual extensometers.
 
-use super::geometry::element_size;
 use super::point::shape_at;
 use super::{NodalNoise, QuantityError, Reading, Value, finite};
 use crate::field::Measurement;
@@ -96,7 +95,7 @@ impl Extensometer {
         let along = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
         let length = along[0].hypot(along[1]);
         let across = [-along[1] / length, along[0] / length];
-        let n = (SAMPLES * self.width / element_size(mesh)).ceil().clamp(1.0, 10_000.0);
+        let n = (SAMPLES * self.width / mesh.element_size()).ceil().clamp(1.0, 10_000.0);
         let mut weights = Vec::new();
         for k in 0..n as usize {
             let t = ((k as f64 + 0.5) / n - 0.5) * self.width;

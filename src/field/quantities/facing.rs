@@ -1,6 +1,5 @@
 //! Opening and sliding between two zones along the edges that face each other.
 
-use super::geometry::boundary;
 use super::{NodalNoise, QuantityError, Reading, Value};
 use crate::field::Measurement;
 use crate::mesh::Mesh;
@@ -47,6 +46,10 @@ pub struct FacingPoint {
 }
 
 /// The jump of the displacement between two zones.
+///
+/// A rotation of the whole specimen carries two faces that stand a gap apart past each other: sliding without
+/// any. [`remove_rigid`](crate::field::remove_rigid) with the motion of all nodes takes it off exactly: what
+/// is left is `R^T (d + jump) - d`, with `d` from the point of `-` to that of `+`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jump {
     /// Jump `+` minus `-` along the normal from `-` to `+`: positive when the zones move apart.
@@ -70,23 +73,10 @@ impl FacingPoint {
 
     /// Opening and sliding here; `None` when a node on either side is not measured.
     ///
-    /// With a `rotation_rad` (that of the common rigid motion of both zones) the jump is that left when
-    /// this rotation is undone: `R^T (d + jump) - d`, with `d` from the point of `-` to that of `+`. A
-    /// rotation of the whole specimen carries the two faces, a gap apart, past each other without any opening.
-    ///
     /// The zones share no pixel, so the variances of both sides add; on each side the correlation of
     /// neighbouring nodes is that of `noise`.
-    pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise, rotation_rad: f64) -> Option<Jump> {
-        let (sin, cos) = rotation_rad.sin_cos();
-        let d = self.normal.map(|n| n * self.gap);
-        // R^T d - d; with half angles, since cos - 1 cancels.
-        let half = (0.5 * rotation_rad).sin();
-        let turned = [-2.0 * half * half * d[0] + sin * d[1], -sin * d[0] - 2.0 * half * half * d[1]];
-        let along = |e: [f64; 2]| {
-            // e . R^T jump = (R e) . jump
-            let jump = self.jump([cos * e[0] - sin * e[1], sin * e[0] + cos * e[1]]).read(field, noise)?;
-            Some(Value { value: jump.value + e[0] * turned[0] + e[1] * turned[1], sigma: jump.sigma })
-        };
+    pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
+        let along = |direction| self.jump(direction).read(field, noise);
         Some(Jump { opening: along(self.normal)?, sliding: along(self.tangent())? })
     }
 }
@@ -122,29 +112,22 @@ impl Facing {
     }
 
     /// Mean opening and mean sliding over the points that are measured; `None` without any. The
-    /// standard uncertainty is that of the mean, with the correlation of neighbours. `rotation_rad` as in
-    /// [`FacingPoint::read`].
-    pub fn mean<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise, rotation_rad: f64) -> Option<Jump> {
-        let measured: Vec<_> =
-            self.points.iter().filter_map(|point| Some((point, point.read(field, noise, rotation_rad)?))).collect();
-        let n = measured.len() as f64;
-        let (sin, cos) = rotation_rad.sin_cos();
-        let mean = |value: fn(&Jump) -> f64, direction: fn(&FacingPoint) -> [f64; 2]| {
-            let weights = measured.iter().flat_map(|(point, _)| {
-                let e = direction(point);
-                let turned = [(cos * e[0] - sin * e[1]) / n, (sin * e[0] + cos * e[1]) / n];
-                point.jump(turned).weights().to_vec()
-            });
-            let sigma = Reading::new(weights).read(field, noise)?.sigma;
-            Some(Value { value: measured.iter().map(|(_, jump)| value(jump)).sum::<f64>() / n, sigma })
-        };
+    /// standard uncertainty is that of the mean, with the correlation of neighbours.
+    pub fn mean<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
+        let measured: Vec<&FacingPoint> =
+            self.points.iter().filter(|point| point.jump(point.normal).value(field).is_some()).collect();
         if measured.is_empty() {
             return None;
         }
-        Some(Jump {
-            opening: mean(|jump| jump.opening.value, |point| point.normal)?,
-            sliding: mean(|jump| jump.sliding.value, FacingPoint::tangent)?,
-        })
+        let n = measured.len() as f64;
+        let mean = |direction: fn(&FacingPoint) -> [f64; 2]| {
+            let jumps = measured.iter().flat_map(|point| {
+                let jump = point.jump(direction(point).map(|d| d / n));
+                jump.weights().to_vec()
+            });
+            Reading::new(jumps).read(field, noise)
+        };
+        Some(Jump { opening: mean(|point| point.normal)?, sliding: mean(FacingPoint::tangent)? })
     }
 }
 
@@ -183,18 +166,15 @@ fn unit(a: [f64; 2]) -> [f64; 2] {
 
 impl Border {
     fn new<U: Length>(mesh: &Mesh<U>, zone: usize) -> Self {
-        let pairs = boundary(mesh, zone);
         let at = |node: u32| mesh.nodes()[node as usize];
-        // All edges have the zone on one side: which one, the sign of the enclosed area tells.
-        let origin = pairs.first().map_or([0.0; 2], |edge| at(edge[0]));
-        let area: f64 = pairs.iter().map(|&[a, b]| cross(minus(at(a), origin), minus(at(b), origin))).sum();
-        let side = if area < 0.0 { -1.0 } else { 1.0 };
-        let edges: Vec<Edge> = pairs
-            .iter()
-            .map(|&[a, b]| {
+        let edges: Vec<Edge> = mesh
+            .boundary(zone)
+            .into_iter()
+            .map(|[a, b]| {
                 let ends = [at(a), at(b)];
+                // Going along an edge the zone is on the side of +y when x is ahead.
                 let [dx, dy] = unit(minus(ends[1], ends[0]));
-                Edge { nodes: [a as usize, b as usize], ends, normal: [side * dy, -side * dx] }
+                Edge { nodes: [a as usize, b as usize], ends, normal: [dy, -dx] }
             })
             .collect();
         let mut starting: HashMap<usize, Vec<usize>> = HashMap::new();

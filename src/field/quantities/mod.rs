@@ -6,8 +6,8 @@
 
 mod extensometer;
 mod facing;
-mod geometry;
 mod noise;
+mod plan;
 mod point;
 mod reading;
 mod register;
@@ -15,6 +15,7 @@ mod register;
 pub use extensometer::{Elongation, Extensometer};
 pub use facing::{Facing, FacingPoint, Jump};
 pub use noise::NodalNoise;
+pub use plan::{Curve, FrameQuantities, OpeningValues, Quantities};
 pub use point::{PointValues, Segment, at_point};
 pub use reading::{Reading, Value};
 pub use register::{RemoveRigid, RigidRemoved, remove_rigid};

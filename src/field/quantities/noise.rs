@@ -28,7 +28,7 @@ const PRECISION: f64 = 1e-9;
 /// ```
 /// # use quadrille::{field::NodalNoise, mesh::{Mesh, Roi, Zone}};
 /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 320.0, y1: 320.0 };
-/// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 320, 320).unwrap(); // 21 x 21 nodes
+/// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 320, 320).unwrap(); // 21 x 21 nodes
 /// let noise = NodalNoise::new(&mesh, &vec![true; mesh.n_nodes()]);
 /// let centre = 10 * 21 + 10;
 /// assert!((noise.correlation(centre, centre + 1) - (3f64.sqrt() - 2.0)).abs() < 1e-4);

@@ -1,6 +1,5 @@
 //! Displacement and strain at points and along lines.
 
-use super::geometry::find;
 use super::{NodalNoise, QuantityError, Reading, finite, positive};
 use crate::field::strain::ElementGeometry;
 use crate::field::{Measurement, Strain, StrainDefinition};
@@ -32,7 +31,7 @@ pub struct PointValues {
 /// ```
 /// # use quadrille::{field::{Measurement, NodalNoise, Status, StrainDefinition, at_point}, mesh::{Mesh, Roi, Zone}};
 /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
-/// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 64, 64).unwrap();
+/// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
 /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
 /// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
 /// #     element_residual: vec![1.0; 4], mesh: mesh.into(), displacement };
@@ -61,7 +60,7 @@ pub fn at_point<U: Length>(
 
 /// The nodes of the element that holds a point, with their weights there.
 pub(super) fn shape_at<U: Length>(mesh: &Mesh<U>, [x, y]: [f64; 2]) -> Option<[(usize, f64); 4]> {
-    let (element, xi, eta) = find(mesh, x, y)?;
+    let (element, xi, eta) = mesh.find(x, y)?;
     let psi = shape_functions(xi, eta);
     let nodes = mesh.elements()[element];
     Some([0, 1, 2, 3].map(|k| (nodes[k] as usize, psi[k])))

@@ -63,7 +63,7 @@ pub struct RigidRemoved {
 /// ```
 /// # use quadrille::{field::{Measurement, RemoveRigid, Status, remove_rigid}, mesh::{Mesh, Roi, Zone}};
 /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
-/// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 64, 64).unwrap();
+/// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
 /// # let (sin, cos) = 0.1f64.sin_cos();
 /// # let displacement: Vec<_> =
 /// #     mesh.nodes().iter().map(|[x, y]| [(cos - 1.0) * x - sin * y, sin * x + (cos - 1.0) * y]).collect();
