@@ -167,24 +167,24 @@ fn larger(pair: [f64; 2]) -> f64 {
     pair[0].max(pair[1])
 }
 
-/// Uncertainty and resolved period against element size.
+/// Uncertainty and resolved period against element size. In thousandths of a pixel the uncertainty has the
+/// size of the periods, and both share an axis.
 fn plot(found: &Metrology, reference: &Path) -> Plot {
-    let of = |value: fn(&SizeResult) -> Option<f64>| -> (Vec<f64>, Vec<f64>) {
+    let series = |name: &str, style, factor: f64, value: fn(&SizeResult) -> Option<f64>| {
         let sizes = found.sizes.iter();
-        sizes.filter_map(|result| Some((result.element_size_px as f64, value(result)?))).unzip()
-    };
-    let series = |name: &str, style, value: fn(&SizeResult) -> Option<f64>| {
-        let (x, y) = of(value);
+        let (x, y) = sizes.filter_map(|r| Some((r.element_size_px as f64, factor * value(r)?))).unzip();
         Series::new(name, style, x, y)
     };
+    let uncertainty = |name, style, value| series(&format!("uncertainty, {name}"), style, 1e3, value);
+    let period = |name, style, value| series(&format!("period, {name}"), style, 1.0, value);
     let drawn = vec![
-        series("uncertainty: formula", Style::Dashed, |r| Some(larger(r.sigma_formula_px))),
-        series("uncertainty: predicted by correlate", Style::Line, |r| r.sigma_predicted_px.map(larger)),
-        series("uncertainty: measured, inner nodes", Style::Markers, SizeResult::sigma_px),
-        series("uncertainty: measured, edge nodes", Style::Markers, |r| r.measured.as_ref()?.edge_px.map(larger)),
-        series("period resolved: theory, mean over phase", Style::Dashed, |r| Some(r.period_theory_px[1])),
-        series("period resolved: measured, mean", Style::Markers, |r| r.period_measured?.averaged_px),
-        series("period resolved: measured, worst", Style::Markers, |r| r.period_measured?.at_middle_px),
+        uncertainty("formula", Style::Dashed, |r| Some(larger(r.sigma_formula_px))),
+        uncertainty("predicted by correlate", Style::Line, |r| r.sigma_predicted_px.map(larger)),
+        uncertainty("measured, inner nodes", Style::Markers, SizeResult::sigma_px),
+        uncertainty("measured, edge nodes", Style::Markers, |r| r.measured.as_ref()?.edge_px.map(larger)),
+        period("theory, mean over phase", Style::Dashed, |r| Some(r.period_theory_px[1])),
+        period("measured, mean", Style::Markers, |r| r.period_measured?.averaged_px),
+        period("measured, worst phase", Style::Markers, |r| r.period_measured?.at_middle_px),
     ];
     let origin = match found.noise.origin {
         Origin::StaticImages => "measured",
@@ -193,13 +193,14 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
     };
     let name = reference.file_name().unwrap_or_default().to_string_lossy();
     let mut notes = vec![format!("noise of one image {:.2} grey levels ({origin})", found.noise.sigma_grey)];
+    notes.push("uncertainty of a node, the larger component; period of which 90 % of the amplitude is left".into());
     if let Some(size) = found.advice.element_size_px {
         notes.push(format!("recommended: elements of {size} px"));
     }
     Plot {
         title: format!("{name}: what elements of a size measure"),
         x: Axis::log("element size (px)"),
-        y: Axis::log("displacement uncertainty (px); period resolved at 90 % (px)"),
+        y: Axis::log("uncertainty (0.001 px); period resolved (px)"),
         series: drawn.into_iter().filter(|series| !series.x.is_empty()).collect(),
         notes,
     }

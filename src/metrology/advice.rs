@@ -58,7 +58,7 @@ impl Advice {
         let mut reasons = Vec::new();
         let mut fit: Vec<&SizeResult> = results.iter().filter(|r| sound(r) && holds_speckles(r)).collect();
         if fit.is_empty() {
-            fit.extend(results.iter().filter(sound).last());
+            fit.extend(results.iter().rfind(sound));
             if let (Some(largest), Some(speckle)) = (fit.first(), speckle) {
                 reasons.push(format!(
                     "no size tried holds {SPECKLES} speckles of {speckle:.1} px along a side; {} px is the largest tried",

@@ -88,10 +88,10 @@ pub enum MetrologyError {
         /// The grey level.
         grey: f32,
     },
-    /// All gradients can be explained by the noise.
+    /// The gradients along an axis can be explained by the noise.
     #[error(
-        "the region holds nothing but noise of {sigma_grey:.2} grey levels: no texture is left to measure on; \
-         check the focus and the zone, or --noise if it was given"
+        "the region holds nothing but noise of {sigma_grey:.2} grey levels along x or y: no texture is left to \
+         measure on; check the focus and the region, or --noise if it was given"
     )]
     OnlyNoise {
         /// The noise, grey levels.

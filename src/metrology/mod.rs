@@ -252,7 +252,7 @@ fn bias_size(results: &[SizeResult], texture: &Texture) -> usize {
     let least = (3.0 * texture.larger_speckle_px().unwrap_or(0.0)).max(16.0);
     let usable = || results.iter().filter(|result| result.sigma_predicted_px.is_some());
     let large_enough = usable().find(|result| result.element_size_px as f64 >= least);
-    large_enough.or(usable().last()).map_or(16, |result| result.element_size_px)
+    large_enough.or_else(|| usable().next_back()).map_or(16, |result| result.element_size_px)
 }
 
 /// Grey levels of the zone, sorted.

@@ -54,7 +54,7 @@ impl Texture {
         let mean = sorted.iter().map(|&v| f64::from(v)).sum::<f64>() / sorted.len() as f64;
         let squares = sorted.iter().map(|&v| (f64::from(v) - mean).powi(2)).sum::<f64>();
         Self {
-            gradient_grey_per_px: with_noise.map(|square| (square - of_noise).max(0.0).sqrt()),
+            gradient_grey_per_px: with_noise.map(|square| without(of_noise, square).sqrt()),
             gradient_with_noise_grey_per_px: with_noise.map(f64::sqrt),
             speckle_px: speckles(image, region, noise),
             contrast_grey: (squares / sorted.len() as f64).sqrt(),
@@ -79,6 +79,12 @@ impl Texture {
     pub(super) fn percentiles(sorted: &[f32]) -> [f64; 2] {
         [0.01, 0.99].map(|share| f64::from(sorted[((sorted.len() - 1) as f64 * share).round() as usize]))
     }
+}
+
+/// What is left of a mean square when the share of noise is taken off; nothing where the rest is within the
+/// scatter of noise alone: 5 %, three standard deviations for the smallest zone.
+fn without(of_noise: f64, square: f64) -> f64 {
+    if square <= 1.05 * of_noise { 0.0 } else { square - of_noise }
 }
 
 /// Mean squares of the spline's slopes along x and y over the zone.

@@ -136,7 +136,7 @@ impl Sums {
     fn done(&self, pairs: usize) -> bool {
         let n: f64 = self.by_shift.iter().map(|sums| sums[0].n).sum();
         let given_up = self.n_failed >= PAIRS_TO_GIVE_UP && self.n_failed == self.n_pairs;
-        given_up || (pairs % SHIFTS.len() == 0 && n >= ENOUGH_VALUES)
+        given_up || (pairs.is_multiple_of(SHIFTS.len()) && n >= ENOUGH_VALUES)
     }
 
     /// The standard deviation about the mean of each displacement: what differs in the mean is bias.
