@@ -129,7 +129,8 @@ fn saturated_pixels_and_the_range_of_grey_levels_are_told() {
     let want = 100.0 * white as f64 / ((x1 - x0) * (y1 - y0)) as f64;
     assert!((found.texture.saturated_percent[1] - want).abs() < 1e-9 && want > 5.0, "{want}");
     assert_eq!(found.texture.saturated_percent[0], 0.0);
-    assert!(found.texture.range_used_percent.unwrap() > 70.0);
+    let [low, high] = found.texture.percentiles_grey;
+    assert_eq!((high, found.texture.range_used_percent), (255.0, Some(100.0 * (255.0 - low) / 255.0)));
     assert!(found.advice.hints.iter().any(|hint| hint.contains("saturated at the bright end")));
 }
 
@@ -336,7 +337,7 @@ fn every_error_is_met_once() {
     assert!(matches!(refused(&good, &[], &roi(0.0, 0.0, 10.0, 999.0)), MetrologyError::OutsideImage { .. }));
     assert!(matches!(refused(&good, &[], &roi(100.0, 100.0, 110.0, 200.0)), MetrologyError::TooSmall { .. }));
     let tiny = drawn(20, 20, |x, y| (x * y) as f32);
-    assert!(matches!(refused(&tiny, &[], &Options::default()), MetrologyError::TooSmall { least: 68, .. }));
+    assert!(matches!(refused(&tiny, &[], &Options::default()), MetrologyError::TooSmall { least: 72, .. }));
     let one = drawn(1, 1, |_, _| 0.0);
     assert!(matches!(refused(&one, &[], &Options::default()), MetrologyError::TooSmall { .. }));
     let grey = drawn(SIDE, SIDE, |_, _| 7.0);
@@ -467,8 +468,8 @@ fn the_bias_said_of_a_challenge_image_is_that_of_its_displaced_copy() {
             // The bias goes as a sine of the displacement: at 0.1 px it is 0.83 of that at 0.125 px.
             let said = 0.83 * bias.mean_error_px[0][c];
             println!("{interpolation:?}: found {:.1e}, said {said:.1e} px", error[c]);
-            // The mean of 800 nodes with noise of 0.014 px and correlated neighbours is good to 0.0005 px.
-            assert!((error[c] - said).abs() < 1.5e-3, "{interpolation:?}: {error:?}, said {said}");
+            // The mean of 800 nodes with noise of 0.014 px is good to 0.0005 px.
+            assert!((error[c] - said).abs() < 1e-3, "{interpolation:?}: {error:?}, said {said}");
         }
     }
 }

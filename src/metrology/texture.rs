@@ -81,10 +81,10 @@ impl Texture {
     }
 }
 
-/// What is left of a mean square when the share of noise is taken off; nothing where the rest is within the
-/// scatter of noise alone: 5 %, three standard deviations for the smallest zone.
+/// What is left of a mean square when the share of noise is taken off; nothing where noise alone could have
+/// made it. (The texture check refuses nodes with less than 1.5 times the share of noise.)
 fn without(of_noise: f64, square: f64) -> f64 {
-    if square <= 1.05 * of_noise { 0.0 } else { square - of_noise }
+    if square <= 1.2 * of_noise { 0.0 } else { square - of_noise }
 }
 
 /// Mean squares of the spline's slopes along x and y over the zone.
