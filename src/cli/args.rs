@@ -33,6 +33,8 @@ pub enum Command {
     Synth(SynthArgs),
     /// Make an example series, correlate it and compare the result with the truth.
     Demo(DemoArgs),
+    /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
+    Metrology(MetrologyArgs),
 }
 
 /// Where the pixel work is done.
@@ -424,6 +426,57 @@ pub struct DemoArgs {
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille metrology`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    One image: texture, uncertainty and resolution, with a noise that is assumed:\n    \
+    quadrille metrology ref.tif\n  \
+    With images of the specimen at rest, from which the noise is measured, of one zone:\n    \
+    quadrille metrology ref.tif 'static/*.tif' --roi 10,10,1010,400 --output out\n  \
+    Elements that resolve a period of 100 px:\n    \
+    quadrille metrology ref.tif static.tif --resolve-period 100\n\n\
+    Prints a table; with --output DIR writes DIR/metrology.json as well.")]
+pub struct MetrologyArgs {
+    /// The reference image.
+    #[arg(value_name = "REFERENCE")]
+    pub reference: PathBuf,
+    /// Further images of the specimen at rest, as the reference: files or quoted globs.
+    #[arg(value_name = "STATIC")]
+    pub stills: Vec<String>,
+    /// The rectangle to look at, px: left, top, right, bottom. Default: the whole image. Of more than a
+    /// million pixels the middle is used.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub roi: Option<[f64; 4]>,
+    /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
+    #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
+    pub element_sizes: Option<Vec<i64>>,
+    /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
+    /// assumed without any.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub noise: Option<f64>,
+    /// Interpolation of the correlation: cubic (default), quintic, keys, bilinear.
+    #[arg(long, value_name = "NAME", value_parser = interpolation)]
+    pub interpolation: Option<Interpolation>,
+    /// Standard uncertainty that the recommended elements reach, px.
+    #[arg(long, value_name = "PX", default_value_t = 0.02, allow_hyphen_values = true)]
+    pub target_sigma: f64,
+    /// Recommend the largest elements that resolve waves of this period at 90 % of their amplitude, px.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub resolve_period: Option<f64>,
+    /// Folder for metrology.json; made when it is not there, an earlier one is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Seed of the noise that is added to copies of the image.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Page of multi-page TIFF files. Default 0, the first.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub page: Option<u32>,
+    /// Threads. Default: all cores. Results do not depend on it.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,
 }

@@ -6,6 +6,7 @@ mod demo;
 mod export;
 mod figures;
 mod frames;
+mod metrology;
 mod plan;
 mod probe;
 mod progress;
@@ -50,6 +51,7 @@ pub fn main() -> ExitCode {
         args::Command::Figures(args) => figures::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
+        args::Command::Metrology(args) => metrology::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
