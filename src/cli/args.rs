@@ -3,6 +3,7 @@
 use super::frames::Frames;
 use crate::field::{Brightness, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
+use crate::report::{Figure, Format};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -26,6 +27,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
     Probe(ProbeArgs),
+    /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
+    Figures(FiguresArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
     /// Make an example series, correlate it and compare the result with the truth.
@@ -119,6 +122,9 @@ pub struct CorrelateArgs {
     /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
     #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
     pub export: Option<Vec<Export>>,
+    /// Frames to draw at the end, into DIR/figures. `quadrille figures` draws more of them later.
+    #[arg(long, value_name = "1,5-20|last|all")]
+    pub figures: Option<Frames>,
     /// Definition of the strains. Default green-lagrange.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
@@ -240,6 +246,73 @@ pub struct ProbeArgs {
     /// Folder for `quantities/`. Default: DIR.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Where `quadrille figures` takes a strain from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StrainPlace {
+    /// One value for each element, over its size.
+    Elements,
+    /// Interpolated between nodes, over twice the element size: smoother.
+    Nodes,
+}
+
+/// Arguments of `quadrille figures`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Displacements, strains and residual of the last frame, into out/figures:\n    \
+    quadrille figures out\n  \
+    Two strains of three frames for a paper, with one colour bar:\n    \
+    quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --format svg\n  \
+    The opening along a line across two strips, and both strips brought into register:\n    \
+    quadrille figures out --quantity uy,register --line 600,20,600,780\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be drawn.")]
+pub struct FiguresArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
+    pub frames: Frames,
+    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, mesh, deformed, register.
+    /// Default ux,uy,exx,eyy,exy,residual.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub quantity: Vec<Figure>,
+    /// Kinds of file.
+    #[arg(long, value_name = "png,svg", value_delimiter = ',', default_value = "png")]
+    pub format: Vec<Format>,
+    /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub line: Option<[f64; 4]>,
+    /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
+    /// deformed image can be shown.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub magnify: Option<f64>,
+    /// Ends of the colour bars, for all maps drawn. Default: the values of each.
+    #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    /// Definition of the strains. Default: that of the run.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
+    /// Strains of elements or of nodes.
+    #[arg(long, value_enum, default_value = "elements")]
+    pub strain_on: StrainPlace,
+    /// Rigid motion that register takes off: of each zone, or of all together.
+    #[arg(long, value_name = "zone|all", default_value = "zone")]
+    pub remove_rigid: RemoveRigid,
+    /// Pixels per unit of length in PNG files, 1 to 4: 1 for the screen, 2 or 3 for print.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
+    pub scale: u32,
+    /// Folder for the pictures; made when it is not there. Default: DIR/figures.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
     /// Only errors.
     #[arg(long, short)]
     pub quiet: bool,

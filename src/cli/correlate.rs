@@ -37,6 +37,9 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     };
     let folder = RunFolder::open(&args.output, args.overwrite)?;
     let summary = run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
+    if let Some(frames) = &args.figures {
+        super::figures::of_run(&args.output, frames, args.threads, args.quiet)?;
+    }
     let fine = summary.frames.iter().all(|frame| frame.status == Status::Converged);
     Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
 }
