@@ -9,7 +9,7 @@ use super::synth::write_series;
 use super::{Outcome, Result, pool};
 use crate::correlate::{Correlation, Options};
 use crate::field::{Measurement, Status, StrainDefinition};
-use crate::io::case::{CaseZone, read_case};
+use crate::io::case::{CaseQuantities, CaseZone, read_case};
 use crate::io::images::read_image;
 use crate::isa::Isa;
 use crate::report::{MapOptions, Palette, element_map, nodal_map};
@@ -129,6 +129,7 @@ fn plan(images: &Path) -> Plan {
         csv: true,
         vtu: true,
         store_only: false,
+        drawn: CaseQuantities::default(),
     }
 }
 
