@@ -6,7 +6,9 @@ mod demo;
 mod export;
 mod frames;
 mod plan;
+mod probe;
 mod progress;
+mod quantities;
 mod run_folder;
 mod synth;
 
@@ -43,6 +45,7 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Export(args) => export::run(&args),
+        args::Command::Probe(args) => probe::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
     };

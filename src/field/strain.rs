@@ -210,7 +210,7 @@ impl StrainField {
     /// ```
     /// # use quadrille::{field::{Measurement, Status, StrainDefinition, StrainField}, mesh::{Mesh, Roi, Zone}};
     /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
-    /// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 64, 64).unwrap();
+    /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
     /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
     /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
     /// #     element_residual: vec![1.0; 4], mesh: mesh.into(), displacement };
@@ -220,13 +220,10 @@ impl StrainField {
     /// ```
     pub fn of<U: Length>(measurement: &Measurement<U>, definition: StrainDefinition) -> Self {
         let mesh = &measurement.mesh;
-        let n_elements = mesh.n_elements();
-        let mut elements = vec![None; n_elements];
+        let mut elements = vec![None; mesh.n_elements()];
         let mut sums = vec![([[0.0; 2]; 2], 0.0); mesh.n_nodes()];
-        let mut total_area = 0.0;
         for (element, strain) in elements.iter_mut().enumerate() {
             let geometry = ElementGeometry::new(mesh, element);
-            total_area += geometry.area;
             let nodes = geometry.nodes;
             if !nodes.iter().all(|&node| measurement.measured[node]) {
                 continue;
@@ -248,8 +245,7 @@ impl StrainField {
         let nodes = sums.into_iter().map(|(sum, area)| {
             (area > 0.0).then(|| definition.of_gradient(sum.map(|row| row.map(|g| g / area)))).flatten()
         });
-        let length_px = (total_area / n_elements.max(1) as f64).sqrt();
-        Self { definition, nodes: nodes.collect(), elements, length_px }
+        Self { definition, nodes: nodes.collect(), elements, length_px: mesh.element_size() }
     }
 }
 
@@ -269,7 +265,7 @@ pub(super) struct ElementGeometry {
 impl ElementGeometry {
     pub fn new<U: Length>(mesh: &Mesh<U>, element: usize) -> Self {
         let nodes = mesh.elements()[element].map(|node| node as usize);
-        let at = nodes.map(|node| mesh.nodes()[node]);
+        let at = mesh.corners(element);
         let [p, q] = [[0, 2], [1, 3]].map(|[a, b]| [at[b][0] - at[a][0], at[b][1] - at[a][1]]);
         Self { nodes, at, area: 0.5 * (p[0] * q[1] - p[1] * q[0]).abs() }
     }
@@ -290,21 +286,25 @@ impl ElementGeometry {
             .map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
-    pub fn gradients(&self, [xi, eta]: [f64; 2]) -> Option<[[f64; 2]; 4]> {
+    /// Derivatives of (x, y) by (xi, eta), and of the shape functions.
+    fn map(&self, [xi, eta]: [f64; 2]) -> ([[f64; 2]; 2], [[f64; 2]; 4]) {
         let by_local = [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]];
-        let mut jacobian = [[0.0; 2]; 2]; // d(x, y) by (xi, eta)
-        for (by, at) in by_local.iter().zip(&self.at) {
-            for c in 0..2 {
-                for k in 0..2 {
-                    jacobian[c][k] += at[c] * by[k];
-                }
-            }
-        }
-        let [[xx, xe], [yx, ye]] = jacobian;
+        let jacobian = [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| self.at[i][c] * by_local[i][k]).sum()));
+        (jacobian, by_local)
+    }
+
+    /// Determinant of the map from local coordinates (0..1).
+    pub fn jacobian(&self, at: [f64; 2]) -> f64 {
+        let ([[xx, xe], [yx, ye]], _) = self.map(at);
+        xx * ye - xe * yx
+    }
+
+    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
+    pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
+        let ([[xx, xe], [yx, ye]], by_local) = self.map(at);
         let det = xx * ye - xe * yx;
-        // Relative to the area: units do not matter.
-        if !(det.abs() > 1e-9 * self.area) {
+        // Relative to the area: units do not matter. NaN is flat as well.
+        if det.is_nan() || det.abs() <= 1e-9 * self.area {
             return None;
         }
         Some(by_local.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det]))

@@ -1,11 +1,13 @@
-//! Files: images, series of images, case files, the store of a run, tables, VTK, NumPy and MATLAB.
+//! Files: images, series of images, case files, load files, the store of a run, tables, VTK, NumPy and MATLAB.
 
 pub mod arrays;
 pub mod case;
 pub mod csv;
 pub mod images;
+pub mod load;
 pub mod mat;
 pub mod npz;
+pub mod quantities;
 pub mod series;
 pub mod store;
 mod tiff;
