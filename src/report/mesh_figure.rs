@@ -140,7 +140,8 @@ pub fn register_figure(
         if factor == 1.0 { "at its true size".to_owned() } else { format!("magnified {} times", plain(factor)) };
     let mut notes = vec![format!("rigid motion removed; what is left {times}; dashed: outline before deformation")];
     for motion in &removed {
-        let numbers = [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
+        let numbers =
+            [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
         if !numbers.iter().all(|v| v.is_finite()) {
             continue;
         }
@@ -269,7 +270,9 @@ fn outline(scene: &mut Scene, layout: &Layout<'_>, mesh: &Mesh<Px>, drawn: &impl
     let mut path = Path::default();
     for zone in 0..mesh.zones().len() {
         let edges = Edges::new(mesh, mesh.zone_elements(zone), drawn);
-        lines(&edges.border, at).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
+        lines(&edges.border, at)
+            .into_iter()
+            .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
     }
     scene.stroke(&path, &Stroke { opacity: 0.8, ..Stroke::new(WHITE, 2.6) });
     scene.stroke(&path, &Stroke { dash: &[6.0, 4.0], ..Stroke::new([60; 3], 1.3) });
@@ -295,7 +298,9 @@ fn draw_mesh(
         let path_of = |edges: &[[u32; 2]]| {
             let mut path = Path::default();
             let home = |node: u32| mesh.nodes()[node as usize];
-            lines(edges, home).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
+            lines(edges, home)
+                .into_iter()
+                .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
             path
         };
         let border = path_of(&edges.border);
