@@ -13,6 +13,8 @@ use crate::units::{PixelSize, Px};
 /// What the largest displacement becomes on the sheet, as a part of the longer side of the mesh, when the
 /// magnification is chosen here.
 const SHOWN_PART: f64 = 0.06;
+/// Lengths below this are nothing.
+const NOTHING_PX: f64 = 1e-6;
 /// Beyond this, noise would pass for a deformation.
 const LARGEST_CHOICE: f64 = 1000.0;
 
@@ -133,6 +135,9 @@ pub fn register_figure(
     let factor = magnification(options.magnify, &left, &drawn)?;
     let lengths: Vec<f64> = left.displacement.iter().map(|u| u[0].hypot(u[1])).collect();
     let cells = nodal_cells(&left, &lengths)?;
+    // Where nothing is left but round-off, its pattern is no result.
+    let largest = cells.iter().flatten().flatten().fold(0.0, |a: f64, &b| a.max(b));
+    let range = range.or((largest < NOTHING_PX).then_some((0.0, NOTHING_PX)));
     let map = MapOptions { range, trim: 0.005, ..MapOptions::new("", "displacement left (px)") };
     let bar = bar_for(&cells, &map)?;
 
