@@ -68,6 +68,7 @@ fn full() -> CaseFile {
             device = { name = "CPU", threads = 2 }
         }
         .into(),
+        ..CaseFile::default()
     }
 }
 
@@ -241,4 +242,31 @@ fn choices_have_the_same_words_in_files_and_options() {
     let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
     assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected zone, element or off");
     assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or cold"));
+}
+
+#[test]
+fn sections_of_quantities_are_read_written_and_refused_in_words() {
+    let text = "[quantities]\nremove_rigid = \"all\"\n[load]\nfile = \"load.csv\"\n[[probe]]\npoint = [1, 2.5]\n\
+                [[line]]\nname = \"a\"\nfrom = [1, 2]\nto = [3, 4]\nstep_px = 2\n[[extensometer]]\nfrom = [1, 2]\n\
+                to = [3, 4]\nwidth_px = 9\n[[opening]]\nzones = [\"up\", \"down\"]\n";
+    let case = parse(text).unwrap();
+    let drawn = case.drawn();
+    assert!(!drawn.is_empty() && CaseFile::default().drawn().is_empty());
+    assert_eq!(drawn.load.as_ref().unwrap().file, Path::new("tests/case/load.csv").display().to_string());
+    assert_eq!((drawn.probes[0].point, drawn.lines[0].step_px), ([1.0, 2.5], Some(2.0)));
+    assert_eq!(drawn.openings[0].zones, ["up", "down"]);
+    assert_eq!(parse(&write_case(&case)).unwrap(), case);
+    let moved = CaseFile { base: "tests/case".into(), ..CaseFile::default() }.with_drawn(&drawn);
+    assert_eq!(moved.extensometers, case.extensometers);
+    // A load file alone draws nothing.
+    assert!(parse("load.file = 'a.csv'").unwrap().drawn().is_empty());
+
+    assert_says("[[probe]]\npoint = [1, 2, 3]", &["`point` in [[probe]]", "3 entries, expected two numbers [x, y]"]);
+    assert_says("[[probe]]\npoint = 3", &["`point` in [[probe]]", "two numbers [x, y]"]);
+    assert_says("[[probe]]\nname = 'a'", &["the key `point` is missing"]);
+    assert_says("probe = 3", &["sections [[probe]]"]);
+    assert_says("[[line]]\nfrom = [1, 2]\nto = [3, 4]\nstep = 2", &["unknown key `step`", "step_px"]);
+    assert_says("[[opening]]\nzones = ['up']", &["1 entries, expected two names"]);
+    assert_says("[quantities]\nremove_rigid = 'each'", &["remove_rigid", "all"]);
+    assert_says("[load]\nfile = 3", &["`file` in [load]", "text in quotes"]);
 }

@@ -7,7 +7,9 @@ mod export;
 mod figures;
 mod frames;
 mod plan;
+mod probe;
 mod progress;
+mod quantities;
 mod run_folder;
 mod synth;
 
@@ -45,6 +47,7 @@ pub fn main() -> ExitCode {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Export(args) => export::run(&args),
         args::Command::Figures(args) => figures::run(&args),
+        args::Command::Probe(args) => probe::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
     };

@@ -6,8 +6,9 @@ use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
-/// The files, by their names without ending.
-const TABLES: [&str; 6] = ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
+/// Names of the tables.
+pub const QUANTITY_TABLES: [&str; 6] =
+    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
@@ -133,8 +134,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             if !wanted {
                 continue;
             }
-            let mut out = open(TABLES[k])?;
-            let said = definitions(q, TABLES[k], regularised, element_size_px, pixel_size);
+            let mut out = open(QUANTITY_TABLES[k])?;
+            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, pixel_size);
             for line in header.iter().chain(&said).flat_map(|text| text.split(['\n', '\r'])) {
                 writeln!(out, "# {line}")?;
             }

@@ -16,6 +16,12 @@ const STAIR: usize = 3;
 const SMOOTH: f64 = 0.866;
 /// Edges on either side over which the direction of a stair is taken.
 const STAIR_WINDOW: usize = 4;
+/// Edges on either side of a corner, which has a direction of its own on each: a stair turns back, a corner does not.
+const CORNER_WINDOW: usize = 3;
+/// Cosine of the angle between both directions: 60 degrees.
+const CORNER: f64 = 0.5;
+/// Cosine above which an edge looks straight at the other zone.
+const STRAIGHT: f64 = 0.9;
 
 /// Pairs of facing points of two zones, `+` (the first, "upper") and `-` (the second, "lower").
 ///
@@ -204,46 +210,64 @@ impl Border {
 
     /// The faces that look at `other`: runs of edges in order, one for each part.
     fn facing(&self, other: &Border, all: &[Border]) -> Vec<Vec<usize>> {
-        let looks: Vec<bool> = self.edges.iter().map(|edge| looks_at(edge, other, all)).collect();
+        let looks: Vec<Look> = self.edges.iter().map(|edge| look(edge, other, all)).collect();
         let mut faces = Vec::new();
         for ring in &self.loops {
-            let n = ring.len();
-            let mut face: Vec<bool> = ring.iter().map(|&edge| looks[edge]).collect();
-            if !face.contains(&true) {
-                continue;
-            }
-            // Close short interruptions, around the ring.
-            for start in 0..n {
-                if face[start] && !face[(start + 1) % n] {
-                    let hole = (1..=STAIR + 1).take_while(|&k| !face[(start + k) % n]).count();
-                    if hole <= STAIR && looks[ring[(start + hole + 1) % n]] {
-                        (1..=hole).for_each(|k| face[(start + k) % n] = true);
-                    }
+            for mut side in self.sides(ring) {
+                // A ring without corner begins where it does not look across.
+                if let Some(start) = side.iter().position(|&edge| !looks[edge].sees()).filter(|_| self.is_closed(&side))
+                {
+                    side.rotate_left(start);
                 }
-            }
-            match face.iter().position(|&on| !on) {
-                None => faces.push(ring.clone()),
-                Some(gap) => {
-                    let mut run = Vec::new();
-                    for k in 1..=n {
-                        let at = (gap + k) % n;
-                        if face[at] {
-                            run.push(ring[at]);
-                        } else if !run.is_empty() {
-                            faces.push(std::mem::take(&mut run));
-                        }
+                let mut sees: Vec<bool> = side.iter().map(|&edge| looks[edge].sees()).collect();
+                // Close short interruptions: the other sides of stairs.
+                let seeing: Vec<usize> = (0..side.len()).filter(|&k| sees[k]).collect();
+                for two in seeing.windows(2).filter(|two| two[1] - two[0] <= STAIR + 1) {
+                    sees[two[0]..two[1]].fill(true);
+                }
+                let mut start = 0;
+                for run in sees.chunk_by(|a, b| a == b) {
+                    if run[0] {
+                        faces.push(side[start..start + run.len()].to_vec());
                     }
+                    start += run.len();
                 }
             }
         }
+        // Corners of zones that stand diagonally see each other; that is no joint.
+        faces.retain(|face| {
+            let ends = [self.edges[face[0]].ends[0], self.edges[face[face.len() - 1]].ends[1]];
+            let gap = face.iter().map(|&edge| looks[edge].gap).fold(f64::INFINITY, f64::min);
+            let straight = face.iter().any(|&edge| looks[edge].cosine > STRAIGHT);
+            straight || self.is_closed(face) || distance(ends[0], ends[1]) > gap
+        });
         faces
+    }
+
+    fn is_closed(&self, face: &[usize]) -> bool {
+        face.len() > 2 && self.edges[face[0]].nodes[0] == self.edges[face[face.len() - 1]].nodes[1]
+    }
+
+    /// A loop cut at its corners into sides; whole when it has none.
+    fn sides(&self, ring: &[usize]) -> Vec<Vec<usize>> {
+        let n = ring.len();
+        let edge = |k: usize| &self.edges[ring[k % n]];
+        let is_corner = |k: usize| {
+            let chord = |from: usize, to: usize| unit(minus(edge(to).ends[1], edge(from).ends[0]));
+            let (before, after) = (chord(k + n - CORNER_WINDOW, k + n - 1), chord(k, k + CORNER_WINDOW - 1));
+            dot(edge(k + n - 1).normal, edge(k).normal) < SMOOTH && dot(before, after) < CORNER
+        };
+        let corners: Vec<usize> = (0..n).filter(|&k| n > CORNER_WINDOW && is_corner(k)).collect();
+        let Some(&first) = corners.first() else { return vec![ring.to_vec()] };
+        let ends = corners[1..].iter().copied().chain([first + n]);
+        corners.iter().zip(ends).map(|(&from, to)| (from..to).map(|k| ring[k % n]).collect()).collect()
     }
 
     /// The nodes of a face in order, each with its position and outward normal.
     fn nodes_of(&self, face: &[usize]) -> Vec<(usize, [f64; 2], [f64; 2])> {
         let n = face.len();
         let edge = |k: usize| &self.edges[face[k]];
-        let closed = n > 2 && edge(0).nodes[0] == edge(n - 1).nodes[1];
+        let closed = self.is_closed(face);
         let n_nodes = if closed { n } else { n + 1 };
         // Sum of the normals of the edges around a node, weighted by their lengths: that of the chord.
         let chord = |node: usize, window: usize| {
@@ -277,19 +301,33 @@ impl Border {
     }
 }
 
-/// Whether nothing lies between the middle of `edge` and the nearest point of `other`, in front of both.
-fn looks_at(edge: &Edge, other: &Border, all: &[Border]) -> bool {
+/// What an edge sees of the other zone.
+#[derive(Clone, Copy)]
+struct Look {
+    /// Cosine of the angle between its outward normal and the way to the nearest point of the other zone.
+    cosine: f64,
+    /// Distance of that point.
+    gap: f64,
+    /// Whether nothing stands between.
+    free: bool,
+}
+
+impl Look {
+    fn sees(&self) -> bool {
+        self.free && self.cosine > LOOKS_AT
+    }
+}
+
+fn look(edge: &Edge, other: &Border, all: &[Border]) -> Look {
     let middle = [0, 1].map(|c| 0.5 * (edge.ends[0][c] + edge.ends[1][c]));
-    let nearest = other.edges.iter().map(|theirs| (theirs, nearest_on(theirs, middle)));
-    let Some((_, there)) = nearest.min_by(|a, b| distance(a.1, middle).total_cmp(&distance(b.1, middle))) else {
-        return false;
+    let points = other.edges.iter().map(|theirs| nearest_on(theirs, middle));
+    let Some(there) = points.min_by(|a, b| distance(*a, middle).total_cmp(&distance(*b, middle))) else {
+        return Look { cosine: -1.0, gap: f64::INFINITY, free: false };
     };
-    let way = unit(minus(there, middle));
-    dot(way, edge.normal) > LOOKS_AT
-        && !all
-            .iter()
-            .flat_map(|border| &border.edges)
-            .any(|wall| wall.nodes != edge.nodes && crosses(middle, there, wall))
+    let cosine = dot(unit(minus(there, middle)), edge.normal);
+    let walls = || all.iter().flat_map(|border| &border.edges).filter(|wall| wall.nodes != edge.nodes);
+    let free = cosine > LOOKS_AT && !walls().any(|wall| crosses(middle, there, wall));
+    Look { cosine, gap: distance(there, middle), free }
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -355,7 +393,7 @@ fn pairs(plus: &Border, faces: &[Vec<usize>], lower: &Border, lower_faces: &[Vec
                 along: 0.0,
                 at: [0, 1].map(|c| at[c] + 0.5 * gap * direction[c]),
                 gap,
-                normal: direction.map(|d| -d),
+                normal: direction.map(|d| 0.0 - d), // no negative zero in tables
                 plus: node,
                 minus: [(edge.nodes[0], 1.0 - t), (edge.nodes[1], t)],
             });
