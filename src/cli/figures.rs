@@ -128,7 +128,9 @@ impl<'a> Series<'a> {
         let reference = match reference(header, page) {
             Ok(image) => Backdrop::new(&image, ratio),
             Err(why) => {
-                eprintln!("{why}; the figures are drawn on white");
+                if !quiet {
+                    eprintln!("{why}; the figures are drawn on white");
+                }
                 Backdrop::blank(width, height, ratio)
             }
         };
@@ -160,10 +162,15 @@ impl<'a> Series<'a> {
     fn draw_one(&self, number: usize, folder: &Path) -> Result<Vec<PathBuf>> {
         let Some(frame) = self.store.frame(number)? else { return Ok(Vec::new()) };
         let mut options = self.options.clone();
-        let name = |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
+        let name =
+            |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
         let header = self.store.header();
         let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
-        options.notes.push(format!("reference {reference}; image {}; quadrille {}", name(&frame.file), header.quadrille));
+        options.notes.push(format!(
+            "reference {reference}; image {}; quadrille {}",
+            name(&frame.file),
+            header.quadrille
+        ));
         let on_image = options.magnify.is_none_or(|factor| factor == 1.0);
         let deformed = (on_image && options.figures.contains(&Figure::Deformed)).then(|| self.deformed(&frame.file));
         let deformed = deformed.flatten();
@@ -178,7 +185,9 @@ impl<'a> Series<'a> {
         match checked {
             Ok(image) => Some(Backdrop::new(&image, self.ratio)),
             Err(why) => {
-                eprintln!("{why}; the deformed mesh is drawn on the reference");
+                if !self.quiet {
+                    eprintln!("{why}; the deformed mesh is drawn on the reference");
+                }
                 None
             }
         }

@@ -13,6 +13,8 @@ use crate::units::{PixelSize, Px};
 /// What the largest displacement becomes on the sheet, as a part of the longer side of the mesh, when the
 /// magnification is chosen here.
 const SHOWN_PART: f64 = 0.06;
+/// Lengths below this are nothing.
+const NOTHING_PX: f64 = 1e-6;
 /// Beyond this, noise would pass for a deformation.
 const LARGEST_CHOICE: f64 = 1000.0;
 
@@ -133,6 +135,9 @@ pub fn register_figure(
     let factor = magnification(options.magnify, &left, &drawn)?;
     let lengths: Vec<f64> = left.displacement.iter().map(|u| u[0].hypot(u[1])).collect();
     let cells = nodal_cells(&left, &lengths)?;
+    // Where nothing is left but round-off, its pattern is no result.
+    let largest = cells.iter().flatten().flatten().fold(0.0, |a: f64, &b| a.max(b));
+    let range = range.or((largest < NOTHING_PX).then_some((0.0, NOTHING_PX)));
     let map = MapOptions { range, trim: 0.005, ..MapOptions::new("", "displacement left (px)") };
     let bar = bar_for(&cells, &map)?;
 
@@ -140,7 +145,8 @@ pub fn register_figure(
         if factor == 1.0 { "at its true size".to_owned() } else { format!("magnified {} times", plain(factor)) };
     let mut notes = vec![format!("rigid motion removed; what is left {times}; dashed: outline before deformation")];
     for motion in &removed {
-        let numbers = [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
+        let numbers =
+            [motion.motion.rotation_rad, motion.left_rms, motion.motion.translation[0], motion.motion.translation[1]];
         if !numbers.iter().all(|v| v.is_finite()) {
             continue;
         }
@@ -269,7 +275,9 @@ fn outline(scene: &mut Scene, layout: &Layout<'_>, mesh: &Mesh<Px>, drawn: &impl
     let mut path = Path::default();
     for zone in 0..mesh.zones().len() {
         let edges = Edges::new(mesh, mesh.zone_elements(zone), drawn);
-        lines(&edges.border, at).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
+        lines(&edges.border, at)
+            .into_iter()
+            .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
     }
     scene.stroke(&path, &Stroke { opacity: 0.8, ..Stroke::new(WHITE, 2.6) });
     scene.stroke(&path, &Stroke { dash: &[6.0, 4.0], ..Stroke::new([60; 3], 1.3) });
@@ -295,7 +303,9 @@ fn draw_mesh(
         let path_of = |edges: &[[u32; 2]]| {
             let mut path = Path::default();
             let home = |node: u32| mesh.nodes()[node as usize];
-            lines(edges, home).into_iter().for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
+            lines(edges, home)
+                .into_iter()
+                .for_each(|line| path.straightened(line.into_iter().map(|n| layout.place(at(n)))));
             path
         };
         let border = path_of(&edges.border);

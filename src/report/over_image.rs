@@ -28,19 +28,27 @@ impl View {
         Self([-0.5, -0.5, width as f64 - 0.5, height as f64 - 0.5])
     }
 
-    /// The rectangle that holds this one and the points.
+    /// The rectangle that holds this one and the points, with a little room beyond points outside.
     pub fn with(self, points: impl Iterator<Item = [f64; 2]>) -> Self {
-        let Self([x0, y0, x1, y1]) = self;
-        let grow = |[a, b, c, d]: [f64; 4], [x, y]: [f64; 2]| [a.min(x), b.min(y), c.max(x), d.max(y)];
-        Self(points.fold([x0, y0, x1, y1], grow))
+        let Some(Self([a, b, c, d])) = Self::bounds(points) else { return self };
+        let [x0, y0, x1, y1] = self.0;
+        let room = 0.02 * (c.max(x1) - a.min(x0)).max(d.max(y1) - b.min(y0));
+        let low = |own: f64, other: f64| if other < own { other - room } else { own };
+        let high = |own: f64, other: f64| if other > own { other + room } else { own };
+        Self([low(x0, a), low(y0, b), high(x1, c), high(y1, d)])
     }
 
     /// The rectangle around points with a little room; `None` without any.
     pub fn around(points: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
-        let nothing = Self([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY]);
-        let Self([x0, y0, x1, y1]) = nothing.with(points);
+        let Self([x0, y0, x1, y1]) = Self::bounds(points)?;
         let room = 0.04 * (x1 - x0).max(y1 - y0).max(1.0);
-        (x0 <= x1 && y0 <= y1).then_some(Self([x0 - room, y0 - room, x1 + room, y1 + room]))
+        Some(Self([x0 - room, y0 - room, x1 + room, y1 + room]))
+    }
+
+    fn bounds(mut points: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
+        let [x, y] = points.next()?;
+        let grow = |[a, b, c, d]: [f64; 4], [x, y]: [f64; 2]| [a.min(x), b.min(y), c.max(x), d.max(y)];
+        Some(Self(points.fold([x, y, x, y], grow)))
     }
 
     fn size(self) -> [f64; 2] {

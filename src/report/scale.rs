@@ -206,7 +206,8 @@ fn superscript(k: i32) -> String {
 /// A number in words for captions: four digits, the minus sign as wide as a digit.
 pub(super) fn written(value: f64) -> String {
     let size = value.abs();
-    let text = if size == 0.0 {
+    // In px, degrees and strains, less is round-off.
+    let text = if size < 1e-12 {
         "0".to_owned()
     } else if (1e-4..1e6).contains(&size) {
         let decimals = (3 - size.log10().floor() as i32).clamp(0, 7) as usize;
