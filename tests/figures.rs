@@ -858,6 +858,10 @@ fn a_run_draws_its_last_frame_itself_when_asked() {
     let desk = Desk::with_series();
     desk.correlate("--roi 16,16,112,80 --figures last --output out ref.png a.png b.png").fine();
     assert_eq!(desk.files("out/figures").len(), 6);
+    // Another run takes the place of this one: its pictures must not pass for those of the new.
+    desk.write("out/figures/notes.png", "mine");
+    desk.correlate("--roi 16,16,112,80 --overwrite --output out ref.png a.png").fine();
+    assert_eq!(desk.files("out/figures"), ["notes.png"]);
 }
 
 #[test]
