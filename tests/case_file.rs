@@ -42,7 +42,7 @@ fn full() -> CaseFile {
     CaseFile {
         base: "tests/case".into(),
         images: CaseImages {
-            reference: Some("img 0.tif".into()),
+            reference: Some(vec!["img 0.tif".into()]),
             deformed: Some(vec!["img_*.tif".into(), "last [1].tif".into()]),
             page: Some(1),
             pixel_size_mm: Some(0.00193125),
@@ -105,7 +105,7 @@ fn what_is_written_reads_back_equal() {
         ..empty.clone()
     };
     let quoted = CaseFile {
-        images: CaseImages { reference: Some("C:\\a \"b\"\n'\u{e9}.tif".into()), ..Default::default() },
+        images: CaseImages { reference: Some(vec!["C:\\a \"b\"\n'\u{e9}.tif".into()]), ..Default::default() },
         ..empty.clone()
     };
     for case in [full(), empty, tiny, quoted] {

@@ -7,6 +7,7 @@ mod plan;
 mod progress;
 mod run_folder;
 mod synth;
+mod zones;
 
 use clap::Parser;
 use clap::error::ErrorKind;
