@@ -1,5 +1,6 @@
 //! A prepared reference that correlates deformed images with itself.
 
+use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
@@ -104,6 +105,7 @@ pub struct Correlator<B: Backend> {
     inverse_variance: Vec<[f64; 2]>,
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
+    bare_borders: Vec<BareBorder>,
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
@@ -127,6 +129,7 @@ impl<B: Backend> Correlator<B> {
         };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
+        let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
         let Finest { level, inverse_variance, dropped } =
             finest_level(&backend, &mut frame, &laid, noise, &kernel, &options)?;
@@ -151,6 +154,7 @@ impl<B: Backend> Correlator<B> {
             search_pixels: laid.zone_pixels,
             inverse_variance,
             dropped,
+            bare_borders,
         })
     }
 
@@ -172,6 +176,11 @@ impl<B: Backend> Correlator<B> {
     /// Nodes left out because the reference has no texture there.
     pub fn dropped(&self) -> &[TextureFault] {
         &self.dropped
+    }
+
+    /// Zones that end at a place without texture and have no guard there.
+    pub fn bare_borders(&self) -> &[BareBorder] {
+        &self.bare_borders
     }
 
     /// Range of grey levels of the reference: 100 % for residuals.
