@@ -407,7 +407,7 @@ fn the_page_that_is_asked_for_is_read_and_further_pages_are_mentioned() {
     };
     pages("ref.tif", [0.0, 0.5]);
     pages("a.tif", [0.25, 1.5]);
-    let ran = desk.correlate(&format!("{INSIDE} --output first ref.tif a.tif")).fine();
+    let ran = desk.correlate(&format!("{INSIDE} --page 0 --output first ref.tif a.tif")).fine();
     assert!(ran.stderr.contains("ref.tif: ") && ran.stderr.contains("2 pages"), "{ran}");
     assert!(ran.frames("first")[0]["messages"][0].as_str().unwrap().contains("2 pages"), "{ran}");
     assert_moved(&desk.rows("first/csv/000001.csv"), &Translation([0.25, 0.0]), ROUNDED);

@@ -55,7 +55,7 @@ pub(super) fn run_series(
     let begin = Instant::now();
     let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
     let (width, height) = (image.width(), image.height());
-    let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, width, height)?;
+    let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, plan.guard_px, width, height)?;
     let depth = image.pixels().depth();
     let reference_image = Arc::new(image);
     let prepare = Instant::now();

@@ -123,6 +123,7 @@ fn plan(images: &Path) -> Plan {
         deformed: (1..=FRAMES).map(file).collect(),
         pixel_size: None,
         zones: vec![zone("upper", UPPER), zone("lower", LOWER)],
+        guard_px: None,
         options: Options { element_size: ELEMENT as usize, ..Options::default() },
         isa: Isa::detect(),
         csv: true,

@@ -19,6 +19,8 @@ pub(super) struct Plan {
     pub deformed: Vec<Frame>,
     pub pixel_size: Option<PixelSize>,
     pub zones: Vec<CaseZone>,
+    /// Guard of the whole image, when there is no zone, px.
+    pub guard_px: Option<f64>,
     pub options: Options,
     pub isa: Isa,
     pub csv: bool,
@@ -84,6 +86,7 @@ impl Plan {
             deformed,
             pixel_size,
             zones,
+            guard_px: args.guard,
             options,
             isa,
             csv: export.contains(&Export::Csv),
@@ -126,7 +129,7 @@ impl Plan {
                 noise: options.noise,
                 drop_textureless: Some(options.drop_textureless),
             },
-            zones: zones::resolved(&self.zones, width, height),
+            zones: zones::resolved(&self.zones, self.guard_px, width, height),
             ..CaseFile::default()
         }
     }
@@ -159,10 +162,6 @@ fn wanted_zones(args: &CorrelateArgs, case: &CaseFile) -> Vec<CaseZone> {
         }
     }
     if let Some(guard) = args.guard {
-        if zones.is_empty() {
-            // The guard of the whole image needs a zone to stand in.
-            zones.push(CaseZone { name: Some("image".into()), ..CaseZone::default() });
-        }
         zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
     }
     zones

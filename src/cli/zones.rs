@@ -20,12 +20,13 @@ pub(super) struct Zones {
 }
 
 impl Zones {
-    /// The zones `wanted` on an image of `width` x `height` px; the whole image when none is.
-    pub fn on(wanted: &[CaseZone], width: usize, height: usize) -> Result<Self> {
+    /// The zones `wanted` on an image of `width` x `height` px; when none is, the whole image, with `guard` px.
+    pub fn on(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Result<Self> {
         let mut found = Self::default();
         if wanted.is_empty() {
             let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
-            found.zones.push(Zone::rectangle("image", roi));
+            let guard = guard.map_or(Guard::default(), Guard::All);
+            found.zones.push(Zone { guard, ..Zone::rectangle("image", roi) });
             return Ok(found);
         }
         let mut masks: HashMap<PathBuf, Arc<Mask>> = HashMap::new();
@@ -38,14 +39,11 @@ impl Zones {
                 exclude: zone.exclude.clone().unwrap_or_default(),
                 mask: None,
                 elements: None,
-                guard: guard(&name, zone)?,
+                guard: guard_of(&name, zone)?,
             };
-            if let Some(polygon) = &zone.polygon
-                && polygon.len() < 3
-            {
-                let n = polygon.len();
+            if zone.polygon.as_ref().is_some_and(Vec::is_empty) {
                 return Err(
-                    format!("zone '{name}': a polygon of {n} corners encloses nothing; give three or more").into()
+                    format!("zone '{name}': a polygon of 0 corners encloses nothing; give three or more").into()
                 );
             }
             if let Some(file) = &zone.mask {
@@ -103,10 +101,11 @@ impl Zones {
 }
 
 /// Zones as a case file has them, with names and with file names that hold from anywhere.
-pub(super) fn resolved(wanted: &[CaseZone], width: usize, height: usize) -> Vec<CaseZone> {
+pub(super) fn resolved(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Vec<CaseZone> {
     if wanted.is_empty() {
         let roi = Some([0.0, 0.0, width as f64, height as f64]);
-        return vec![CaseZone { name: Some("image".into()), roi, ..CaseZone::default() }];
+        let guard_px = guard.map(CaseGuard::All);
+        return vec![CaseZone { name: Some("image".into()), roi, guard_px, ..CaseZone::default() }];
     }
     let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
     let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
@@ -123,7 +122,7 @@ fn name_of(at: usize, zone: &CaseZone) -> String {
     zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }
 
-fn guard(name: &str, zone: &CaseZone) -> Result<Guard> {
+fn guard_of(name: &str, zone: &CaseZone) -> Result<Guard> {
     Ok(match &zone.guard_px {
         None => Guard::default(),
         Some(CaseGuard::All(guard)) => Guard::All(*guard),
