@@ -293,8 +293,11 @@ fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
         ("polygon = [['1', 2]]", "expected a number"),
         ("exclude = [[[1, 2], [3, 4, 5]]]", "`exclude` in [[zone]]: a point has 3 numbers"),
         ("guard_px = true", "`guard_px` in [[zone]]: is `true`, expected a number of pixels, { left = 0, top = 0"),
-        ("guard_px = { lower = 1 }", "unknown key `lower` in `guard_px` of [[zone]]; expected one of `left`, `top`"),
-        ("guard_px = { left = 'a' }", "`left` in `guard_px` of [[zone]]: is the text \"a\", expected a number"),
+        (
+            "guard_px = { lower = 1 }",
+            "`guard_px` in [[zone]]: unknown side `lower`, expected left, top, right or bottom",
+        ),
+        ("guard_px = { left = 'a' }", "is the text \"a\", expected a number"),
         ("guard_px = [1, 'a']", "expected a number"),
     ] {
         assert_says(&format!("[[zone]]\n{line}"), &["line 2", wanted]);

@@ -135,14 +135,15 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
 fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
     let desk = Desk::with_series();
     desk.correlate(
-        "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 12 --interpolation quintic --tolerance 1e-3 \
-         --max-iterations 30 --brightness element --start cold --noise 1.5 --drop-textureless --pixel-size 0.002 \
+        "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 12 --element-share 0.25 --interpolation quintic \
+         --tolerance 1e-3 --max-iterations 30 --brightness element --start cold --noise 1.5 --drop-textureless --pixel-size 0.002 \
          --export csv --threads 2 --output out ref.png a.png b.png",
     )
     .fine();
     let case = run_toml(&desk, "out");
     let options = toml::toml! {
         element_size_px = 12
+        element_share = 0.25
         interpolation = "quintic"
         tolerance_px = 1e-3
         max_iterations = 30

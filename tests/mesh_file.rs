@@ -669,11 +669,12 @@ data = {'zone': [numpy.array([0, 0]), numpy.array([1])]}
 tags = {'gmsh:physical': [numpy.array([4, 4]), numpy.array([6])], 'gmsh:geometrical': [numpy.array([1, 1]), numpy.array([2])]}
 names = {'upper': numpy.array([4, 2]), 'B': numpy.array([6, 2])}
 flat = meshio.Mesh(points, cells, cell_data=data)
+quads = meshio.Mesh(points[:6], cells[:1])
 named = meshio.Mesh(points, cells, cell_data=tags, field_data=names)
 for name, mesh, form, options in [
     ('binary.vtu', flat, 'vtu', {}), ('raw.vtu', flat, 'vtu', {'compression': None}),
     ('text.vtu', flat, 'vtu', {'binary': False}),
-    ('binary.msh', flat, 'gmsh', {}), ('text.msh', flat, 'gmsh', {'binary': False}),
+    ('binary.msh', quads, 'gmsh', {}), ('text.msh', quads, 'gmsh', {'binary': False}),
     ('old.msh', named, 'gmsh22', {'binary': False}),
 ]:
     meshio.write(sys.argv[1] + '/' + name, mesh, file_format=form, **options)
@@ -701,6 +702,9 @@ for name, mesh, form, options in [
         });
         let [a, b] = QUADS.map(|quad| quad.map(|number| NODES[place(number)].1));
         let [c, d, e] = TRIANGLE.map(|number| NODES[place(number)].1);
-        assert_eq!(corners.collect::<Vec<_>>(), [a, b, [c, d, e, e]], "{name}");
+        // meshio writes version 4.1 with one kind of cells only.
+        let wanted = [a, b, [c, d, e, e]];
+        let n = if zones == ["mesh"] { 2 } else { 3 };
+        assert_eq!(corners.collect::<Vec<_>>(), wanted[..n], "{name}");
     }
 }

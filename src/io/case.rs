@@ -343,7 +343,6 @@ impl Located {
         match self.above.as_slice() {
             [] => "at the top level".to_owned(),
             [zone] if zone == "zone" => "in [[zone]]".to_owned(),
-            [zone, inner] if zone == "zone" => format!("in `{inner}` of [[zone]]"),
             above => format!("in [{}]", above.join(".")),
         }
     }
@@ -477,7 +476,9 @@ impl<'de> Deserialize<'de> for CaseGuard {
                 let mut widths = [0.0; 4];
                 while let Some(key) = map.next_key::<String>()? {
                     let side = SIDES.iter().position(|side| *side == key);
-                    let side = side.ok_or_else(|| de::Error::unknown_field(&key, &SIDES))?;
+                    let side = side.ok_or_else(|| {
+                        de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
+                    })?;
                     widths[side] = map.next_value()?;
                 }
                 let [left, top, right, bottom] = widths;
