@@ -3,6 +3,7 @@
 use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
 use crate::correlate::Options;
+use crate::field::StrainDefinition;
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
@@ -10,6 +11,9 @@ use crate::isa::Isa;
 use crate::units::PixelSize;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
+
+/// From more frames than these only the store is written, unless tables are asked for.
+pub(super) const MANY: usize = 1000;
 
 /// What a run will do, every choice made.
 #[derive(Debug, Clone)]
@@ -23,8 +27,11 @@ pub(super) struct Plan {
     pub guard_px: Option<f64>,
     pub options: Options,
     pub isa: Isa,
+    pub strain: StrainDefinition,
     pub csv: bool,
     pub vtu: bool,
+    /// No tables, because there are many frames and nobody asked for them.
+    pub store_only: bool,
 }
 
 impl Plan {
@@ -68,12 +75,17 @@ impl Plan {
             })?,
             None => recorded_isa.unwrap_or_else(Isa::detect),
         };
+        let mut store_only = false;
         let export = match &args.export {
             Some(export) => export.clone(),
             None => match recorded("export") {
                 Some(toml::Value::Array(names)) => {
                     let named = |name: &toml::Value| Export::from_str(name.as_str()?, true).ok();
                     names.iter().filter_map(named).collect()
+                }
+                _ if deformed.len() > MANY => {
+                    store_only = true;
+                    Vec::new()
                 }
                 _ => vec![Export::Csv, Export::Vtu],
             },
@@ -89,8 +101,10 @@ impl Plan {
             guard_px: args.guard,
             options,
             isa,
+            strain: args.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
+            store_only,
         })
     }
 
@@ -127,6 +141,7 @@ impl Plan {
                 brightness: Some(options.brightness),
                 start: Some(options.start),
                 noise: options.noise,
+                strain: Some(self.strain),
                 drop_textureless: Some(options.drop_textureless),
             },
             zones: zones::resolved(&self.zones, self.guard_px, width, height),
