@@ -429,7 +429,7 @@ fn a_vtu_file_of_quadrille_is_read_back_as_the_mesh_it_was() {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("000001.vtu");
-    write_vtu(std::fs::File::create(&path).unwrap(), "frame 1", &measurement, 255.0).unwrap();
+    write_vtu(std::fs::File::create(&path).unwrap(), "frame 1", &measurement, None, 255.0).unwrap();
     let read = read_mesh(&path).unwrap();
     assert_eq!(read.sha256.len(), 64);
     let mesh = &measurement.mesh;

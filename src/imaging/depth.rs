@@ -1,11 +1,16 @@
 //! How many of the bits of a file an image uses, and how many of its pixels are saturated.
 
 use super::{Image, Pixels};
+use std::ops::AddAssign;
 
 /// Depths that cameras have.
 const CAMERA_BITS: [u32; 5] = [8, 10, 12, 14, 16];
-/// Pixels that are counted in one go: a `u16` holds the counts of a lane.
-const RUN: usize = 1 << 14;
+/// Pixels that are gone through twice, for the range and for what is at its ends: they stay in the first cache.
+const RUN: usize = 1 << 13;
+/// Pixels side by side in vectors.
+const LANES: usize = 64;
+/// Pixels of a lane that are counted in one go.
+const SHORT: usize = 255;
 
 /// The range of grey levels that a camera used in images of whole numbers.
 ///
@@ -35,7 +40,7 @@ impl GreyDepth {
         match image.pixels() {
             Pixels::U8(_) => Some(Self { stored: 8, used: 8, shift: 0 }),
             // One pass: the bits that any pixel has give the largest depth and the shift alike.
-            Pixels::U16(levels) => Some(Self::of_bits(levels.iter().fold(0, |bits, &v| bits | v))),
+            Pixels::U16(levels) => Some(Self::of_bits(bits_set(levels))),
             Pixels::F32(_) => None,
         }
     }
@@ -111,7 +116,7 @@ impl Saturation {
                 let mut found = Self { depth: GreyDepth::of_bits(0), black: 0, white: 0, n: 0 };
                 let mut bits = 0;
                 for run in rows.flat_map(|row| levels[row].chunks(RUN)) {
-                    bits = run.iter().fold(bits, |bits, &v| bits | v);
+                    bits |= bits_set(run);
                     let depth = GreyDepth::of_bits(bits);
                     if depth != found.depth {
                         // No level so far reaches the end of the larger range.
@@ -126,13 +131,10 @@ impl Saturation {
         }
     }
 
-    fn count<T: Copy + PartialOrd + Default>(&mut self, run: &[T], highest: T) {
-        // Narrow counters, so that a vector holds as many as it holds pixels.
-        let (black, white) = run.iter().fold((0_u16, 0_u16), |(black, white), &v| {
-            (black + u16::from(v == T::default()), white + u16::from(v >= highest))
-        });
-        self.black += usize::from(black);
-        self.white += usize::from(white);
+    fn count<T: Level>(&mut self, run: &[T], highest: T) {
+        let [black, white] = count_ends(run, highest);
+        self.black += black;
+        self.white += white;
         self.n += run.len();
     }
 
@@ -140,6 +142,44 @@ impl Saturation {
     pub fn percent(self) -> f64 {
         if self.n == 0 { 0.0 } else { 100.0 * (self.black + self.white) as f64 / self.n as f64 }
     }
+}
+
+/// A whole grey level, wide enough to count [`SHORT`] pixels in a lane.
+trait Level: Copy + PartialOrd + Default + AddAssign + From<bool> + Into<u64> {}
+
+impl Level for u8 {}
+impl Level for u16 {}
+
+/// The bits that any of the levels has.
+fn bits_set(levels: &[u16]) -> u16 {
+    let (chunks, rest) = levels.as_chunks::<LANES>();
+    let mut bits = [0; LANES];
+    for chunk in chunks {
+        for k in 0..LANES {
+            bits[k] |= chunk[k];
+        }
+    }
+    bits.iter().chain(rest).fold(0, |bits, &v| bits | v)
+}
+
+/// Levels that are 0, and those at `highest` or above.
+fn count_ends<T: Level>(levels: &[T], highest: T) -> [usize; 2] {
+    let (mut black, mut white) = (0, 0);
+    for short in levels.chunks(SHORT * LANES) {
+        let (chunks, rest) = short.as_chunks::<LANES>();
+        // Counters as narrow as the levels, so that a vector holds as many.
+        let (mut low, mut high) = ([T::default(); LANES], [T::default(); LANES]);
+        for chunk in chunks {
+            for k in 0..LANES {
+                low[k] += T::from(chunk[k] == T::default());
+                high[k] += T::from(chunk[k] >= highest);
+            }
+        }
+        let sum = |counts: [T; LANES]| counts.into_iter().map(Into::into).sum::<u64>() as usize;
+        black += sum(low) + rest.iter().filter(|&&v| v == T::default()).count();
+        white += sum(high) + rest.iter().filter(|&&v| v >= highest).count();
+    }
+    [black, white]
 }
 
 #[cfg(test)]
@@ -172,7 +212,7 @@ mod tests {
 
     #[test]
     fn saturated_pixels_are_counted_in_the_windows_alone() {
-        let (width, height) = (70_000, 3);
+        let (width, height) = (70_001, 3);
         let levels: Vec<u8> = (0..width * height).map(|at| if at % 2 == 0 { 255 } else { 0 }).collect();
         let image = Image::new(width, height, Pixels::U8(levels)).unwrap();
         let count = |windows: &[[usize; 4]]| {
@@ -180,9 +220,9 @@ mod tests {
             (found.black, found.white, found.n)
         };
         // More pixels in a row than a narrow counter holds.
-        assert_eq!(count(&[[0, 0, width, height]]), (105_000, 105_000, 210_000));
-        assert_eq!(count(&[[1, 1, 4, 2]]), (2, 1, 3));
-        assert_eq!(count(&[[width - 1, 2, width + 5, 9], [9, 0, 3, 2]]), (1, 0, 1));
+        assert_eq!(count(&[[0, 0, width, height]]), (105_001, 105_002, 210_003));
+        assert_eq!(count(&[[1, 1, 4, 2]]), (1, 2, 3));
+        assert_eq!(count(&[[width - 1, 2, width + 5, 9], [9, 0, 3, 2]]), (0, 1, 1));
         assert_eq!(Saturation::of(&image, &[]).unwrap().percent(), 0.0);
     }
 

@@ -1,6 +1,10 @@
 //! The mean of several images, and how far they have moved between them.
 
 use super::{Image, Pixels};
+use std::ops::Range;
+
+/// Rows that are enough to find a shift.
+const ROWS: usize = 256;
 
 /// A sum of images of one size.
 #[derive(Debug, Clone)]
@@ -14,15 +18,19 @@ pub struct Mean {
 impl Mean {
     /// The sum of one image.
     pub fn new(first: &Image) -> Self {
-        let sum = values(first).collect();
-        Self { width: first.width(), height: first.height(), sum, n: 1 }
+        let (width, height) = (first.width(), first.height());
+        Self { width, height, sum: greys(first, 0..width * height), n: 1 }
     }
 
     /// Adds an image. `false`, and nothing is added, when it has another size.
     pub fn add(&mut self, image: &Image) -> bool {
         let fits = (image.width(), image.height()) == (self.width, self.height);
         if fits {
-            self.sum.iter_mut().zip(values(image)).for_each(|(sum, v)| *sum += v);
+            match image.pixels() {
+                Pixels::U8(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f32::from(v)),
+                Pixels::U16(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f32::from(v)),
+                Pixels::F32(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += v),
+            }
             self.n += 1;
         }
         fits
@@ -55,23 +63,24 @@ impl Mean {
     }
 }
 
-fn values(image: &Image) -> Box<dyn Iterator<Item = f32> + '_> {
+/// Grey levels of some pixels, row by row.
+fn greys(image: &Image, pixels: Range<usize>) -> Vec<f32> {
     match image.pixels() {
-        Pixels::U8(levels) => Box::new(levels.iter().map(|&v| v.into())),
-        Pixels::U16(levels) => Box::new(levels.iter().map(|&v| v.into())),
-        Pixels::F32(levels) => Box::new(levels.iter().copied()),
+        Pixels::U8(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
+        Pixels::U16(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
+        Pixels::F32(levels) => levels[pixels].to_vec(),
     }
 }
 
-/// Translation that carries `f` onto `g`, px: one Gauss-Newton step over the whole image (THEORY 2 with two unknowns
-/// and an offset of brightness), the gradient being the mean of both images' central differences, which makes the
+/// Translation that carries `f` onto `g`, px: one Gauss-Newton step over some 256 rows of the image (THEORY 2 with two
+/// unknowns and an offset of brightness), the gradient being the mean of both images' central differences, which makes the
 /// error of second order. Good for shifts below a pixel; `None` for images of different sizes, below 3 x 3 px, or without
 /// texture in both directions.
 ///
 /// ```
 /// use quadrille::imaging::{Image, Pixels, small_shift};
 /// let wave = |u: f32| {
-///     let level = |at: i32| 100.0 + 40.0 * ((at % 64) as f32 - u).mul_add(0.3, 0.0).sin() + 40.0 * (0.25 * (at / 64) as f32).sin();
+///     let level = |at: i32| 100.0 + 40.0 * (0.3 * ((at % 64) as f32 - u)).sin() + 40.0 * (0.25 * (at / 64) as f32).sin();
 ///     Image::new(64, 64, Pixels::F32((0..4096).map(level).collect())).unwrap()
 /// };
 /// let [x, y] = small_shift(&wave(0.0), &wave(0.2)).unwrap();
@@ -84,13 +93,14 @@ pub fn small_shift(f: &Image, g: &Image) -> Option<[f64; 2]> {
     }
     // Sums of the normal equations with the offset eliminated: n, and those of gx, gy, r and their products.
     let (mut n, mut first, mut second) = (0.0, [0.0; 3], [0.0; 5]);
-    for y in 1..height - 1 {
+    for y in (1..height - 1).step_by((height / ROWS).max(1)) {
+        let rows = |image| [y - 1, y, y + 1].map(|y| greys(image, y * width..(y + 1) * width));
+        let ([fa, fb, fc], [ga, gb, gc]) = (rows(f), rows(g));
+        n += (width - 2) as f64;
         for x in 1..width - 1 {
-            let both = |x: usize, y: usize| f64::from(f.grey(x, y)) + f64::from(g.grey(x, y));
-            let gx = (both(x + 1, y) - both(x - 1, y)) / 4.0;
-            let gy = (both(x, y + 1) - both(x, y - 1)) / 4.0;
-            let r = f64::from(f.grey(x, y)) - f64::from(g.grey(x, y));
-            n += 1.0;
+            let gx = f64::from((fb[x + 1] - fb[x - 1]) + (gb[x + 1] - gb[x - 1])) / 4.0;
+            let gy = f64::from((fc[x] - fa[x]) + (gc[x] - ga[x])) / 4.0;
+            let r = f64::from(fb[x] - gb[x]);
             for (sum, v) in first.iter_mut().zip([gx, gy, r]) {
                 *sum += v;
             }
