@@ -5,16 +5,16 @@ use super::plan::{MANY, Plan};
 use super::progress::{Progress, Talk};
 use super::run_folder::{About, RunFolder};
 use super::zones::Zones;
-use super::{Outcome, Result, absolute, chain, plural, pool};
+use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::{Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::write_case;
-use crate::io::images::{Loaded, PagedFile, ReadError, read_image};
+use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
-use crate::io::store::{STORE, StoreHeader, StoreWriter};
+use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
 use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
@@ -40,6 +40,9 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     };
     let folder = RunFolder::open(&args.output, args.overwrite)?;
     let summary = run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
+    if let Some(frames) = &args.figures {
+        super::figures::of_run(&args.output, frames, args.threads, args.quiet)?;
+    }
     let fine = summary.frames.iter().all(|frame| frame.status == Status::Converged);
     Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
 }
@@ -54,6 +57,8 @@ pub(super) fn run_series(
     mut look: impl FnMut(usize, &Correlation),
 ) -> Result<Summary> {
     let begin = Instant::now();
+    // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
+    quantities::load(&plan.drawn, plan.deformed.len())?;
     let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
     let (width, height) = (image.width(), image.height());
     let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, plan.guard_px, width, height)?;
@@ -65,7 +70,9 @@ pub(super) fn run_series(
         .install(|| Correlator::new(backend, Arc::clone(&reference_image), &zones, plan.options.clone()))
         .map_err(|error| about_reference(plan, &error))?;
     let seconds_reference = prepare.elapsed().as_secs_f64();
+    quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
     folder.clear(plan.csv, plan.vtu)?;
+    quantities::remove(folder.path())?;
 
     let mut progress = Progress::new(talk, plan.deformed.len());
     let mesh = correlator.mesh();
@@ -191,6 +198,12 @@ pub(super) fn run_series(
     let closed = closed.and_then(|()| Ok(store.finish(record.sha256())?));
     written?;
     closed?;
+    if !plan.drawn.is_empty() {
+        let numbers: Vec<usize> = (1..=summary.frames.len()).collect();
+        let store = Store::open(folder.path())?;
+        let drawn = probe::write_of_store(&store, &plan.drawn, None, &numbers, folder.path(), |_, _| ())?;
+        drawn.notes.iter().for_each(|note| progress.say(note));
+    }
     progress.finish(&summary.frames, summary.seconds_total);
     progress.say(&format!("results in {}", folder.path().display()));
     Ok(summary)
@@ -243,7 +256,7 @@ impl Reference {
         let mut mean: Option<Mean> = None;
         let (mut sha256, mut notes) = (Vec::new(), Vec::new());
         for frame in frames {
-            let loaded = read_frame(frame, &mut None)?;
+            let loaded = frame.read()?;
             sha256.push(loaded.sha256);
             notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
             let Some((before, name)) = &first else {
@@ -310,7 +323,7 @@ fn decode_all(frames: &[Frame], windows: &[[usize; 4]], out: &SyncSender<Decoded
 /// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
 fn read_frame(frame: &Frame, stack: &mut Option<(PathBuf, PagedFile)>) -> std::result::Result<Loaded, ReadError> {
     if !frame.is_page {
-        return read_image(&frame.path, frame.page);
+        return frame.read();
     }
     match stack {
         Some((path, file)) if *path == frame.path => file.read(frame.page),

@@ -4,7 +4,7 @@ use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
 use crate::correlate::Options;
 use crate::field::StrainDefinition;
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, read_case};
+use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::isa::Isa;
@@ -32,6 +32,8 @@ pub(super) struct Plan {
     pub vtu: bool,
     /// No tables, because there are many frames and nobody asked for them.
     pub store_only: bool,
+    /// What is drawn from the fields when the series is done.
+    pub drawn: CaseQuantities,
 }
 
 impl Plan {
@@ -105,6 +107,7 @@ impl Plan {
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
             store_only,
+            drawn: drawn(&case),
         })
     }
 
@@ -147,7 +150,17 @@ impl Plan {
             zones: zones::resolved(&self.zones, self.guard_px, width, height),
             ..CaseFile::default()
         }
+        .with_drawn(&self.drawn)
     }
+}
+
+/// What the case draws from the fields, with a load file that is found from anywhere.
+fn drawn(case: &CaseFile) -> CaseQuantities {
+    let mut drawn = case.drawn();
+    if let Some(load) = &mut drawn.load {
+        load.file = absolute(Path::new(&load.file));
+    }
+    drawn
 }
 
 /// The zones that are asked for, with file names that hold from the current folder.

@@ -1,5 +1,6 @@
 //! File names, globs and pages, expanded to a series of images.
 
+use super::images::{Loaded, PagedFile, ReadError, read_image};
 use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::fmt;
@@ -122,6 +123,32 @@ impl Frame {
     /// The page `page` of a file that stands for one frame.
     pub fn file(path: PathBuf, page: usize) -> Self {
         Self { path, page, is_page: false }
+    }
+
+    /// The frame that is displayed as `name`: `stack.tif[3]` is the page 3 of a stack (unless a file has that very
+    /// name), all else the page `page` of a file.
+    ///
+    /// ```
+    /// use quadrille::io::series::Frame;
+    /// let frame = Frame::named("shots/stack.tif[3]", 0);
+    /// assert_eq!((frame.path.to_str(), frame.page, frame.is_page), (Some("shots/stack.tif"), 3, true));
+    /// assert_eq!(Frame::named("a.tif", 1), Frame::file("a.tif".into(), 1));
+    /// ```
+    pub fn named(name: &str, page: usize) -> Self {
+        let of_stack = || {
+            let (path, page) = name.strip_suffix(']')?.rsplit_once('[')?;
+            Some(Self { path: path.into(), page: page.parse().ok()?, is_page: true })
+        };
+        let frame = of_stack().filter(|_| !Path::new(name).exists());
+        frame.unwrap_or_else(|| Self::file(name.into(), page))
+    }
+
+    /// Reads the image.
+    ///
+    /// # Errors
+    /// Those of [`read_image`].
+    pub fn read(&self) -> Result<Loaded, ReadError> {
+        if self.is_page { PagedFile::open(&self.path)?.read(self.page) } else { read_image(&self.path, self.page) }
     }
 
     /// Every page of the files, in order; `pages` gives those of a file.
