@@ -3,7 +3,7 @@
 use quadrille::field::{Brightness, StartFrom, StrainDefinition, UnknownChoice};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
-    CaseCorrelation, CaseError, CaseFile, CaseImages, CaseZone, parse_case, read_case, write_case,
+    CaseCorrelation, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case, write_case,
 };
 use quadrille::mesh::Roi;
 use std::path::Path;
@@ -14,10 +14,12 @@ const FULL: &str = r#"
 reference = "img 0.tif"
 deformed = ["img_*.tif", 'last [1].tif']
 page = 1
+pages = "all"
 pixel_size_mm = 0.00193125
 
 [correlation]
 element_size_px = 16
+element_share = 0.25
 interpolation = "quintic"
 tolerance_px = 1e-4
 max_iterations = 40
@@ -33,6 +35,19 @@ roi = [10, 20.5, 300, 400]
 
 [[zone]]
 roi = [10, 420, 300, 800]
+guard_px = { right = 1, bottom = 3.5 }
+
+[[zone]]
+polygon = [[1, 2], [30.5, 4], [5, 60]]
+exclude = [[[3, 4], [5, 4], [4, 5]], [[6, 4], [8, 4], [7, 5]]]
+mask = "mask of plate.png"
+guard_px = [0, 2, 1]
+
+[[zone]]
+name = "right"
+mesh = "plate.msh"
+group = "B"
+guard_px = 3
 
 [run]
 version = "0.1.0"
@@ -43,13 +58,15 @@ fn full() -> CaseFile {
     CaseFile {
         base: "tests/case".into(),
         images: CaseImages {
-            reference: Some("img 0.tif".into()),
+            reference: Some(vec!["img 0.tif".into()]),
             deformed: Some(vec!["img_*.tif".into(), "last [1].tif".into()]),
             page: Some(1),
+            pages: Some(Pages::All),
             pixel_size_mm: Some(0.00193125),
         },
         correlation: CaseCorrelation {
             element_size_px: Some(16),
+            element_share: Some(0.25),
             interpolation: Some(Interpolation::Quintic),
             tolerance_px: Some(1e-4),
             max_iterations: Some(40),
@@ -60,8 +77,26 @@ fn full() -> CaseFile {
             drop_textureless: Some(true),
         },
         zones: vec![
-            CaseZone { name: Some("upper".into()), roi: Some([10.0, 20.5, 300.0, 400.0]) },
-            CaseZone { name: None, roi: Some([10.0, 420.0, 300.0, 800.0]) },
+            CaseZone { name: Some("upper".into()), roi: Some([10.0, 20.5, 300.0, 400.0]), ..CaseZone::default() },
+            CaseZone {
+                roi: Some([10.0, 420.0, 300.0, 800.0]),
+                guard_px: Some(CaseGuard::Rectangle { left: 0.0, top: 0.0, right: 1.0, bottom: 3.5 }),
+                ..CaseZone::default()
+            },
+            CaseZone {
+                polygon: Some(vec![[1.0, 2.0], [30.5, 4.0], [5.0, 60.0]]),
+                exclude: Some(vec![vec![[3.0, 4.0], [5.0, 4.0], [4.0, 5.0]], vec![[6.0, 4.0], [8.0, 4.0], [7.0, 5.0]]]),
+                mask: Some("mask of plate.png".into()),
+                guard_px: Some(CaseGuard::Sides(vec![0.0, 2.0, 1.0])),
+                ..CaseZone::default()
+            },
+            CaseZone {
+                name: Some("right".into()),
+                mesh: Some("plate.msh".into()),
+                group: Some("B".into()),
+                guard_px: Some(CaseGuard::All(3.0)),
+                ..CaseZone::default()
+            },
         ],
         run: toml::toml! {
             version = "0.1.0"
@@ -108,7 +143,7 @@ fn what_is_written_reads_back_equal() {
         ..empty.clone()
     };
     let quoted = CaseFile {
-        images: CaseImages { reference: Some("C:\\a \"b\"\n'\u{e9}.tif".into()), ..Default::default() },
+        images: CaseImages { reference: Some(vec!["C:\\a \"b\"\n'\u{e9}.tif".into()]), ..Default::default() },
         ..empty.clone()
     };
     for case in [full(), empty, tiny, quoted] {
@@ -191,7 +226,8 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
     assert_says("run = 3", &["`run` at the top level", "expected a section"]);
     assert_says("zone = 3", &["sections [[zone]]"]);
     assert_says("[zone]\nroi = [1, 2, 3, 4]", &["sections [[zone]]"]);
-    assert_says("[images]\nreference = ['a']", &["is a list, expected a text in quotes"]);
+    assert_says("[images]\npage = [1]", &["is a list, expected a whole number"]);
+    assert_says("[images]\nreference = 3", &["a file name or glob in quotes, or a list of them"]);
     assert_says("[images]\ndeformed = 1", &["a file name or glob in quotes, or a list of them"]);
     assert_says("[images]\ndeformed = ['a',\n 'b',\n 3]", &["line 4", "`deformed` in [images]", "a text in quotes"]);
     assert_says("[images]\nreference = \"C:\\data\\a.tif\"", &["line 2", "backslash"]);
@@ -242,6 +278,35 @@ fn choices_have_the_same_words_in_files_and_options() {
     let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
     assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected zone, element or off");
     assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or cold"));
+}
+
+#[test]
+fn several_references_are_a_list_and_one_is_a_text() {
+    let case = parse("images.reference = ['a.tif', 'b_*.tif']").unwrap();
+    assert_eq!(case.images.reference, Some(vec!["a.tif".to_owned(), "b_*.tif".to_owned()]));
+    assert!(write_case(&case).contains("reference = [\"a.tif\", \"b_*.tif\"]"), "{}", write_case(&case));
+    let case = parse("images.reference = ['a.tif']").unwrap();
+    assert!(write_case(&case).contains("reference = \"a.tif\""), "{}", write_case(&case));
+}
+
+#[test]
+fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
+    for (line, wanted) in [
+        ("polygon = [[1, 2], [3]]", "`polygon` in [[zone]]: a point has 1 numbers, expected two: [x, y]"),
+        ("polygon = [[1, 2], 3]", "expected a point [x, y]"),
+        ("polygon = [['1', 2]]", "expected a number"),
+        ("exclude = [[[1, 2], [3, 4, 5]]]", "`exclude` in [[zone]]: a point has 3 numbers"),
+        ("guard_px = true", "`guard_px` in [[zone]]: is `true`, expected a number of pixels, { left = 0, top = 0"),
+        (
+            "guard_px = { lower = 1 }",
+            "`guard_px` in [[zone]]: unknown side `lower`, expected left, top, right or bottom",
+        ),
+        ("guard_px = { left = 'a' }", "is the text \"a\", expected a number"),
+        ("guard_px = [1, 'a']", "expected a number"),
+    ] {
+        assert_says(&format!("[[zone]]\n{line}"), &["line 2", wanted]);
+    }
+    assert_says("images.pages = 'some'", &["unknown word `some`", "`all`"]);
 }
 
 #[test]

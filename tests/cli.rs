@@ -135,14 +135,15 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
 fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
     let desk = Desk::with_series();
     desk.correlate(
-        "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 12 --interpolation quintic --tolerance 1e-3 \
-         --max-iterations 30 --brightness element --start cold --noise 1.5 --drop-textureless --pixel-size 0.002 \
+        "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 12 --element-share 0.25 --interpolation quintic \
+         --tolerance 1e-3 --max-iterations 30 --brightness element --start cold --noise 1.5 --drop-textureless --pixel-size 0.002 \
          --strain hencky --export csv --threads 2 --output out ref.png a.png b.png",
     )
     .fine();
     let case = run_toml(&desk, "out");
     let options = toml::toml! {
         element_size_px = 12
+        element_share = 0.25
         interpolation = "quintic"
         tolerance_px = 1e-3
         max_iterations = 30
@@ -408,7 +409,7 @@ fn the_page_that_is_asked_for_is_read_and_further_pages_are_mentioned() {
     };
     pages("ref.tif", [0.0, 0.5]);
     pages("a.tif", [0.25, 1.5]);
-    let ran = desk.correlate(&format!("{INSIDE} --output first ref.tif a.tif")).fine();
+    let ran = desk.correlate(&format!("{INSIDE} --page 0 --output first ref.tif a.tif")).fine();
     assert!(ran.stderr.contains("ref.tif: ") && ran.stderr.contains("2 pages"), "{ran}");
     assert!(ran.frames("first")[0]["messages"][0].as_str().unwrap().contains("2 pages"), "{ran}");
     assert_moved(&desk.rows("first/csv/000001.csv"), &Translation([0.25, 0.0]), ROUNDED);

@@ -3,6 +3,7 @@
 use super::frames::Frames;
 use crate::field::{Brightness, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
+use crate::io::case::Pages;
 use crate::report::{Figure, Format};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -67,16 +68,18 @@ pub enum Export {
     quadrille correlate --reference ref.tif --roi 10,10,1010,400 --roi 10,440,1010,830 \\\n      \
     --element-size 32 --pixel-size 0.00193 --output out 'frames/*.tif'\n  \
     The same from a file, with another element size:\n    \
-    quadrille correlate --case joint.toml --element-size 24 --output out24\n\n\
+    quadrille correlate --case joint.toml --element-size 24 --output out24\n  \
+    Where a mask is white, the mean of several images as the reference, one frame per page:\n    \
+    quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n\n\
     Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run.")]
 pub struct CorrelateArgs {
     /// Deformed images: files or quoted globs, taken in natural order (img_2 before img_10). Without
     /// --reference the first one is the reference.
     #[arg(value_name = "DEFORMED")]
     pub deformed: Vec<String>,
-    /// The reference image.
+    /// The reference image: a file. Repeat it or quote a glob to take the mean of several images.
     #[arg(long, value_name = "FILE")]
-    pub reference: Option<PathBuf>,
+    pub reference: Vec<String>,
     /// A case file (TOML) that says the same as these flags; flags win.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
@@ -87,9 +90,29 @@ pub struct CorrelateArgs {
     #[arg(long)]
     pub overwrite: bool,
     /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
-    /// several zones. Default: the whole image.
+    /// several zones. Default: the whole image. This, --polygon, --mask and --mesh replace the zones of the
+    /// case file.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
     pub roi: Vec<[f64; 4]>,
+    /// A polygon to measure, px: its corners in order, separated by blanks. Repeat it for several zones.
+    #[arg(long, value_name = "'x,y x,y x,y ...'", value_parser = polygon, allow_hyphen_values = true)]
+    pub polygon: Vec<Polygon>,
+    /// An image of the reference's size that is white where it is measured. Goes with --roi and --polygon;
+    /// alone it makes one zone.
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
+    /// A mesh to measure with, in px of the reference (y down): Gmsh .msh or .vtu, quadrilaterals and
+    /// triangles. Each of its groups is a zone.
+    #[arg(long, value_name = "FILE")]
+    pub mesh: Option<PathBuf>,
+    /// Leave out the pixels that lie this close to the border of a zone, px; the mesh still reaches the
+    /// border. Default 0; 3 beside bands without texture.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub guard: Option<f64>,
+    /// Drop elements with less than this share of their pixels inside a polygon or a mask, above 0 to 1.
+    /// Default 0.5.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub element_share: Option<f64>,
     /// Side of the square elements, px (4 to 128). Smaller: finer detail and more noise. Default 16.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub element_size: Option<i64>,
@@ -114,9 +137,13 @@ pub struct CorrelateArgs {
     /// Leave out nodes that see no texture instead of refusing the reference.
     #[arg(long)]
     pub drop_textureless: bool,
-    /// Page of multi-page TIFF files. Default 0, the first.
+    /// Page of multi-page TIFF files. Default 0, the first. With --pages all that of the reference.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub page: Option<u32>,
+    /// Take every page of the deformed TIFF files as a frame. Default for one file alone, unless --page is
+    /// given.
+    #[arg(long, value_name = "all", value_parser = pages)]
+    pub pages: Option<Pages>,
     /// Millimetres per pixel: adds columns in mm to the CSV files.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pixel_size: Option<f64>,
@@ -493,6 +520,25 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
 
 fn rectangle(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
+}
+
+/// Corners of a polygon, px.
+#[derive(Debug, Clone)]
+pub struct Polygon(pub Vec<[f64; 2]>);
+
+fn polygon(text: &str) -> Result<Polygon, String> {
+    let corners: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    match corners.len() {
+        0..=2 => Err(format!("'{text}' has fewer than three corners; write x,y x,y x,y")),
+        _ => Ok(Polygon(corners)),
+    }
+}
+
+fn pages(text: &str) -> Result<Pages, String> {
+    match text {
+        "all" => Ok(Pages::All),
+        other => Err(format!("'{other}' is not 'all'; a single page is --page")),
+    }
 }
 
 fn two_zones(text: &str) -> Result<[String; 2], String> {

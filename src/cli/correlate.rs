@@ -4,16 +4,19 @@ use super::args::CorrelateArgs;
 use super::plan::{MANY, Plan};
 use super::progress::{Progress, Talk};
 use super::run_folder::{About, RunFolder};
+use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::{Status, StrainField};
+use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::write_case;
-use crate::io::images::{Loaded, ReadError, read_image};
+use crate::io::images::{Loaded, PagedFile, ReadError};
+use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, units};
+use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -56,15 +59,15 @@ pub(super) fn run_series(
     let begin = Instant::now();
     // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
     quantities::load(&plan.drawn, plan.deformed.len())?;
-    let loaded = read_image(&plan.reference, plan.page)?;
-    let (width, height) = (loaded.image.width(), loaded.image.height());
-    let zones = plan.zones_on(width, height)?;
-    let depth = loaded.image.pixels().depth();
-    let reference_image = Arc::new(loaded.image);
+    let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
+    let (width, height) = (image.width(), image.height());
+    let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, plan.guard_px, width, height)?;
+    let depth = image.pixels().depth();
+    let reference_image = Arc::new(image);
     let prepare = Instant::now();
     let backend = CpuBackend::new(plan.isa);
     let correlator = pool
-        .install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone()))
+        .install(|| Correlator::new(backend, Arc::clone(&reference_image), &zones, plan.options.clone()))
         .map_err(|error| about_reference(plan, &error))?;
     let seconds_reference = prepare.elapsed().as_secs_f64();
     quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
@@ -75,7 +78,7 @@ pub(super) fn run_series(
     let mesh = correlator.mesh();
     progress.say(&format!(
         "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
-        plan.reference.display(),
+        plan.reference_name(),
         plural(zones.len(), "zone"),
         mesh.n_elements(),
         plan.options.element_size,
@@ -83,7 +86,12 @@ pub(super) fn run_series(
         correlator.backend().device(),
         plural(pool.current_num_threads(), "thread"),
     ));
-    loaded.notes.iter().for_each(|note| progress.say(&format!("{}: {note}", plan.reference.display())));
+    let windows = windows(mesh);
+    let saturation = Saturation::of(&reference_image, &windows);
+    let about_grey =
+        [GreyDepth::of(&reference_image).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
+    let about_grey = about_grey.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name()));
+    notes.into_iter().chain(about_grey).chain(zone_notes).for_each(|note| progress.say(&note));
     if !correlator.dropped().is_empty() {
         progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
@@ -93,10 +101,16 @@ pub(super) fn run_series(
         threads: pool.current_num_threads(),
         units: units(),
         reference: ReferenceSummary {
-            file: plan.reference.display().to_string(),
+            file: plan.reference[0].to_string(),
+            mean_of: match plan.reference.as_slice() {
+                [_] => Vec::new(),
+                several => several.iter().map(ToString::to_string).collect(),
+            },
             width_px: width,
             height_px: height,
             depth,
+            bits_used: GreyDepth::of(&reference_image).map(|depth| depth.used),
+            saturated_percent: saturation.map(Saturation::percent),
             range_grey: correlator.grey_range(),
         },
         n_nodes: mesh.n_nodes(),
@@ -119,16 +133,18 @@ pub(super) fn run_series(
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };
-    let mut record = Record::new(plan, &correlator, &zones, loaded.sha256, pool.current_num_threads());
+    let mut record = Record::new(plan, &correlator, [width, height], pool.current_num_threads());
+    record.images.extend(plan.reference.iter().cloned().zip(sha256.iter().cloned().map(Some)));
+    record.zone_files = zone_files;
     folder.write_case(&record.case())?;
     let header = StoreHeader {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
         mesh: mesh.clone(),
         image_size_px: [width, height],
-        reference: vec![plan.reference.display().to_string()],
-        reference_sha256: vec![record.reference_sha256.clone()],
-        frames: plan.deformed.iter().map(|path| path.display().to_string()).collect(),
+        reference: plan.reference.iter().map(ToString::to_string).collect(),
+        reference_sha256: sha256.clone(),
+        frames: plan.deformed.iter().map(ToString::to_string).collect(),
         pixel_size: plan.pixel_size,
         range_grey: correlator.grey_range(),
         element_size_px: element_size_px(mesh, plan.options.element_size),
@@ -146,15 +162,17 @@ pub(super) fn run_series(
 
     let written = std::thread::scope(|scope| -> Result<()> {
         let (decoded_in, decoded) = sync_channel(AHEAD);
-        scope.spawn(move || decode_all(&plan.deformed, plan.page, &decoded_in));
+        let windows = &windows;
+        scope.spawn(move || decode_all(&plan.deformed, windows, &decoded_in));
         let (finished, to_write) = sync_channel(BEHIND);
         let (store, about) = (&store, &about);
         let writer = scope.spawn(move || write_all(plan, folder, store, about, &to_write));
         let mut tracker = Tracker::new(&correlator);
         let mut last_summary = Instant::now();
-        for Decoded { number, path, loaded, seconds } in decoded {
-            let (frame, result, sha256) = pool.install(|| one_frame(&mut tracker, number, &path, loaded, seconds))?;
-            record.images.push((path, sha256));
+        for decoded in decoded {
+            let (number, source) = (decoded.number, decoded.frame.clone());
+            let (frame, result, sha256) = pool.install(|| one_frame(&mut tracker, decoded))?;
+            record.images.push((source, sha256));
             if let Some(result) = &result {
                 look(number, result);
             }
@@ -200,31 +218,118 @@ fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
 
 /// Why the reference cannot be prepared; its file is named when the fault may be in it.
 fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
-    use MeshError::{ElementSize, NotARectangle, Overlap, SameName};
+    use MeshError::{
+        CrossedPolygon, ElementShare, ElementSize, GuardSides, NoPolygon, NotARectangle, NotFinite, Overlap, SameName,
+    };
     match error {
         CorrelationError::Option { .. }
-        | CorrelationError::Mesh(ElementSize { .. } | NotARectangle { .. } | Overlap { .. } | SameName { .. }) => {
-            chain(error)
-        }
-        _ => format!("{}: {}", plan.reference.display(), chain(error)),
+        | CorrelationError::Mesh(
+            ElementSize { .. }
+            | ElementShare { .. }
+            | NotARectangle { .. }
+            | Overlap { .. }
+            | SameName { .. }
+            | NoPolygon { .. }
+            | CrossedPolygon { .. }
+            | NotFinite { .. }
+            | GuardSides { .. },
+        ) => chain(error),
+        _ => format!("{}: {}", plan.reference_name(), chain(error)),
     }
+}
+
+/// The reference image, or the mean of several.
+struct Reference {
+    image: Image,
+    /// Of each file.
+    sha256: Vec<String>,
+    /// What is worth knowing, each with its file.
+    notes: Vec<String>,
+}
+
+impl Reference {
+    /// References further apart than this are said to have moved, px: averaging them blurs the texture.
+    const STILL_PX: f64 = 0.02;
+
+    fn read(frames: &[Frame]) -> Result<Self> {
+        let mut first: Option<(Image, &Frame)> = None;
+        let mut mean: Option<Mean> = None;
+        let (mut sha256, mut notes) = (Vec::new(), Vec::new());
+        for frame in frames {
+            let loaded = frame.read()?;
+            sha256.push(loaded.sha256);
+            notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
+            let Some((before, name)) = &first else {
+                first = Some((loaded.image, frame));
+                continue;
+            };
+            let mean = mean.get_or_insert_with(|| Mean::new(before));
+            if !mean.add(&loaded.image) {
+                let size = |image: &Image| format!("{} x {} px", image.width(), image.height());
+                let sizes = [size(&loaded.image), size(before)];
+                return Err(format!(
+                    "{frame}: the image is {}, the reference {name} {}; the mean needs images of one size",
+                    sizes[0], sizes[1]
+                )
+                .into());
+            }
+            if let Some([x, y]) = small_shift(before, &loaded.image)
+                && x.hypot(y) > Self::STILL_PX
+            {
+                notes.push(format!(
+                    "{frame}: moved by about ({x:.2}, {y:.2}) px against {name}: their mean is blurred; take references \
+                     between which nothing moves"
+                ));
+            }
+        }
+        let (first, _) = first.ok_or("no reference image is given")?;
+        let image = mean.map_or(first, Mean::image);
+        Ok(Self { image, sha256, notes })
+    }
+}
+
+/// The rectangles that hold the zones, px: x0, y0, x1, y1.
+fn windows(mesh: &Mesh<Px>) -> Vec<[usize; 4]> {
+    let window = |zone: usize| {
+        let bounds = mesh.bounds(zone);
+        // Negative corners are cut at 0.
+        [bounds.x0.ceil(), bounds.y0.ceil(), bounds.x1.ceil(), bounds.y1.ceil()].map(|v| v as usize)
+    };
+    (0..mesh.zones().len()).map(window).collect()
 }
 
 /// A frame that was read, or not.
 struct Decoded {
     number: usize,
-    path: PathBuf,
+    frame: Frame,
     loaded: std::result::Result<Loaded, ReadError>,
+    saturation: Option<Saturation>,
     seconds: f64,
 }
 
-fn decode_all(files: &[PathBuf], page: usize, out: &SyncSender<Decoded>) {
-    for (at, path) in files.iter().enumerate() {
+fn decode_all(frames: &[Frame], windows: &[[usize; 4]], out: &SyncSender<Decoded>) {
+    let mut stack = None;
+    for (at, frame) in frames.iter().enumerate() {
         let begin = Instant::now();
-        let loaded = read_image(path, page);
+        let loaded = read_frame(frame, &mut stack);
+        let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, windows));
         let seconds = begin.elapsed().as_secs_f64();
-        if out.send(Decoded { number: at + 1, path: path.clone(), loaded, seconds }).is_err() {
+        if out.send(Decoded { number: at + 1, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
             return; // nobody wants more
+        }
+    }
+}
+
+/// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
+fn read_frame(frame: &Frame, stack: &mut Option<(PathBuf, PagedFile)>) -> std::result::Result<Loaded, ReadError> {
+    if !frame.is_page {
+        return frame.read();
+    }
+    match stack {
+        Some((path, file)) if *path == frame.path => file.read(frame.page),
+        _ => {
+            let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
+            file.read(frame.page)
         }
     }
 }
@@ -232,12 +337,10 @@ fn decode_all(files: &[PathBuf], page: usize, out: &SyncSender<Decoded>) {
 /// Correlates one frame. A frame that cannot be used is a result with its reason.
 fn one_frame<B: Backend>(
     tracker: &mut Tracker<'_, B>,
-    number: usize,
-    path: &Path,
-    loaded: std::result::Result<Loaded, ReadError>,
-    seconds_decode: f64,
+    decoded: Decoded,
 ) -> Result<(FrameSummary, Option<Correlation>, Option<String>)> {
-    let file = path.display().to_string();
+    let Decoded { number, frame, loaded, saturation, seconds: seconds_decode } = decoded;
+    let file = frame.to_string();
     let loaded = match loaded {
         Ok(loaded) => loaded,
         Err(error) => {
@@ -251,7 +354,7 @@ fn one_frame<B: Backend>(
         Ok(result) => {
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let frame = FrameSummary::of(number, file, loaded.notes, tracker.correlator(), &result, seconds);
-            Ok((frame, Some(result), sha256))
+            Ok((frame.with_saturation(saturation), Some(result), sha256))
         }
         Err(error) if error.is_of_the_frame() => {
             let message = format!("{file}: {}", chain(&error));
@@ -311,18 +414,14 @@ fn write_all(
 struct Record {
     case: crate::io::case::CaseFile,
     about: toml::Table,
-    reference_sha256: String,
-    images: Vec<(PathBuf, Option<String>)>,
+    /// The references first.
+    images: Vec<(Frame, Option<String>)>,
+    n_references: usize,
+    zone_files: Vec<(PathBuf, String)>,
 }
 
 impl Record {
-    fn new<B: Backend>(
-        plan: &Plan,
-        correlator: &Correlator<B>,
-        zones: &[crate::mesh::Zone],
-        reference_sha256: String,
-        threads: usize,
-    ) -> Self {
+    fn new<B: Backend>(plan: &Plan, correlator: &Correlator<B>, [width, height]: [usize; 2], threads: usize) -> Self {
         let mut about = toml::Table::new();
         about.insert("quadrille".into(), env!("CARGO_PKG_VERSION").into());
         about.insert("device".into(), correlator.backend().device().into());
@@ -335,7 +434,13 @@ impl Record {
             "units".into(),
             units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into(),
         );
-        Self { case: plan.resolved(zones), about, reference_sha256, images: Vec::new() }
+        Self {
+            case: plan.resolved(width, height),
+            about,
+            images: Vec::new(),
+            n_references: plan.reference.len(),
+            zone_files: Vec::new(),
+        }
     }
 
     /// The case file with the record of the run but for its images: the store names them beside it.
@@ -345,23 +450,28 @@ impl Record {
 
     /// Of each deformed image that was come to.
     fn sha256(&self) -> Vec<Option<String>> {
-        self.images.iter().map(|(_, sha256)| sha256.clone()).collect()
+        self.images[self.n_references..].iter().map(|(_, sha256)| sha256.clone()).collect()
     }
 
     /// The case file with the record of the run.
     fn case(&self) -> String {
-        let image = |path: &Path, sha256: Option<&str>| {
+        let entry = |path: &Path, page: Option<usize>, sha256: Option<&str>| {
             let mut table = toml::Table::new();
             table.insert("file".into(), absolute(path).into());
+            page.map(|page| table.insert("page".into(), (page as i64).into()));
             // A file that could not be read has none.
             sha256.map(|sha256| table.insert("sha256".into(), sha256.into()));
             toml::Value::Table(table)
         };
-        let reference = self.case.images.reference.clone().unwrap_or_default();
-        let mut images = vec![image(Path::new(&reference), Some(&self.reference_sha256))];
-        images.extend(self.images.iter().map(|(path, sha)| image(path, sha.as_deref())));
+        let image = |(frame, sha256): &(Frame, Option<String>)| {
+            entry(&frame.path, frame.is_page.then_some(frame.page), sha256.as_deref())
+        };
         let mut about = self.about.clone();
-        about.insert("image".into(), toml::Value::Array(images));
+        about.insert("image".into(), toml::Value::Array(self.images.iter().map(image).collect()));
+        if !self.zone_files.is_empty() {
+            let files = self.zone_files.iter().map(|(path, sha256)| entry(path, None, Some(sha256)));
+            about.insert("zone_file".into(), toml::Value::Array(files.collect()));
+        }
         write_case(&crate::io::case::CaseFile { run: Some(about), ..self.case.clone() })
     }
 }

@@ -11,6 +11,7 @@ use crate::correlate::{Correlation, Options};
 use crate::field::{Measurement, Status, StrainDefinition};
 use crate::io::case::{CaseQuantities, CaseZone, read_case};
 use crate::io::images::read_image;
+use crate::io::series::Frame;
 use crate::isa::Isa;
 use crate::report::{MapOptions, Palette, element_map, nodal_map};
 use crate::synth::{Peel, RenderOptions, Series, Texture};
@@ -86,7 +87,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
             drawn.push((number, result.measurement.clone()));
         }
     })?;
-    let reference = read_image(&plan.reference, 0)?.image;
+    let reference = read_image(&plan.reference[0].path, 0)?.image;
     let maps = args.output.join("maps");
     fs::create_dir_all(&maps).map_err(|e| format!("{}: cannot be written: {e}", maps.display()))?;
     for (number, measurement) in &drawn {
@@ -115,14 +116,14 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 }
 
 fn plan(images: &Path) -> Plan {
-    let file = |number: usize| images.join(format!("{number:06}.tif"));
-    let zone = |name: &str, roi| CaseZone { name: Some(name.into()), roi: Some(roi) };
+    let file = |number: usize| Frame::file(images.join(format!("{number:06}.tif")), 0);
+    let zone = |name: &str, roi| CaseZone { name: Some(name.into()), roi: Some(roi), ..CaseZone::default() };
     Plan {
-        reference: file(0),
+        reference: vec![file(0)],
         deformed: (1..=FRAMES).map(file).collect(),
-        page: 0,
         pixel_size: None,
         zones: vec![zone("upper", UPPER), zone("lower", LOWER)],
+        guard_px: None,
         options: Options { element_size: ELEMENT as usize, ..Options::default() },
         isa: Isa::detect(),
         strain: StrainDefinition::default(),

@@ -13,6 +13,7 @@ mod progress;
 mod quantities;
 mod run_folder;
 mod synth;
+mod zones;
 
 use clap::Parser;
 use clap::error::ErrorKind;

@@ -1,13 +1,13 @@
 //! From flags and case file to one resolved plan.
 
 use super::args::{CorrelateArgs, Export};
-use super::{Result, absolute};
+use super::{Result, absolute, zones};
 use crate::correlate::Options;
 use crate::field::StrainDefinition;
-use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseZone, read_case};
-use crate::io::series::expand_series;
+use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
+use crate::io::images::pages_of;
+use crate::io::series::{Frame, expand_references, expand_series};
 use crate::isa::Isa;
-use crate::mesh::{Roi, Zone};
 use crate::units::PixelSize;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -18,11 +18,13 @@ pub(super) const MANY: usize = 1000;
 /// What a run will do, every choice made.
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
-    pub reference: PathBuf,
-    pub deformed: Vec<PathBuf>,
-    pub page: usize,
+    /// One reference image, or several whose mean is taken.
+    pub reference: Vec<Frame>,
+    pub deformed: Vec<Frame>,
     pub pixel_size: Option<PixelSize>,
     pub zones: Vec<CaseZone>,
+    /// Guard of the whole image, when there is no zone, px.
+    pub guard_px: Option<f64>,
     pub options: Options,
     pub isa: Isa,
     pub strain: StrainDefinition,
@@ -38,7 +40,7 @@ impl Plan {
     /// Brings case file and flags together; flags win, defaults fill the rest.
     pub fn new(args: &CorrelateArgs) -> Result<Self> {
         let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
-        let (reference, deformed) = images(args, &case)?;
+        let Images { reference, deformed } = Images::of(args, &case)?;
         let given = &case.correlation;
         let default = Options::default();
         let element_size = args.element_size.or(given.element_size_px.map(i64::from));
@@ -49,6 +51,7 @@ impl Plan {
                     .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
                 None => default.element_size,
             },
+            element_share: args.element_share.or(given.element_share).unwrap_or(default.element_share),
             interpolation: args.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
             tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
             max_iterations: args.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
@@ -62,11 +65,7 @@ impl Plan {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
-        let zones = if args.roi.is_empty() {
-            case.zones.clone()
-        } else {
-            args.roi.iter().map(|&roi| CaseZone { name: None, roi: Some(roi) }).collect()
-        };
+        let zones = wanted_zones(args, &case);
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
@@ -99,9 +98,9 @@ impl Plan {
         Ok(Self {
             reference,
             deformed,
-            page: args.page.or(case.images.page).unwrap_or(0) as usize,
             pixel_size,
             zones,
+            guard_px: args.guard,
             options,
             isa,
             strain: args.strain.or(given.strain).unwrap_or_default(),
@@ -112,45 +111,43 @@ impl Plan {
         })
     }
 
-    /// The zones on an image of this size: those asked for, or the whole image.
-    pub fn zones_on(&self, width: usize, height: usize) -> Result<Vec<Zone>> {
-        if self.zones.is_empty() {
-            let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
-            return Ok(vec![Zone::rectangle("image", roi)]);
+    /// The reference in words: its file, or the first of several.
+    pub fn reference_name(&self) -> String {
+        match self.reference.as_slice() {
+            [first, rest @ ..] if !rest.is_empty() => format!("{first} and {} more", rest.len()),
+            frames => frames.iter().map(ToString::to_string).collect(),
         }
-        let named = |(at, zone): (usize, &CaseZone)| {
-            let name = zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1));
-            let roi = zone.rectangle().ok_or(format!("zone '{name}' has no roi = [x0, y0, x1, y1]"))?;
-            Ok(Zone::rectangle(name, roi))
-        };
-        self.zones.iter().enumerate().map(named).collect()
     }
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
-    pub fn resolved(&self, zones: &[Zone]) -> CaseFile {
-        let Options { element_size, interpolation, tolerance_px, max_iterations, brightness, .. } = self.options;
+    pub fn resolved(&self, width: usize, height: usize) -> CaseFile {
+        let options = &self.options;
+        let files = |frames: &[Frame]| {
+            let mut files: Vec<String> = frames.iter().map(|frame| absolute(&frame.path)).collect();
+            files.dedup(); // the pages of one file
+            files
+        };
         CaseFile {
             images: CaseImages {
-                reference: Some(absolute(&self.reference)),
-                deformed: Some(self.deformed.iter().map(|path| absolute(path)).collect()),
-                page: Some(self.page as u32),
+                reference: Some(files(&self.reference)),
+                deformed: Some(files(&self.deformed)),
+                page: self.reference.first().map(|frame| frame.page as u32),
+                pages: self.deformed.iter().any(|frame| frame.is_page).then_some(Pages::All),
                 pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
             },
             correlation: CaseCorrelation {
-                element_size_px: Some(element_size as u32),
-                interpolation: Some(interpolation),
-                tolerance_px: Some(tolerance_px),
-                max_iterations: Some(max_iterations as u32),
-                brightness: Some(brightness),
-                start: Some(self.options.start),
-                noise: self.options.noise,
+                element_size_px: Some(options.element_size as u32),
+                element_share: Some(options.element_share),
+                interpolation: Some(options.interpolation),
+                tolerance_px: Some(options.tolerance_px),
+                max_iterations: Some(options.max_iterations as u32),
+                brightness: Some(options.brightness),
+                start: Some(options.start),
+                noise: options.noise,
                 strain: Some(self.strain),
-                drop_textureless: Some(self.options.drop_textureless),
+                drop_textureless: Some(options.drop_textureless),
             },
-            zones: zones
-                .iter()
-                .map(|zone| CaseZone { name: Some(zone.name.clone()), roi: zone.roi.map(|r| [r.x0, r.y0, r.x1, r.y1]) })
-                .collect(),
+            zones: zones::resolved(&self.zones, self.guard_px, width, height),
             ..CaseFile::default()
         }
         .with_drawn(&self.drawn)
@@ -166,28 +163,89 @@ fn drawn(case: &CaseFile) -> CaseQuantities {
     drawn
 }
 
-/// The reference and the deformed images.
-fn images(args: &CorrelateArgs, case: &CaseFile) -> Result<(PathBuf, Vec<PathBuf>)> {
-    let mut deformed = if args.deformed.is_empty() {
-        expand_series(case.images.deformed.as_deref().unwrap_or(&[]), &case.base)?
-    } else {
-        expand_series(&args.deformed, Path::new(""))?
-    };
-    let given = args.reference.clone().or(case.images.reference.as_ref().map(|name| case.resolve(name)));
-    let reference = match given {
-        Some(reference) => reference,
-        None if deformed.is_empty() => {
-            return Err("no image is given; name the reference and the deformed images, or a --case file".into());
+/// The zones that are asked for, with file names that hold from the current folder.
+fn wanted_zones(args: &CorrelateArgs, case: &CaseFile) -> Vec<CaseZone> {
+    let mut zones: Vec<CaseZone> = args
+        .roi
+        .iter()
+        .map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() })
+        .chain(args.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.0.clone()), ..CaseZone::default() }))
+        .collect();
+    let name = |path: &PathBuf| path.display().to_string();
+    if let Some(mask) = &args.mask {
+        if zones.is_empty() {
+            zones.push(CaseZone::default());
         }
-        None => deformed.remove(0),
-    };
-    // A glob over the folder takes the reference along: it is no deformed image, unless it is the only one.
-    let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let same = absolute(&reference);
-    let listed_alone = deformed.len() == 1;
-    deformed.retain(|path| listed_alone || absolute(path) != same);
-    if deformed.is_empty() {
-        return Err(format!("{}: there is no deformed image beside the reference", reference.display()).into());
+        zones.iter_mut().for_each(|zone| zone.mask = Some(name(mask)));
     }
-    Ok((reference, deformed))
+    if let Some(mesh) = &args.mesh {
+        zones.push(CaseZone { mesh: Some(name(mesh)), ..CaseZone::default() });
+    }
+    if zones.is_empty() {
+        zones.clone_from(&case.zones);
+        for zone in &mut zones {
+            for file in [&mut zone.mask, &mut zone.mesh].into_iter().flatten() {
+                *file = name(&case.resolve(file));
+            }
+        }
+    }
+    if let Some(guard) = args.guard {
+        zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
+    }
+    zones
+}
+
+/// Which images a run takes.
+struct Images {
+    reference: Vec<Frame>,
+    deformed: Vec<Frame>,
+}
+
+impl Images {
+    fn of(args: &CorrelateArgs, case: &CaseFile) -> Result<Self> {
+        let mut deformed = if args.deformed.is_empty() {
+            expand_series(case.images.deformed.as_deref().unwrap_or(&[]), &case.base)?
+        } else {
+            expand_series(&args.deformed, Path::new(""))?
+        };
+        let mut reference = if args.reference.is_empty() {
+            expand_references(case.images.reference.as_deref().unwrap_or(&[]), &case.base)?
+        } else {
+            expand_references(&args.reference, Path::new(""))?
+        };
+        if reference.is_empty() {
+            let Some(first) = deformed.first() else {
+                return Err("no image is given; name the reference and the deformed images, or a --case file".into());
+            };
+            reference.push(first.clone());
+            // Alone it may be a stack, of which the first page is the reference.
+            if deformed.len() > 1 {
+                deformed.remove(0);
+            }
+        }
+        let page = args.page.or(case.images.page);
+        let all_pages = args.pages.or(case.images.pages) == Some(Pages::All);
+        let first_page = page.unwrap_or(0) as usize;
+        let mut frames = match deformed.as_slice() {
+            files if all_pages => Frame::pages(files, pages_of),
+            // A stack alone is a series, unless one page of it is asked for.
+            [file] if page.is_none() => Frame::pages(std::slice::from_ref(file), pages_of),
+            _ => Vec::new(),
+        };
+        if !frames.iter().any(|frame| frame.is_page) {
+            frames = deformed.into_iter().map(|path| Frame::file(path, first_page)).collect();
+        }
+        // A glob over the folder takes the reference along: it is no deformed image, unless it was named for one.
+        let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let taken: Vec<PathBuf> = reference.iter().map(|path| absolute(path)).collect();
+        let named_alone = frames.len() == 1 && !(args.reference.is_empty() && case.images.reference.is_none());
+        frames.retain(|frame| named_alone || frame.page != first_page || !taken.contains(&absolute(&frame.path)));
+        let is_page = |path: &Path| frames.iter().any(|frame| frame.is_page && absolute(&frame.path) == absolute(path));
+        let reference: Vec<Frame> =
+            reference.into_iter().map(|path| Frame { is_page: is_page(&path), path, page: first_page }).collect();
+        if frames.is_empty() {
+            return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
+        }
+        Ok(Self { reference, deformed: frames })
+    }
 }

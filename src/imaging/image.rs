@@ -36,6 +36,15 @@ impl Pixels {
             Pixels::F32(_) => "32-bit float",
         }
     }
+
+    /// The largest grey level of the depth; 1 for floats, which have none.
+    pub fn white(&self) -> f32 {
+        match self {
+            Pixels::U8(_) => 255.0,
+            Pixels::U16(_) => 65535.0,
+            Pixels::F32(_) => 1.0,
+        }
+    }
 }
 
 /// What makes an array of grey levels no image.

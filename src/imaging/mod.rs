@@ -1,7 +1,11 @@
-//! Grey-level images in their native depth, and the sub-pixel interpolations.
+//! Grey-level images in their native depth, the bits they use, and the sub-pixel interpolations.
 
+mod depth;
 mod image;
 mod interpolation;
+mod mean;
 
+pub use depth::{GreyDepth, Saturation};
 pub use image::{Image, ImageError, Pixels};
 pub use interpolation::Interpolation;
+pub use mean::{Mean, small_shift};

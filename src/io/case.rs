@@ -3,8 +3,8 @@
 use crate::field::{Brightness, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
-use serde::de::{self, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -93,18 +93,35 @@ impl CaseFile {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseImages {
-    /// The reference image: a file name.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reference: Option<String>,
+    /// The reference image: a file name. Of several, names or globs, the mean is taken. In the file one string or a
+    /// list of strings.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "one_or_more",
+        serialize_with = "one_or_list"
+    )]
+    pub reference: Option<Vec<String>>,
     /// The deformed images: file names and globs. In the file one string or a list of strings.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "one_or_more")]
     pub deformed: Option<Vec<String>>,
     /// Page of TIFF files with several pages; the first is 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub page: Option<u32>,
+    /// Whether every page of the deformed files is a frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pages: Option<Pages>,
     /// Size of a pixel on the specimen, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel_size_mm: Option<f64>,
+}
+
+/// Which pages of a file are frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pages {
+    /// Every page.
+    All,
 }
 
 /// How to correlate.
@@ -114,6 +131,9 @@ pub struct CaseCorrelation {
     /// Side of the elements, px.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub element_size_px: Option<u32>,
+    /// Share of its pixels that an element of a polygon or a mask must have inside, to be kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub element_share: Option<f64>,
     /// Sub-pixel interpolation of the deformed image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolation: Option<Interpolation>,
@@ -140,7 +160,7 @@ pub struct CaseCorrelation {
     pub drop_textureless: Option<bool>,
 }
 
-/// A zone of the reference image.
+/// A zone of the reference image: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseZone {
@@ -150,6 +170,45 @@ pub struct CaseZone {
     /// Its rectangle `[x0, y0, x1, y1]`, px of the reference image; `x1` and `y1` are not included.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "four_numbers")]
     pub roi: Option<[f64; 4]>,
+    /// Corners `[x, y]` of its polygon, px, in order.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "polygon")]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// Polygons that are cut out, px.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "polygons")]
+    pub exclude: Option<Vec<Vec<[f64; 2]>>>,
+    /// A mask: an image file of the size of the reference, white where it is measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<String>,
+    /// A mesh of its own instead of a grid: a `.msh` or `.vtu` file with positions in px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<String>,
+    /// The one group of the mesh file that is taken; without it every group is a zone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Width along the border of the zone whose pixels are left out, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard_px: Option<CaseGuard>,
+}
+
+/// Width along the border of a zone whose pixels are left out, px.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum CaseGuard {
+    /// The same everywhere.
+    All(f64),
+    /// One for each side of a polygon, in order; side k leads from corner k to the next.
+    Sides(Vec<f64>),
+    /// One for each side of a rectangle; in the file those left out are 0.
+    Rectangle {
+        /// Left.
+        left: f64,
+        /// Top.
+        top: f64,
+        /// Right.
+        right: f64,
+        /// Bottom.
+        bottom: f64,
+    },
 }
 
 impl CaseZone {
@@ -391,6 +450,103 @@ fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<
         }
     }
     deserializer.deserialize_any(Names).map(Some)
+}
+
+/// Writes a list of one as one string.
+fn one_or_list<S: Serializer>(names: &Option<Vec<String>>, serializer: S) -> Result<S::Ok, S::Error> {
+    match names.as_deref() {
+        Some([name]) => name.serialize(serializer),
+        names => names.serialize(serializer),
+    }
+}
+
+/// A point `[x, y]` of a polygon.
+struct Point([f64; 2]);
+
+impl<'de> Deserialize<'de> for Point {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Two;
+        impl<'de> Visitor<'de> for Two {
+            type Value = Point;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a point [x, y]")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Point, A::Error> {
+                let mut numbers = Vec::new();
+                while let Some(number) = list.next_element()? {
+                    numbers.push(number);
+                }
+                let n = numbers.len();
+                let point = numbers.try_into();
+                point
+                    .map(Point)
+                    .map_err(|_| de::Error::custom(format!("a point has {n} numbers, expected two: [x, y]")))
+            }
+        }
+        deserializer.deserialize_any(Two)
+    }
+}
+
+/// Points of polygons as plain pairs.
+fn pairs(points: Vec<Point>) -> Vec<[f64; 2]> {
+    points.into_iter().map(|Point(at)| at).collect()
+}
+
+fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
+    Vec::deserialize(deserializer).map(|points| Some(pairs(points)))
+}
+
+fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<Vec<[f64; 2]>>>, D::Error> {
+    let polygons: Vec<Vec<Point>> = Vec::deserialize(deserializer)?;
+    Ok(Some(polygons.into_iter().map(pairs).collect()))
+}
+
+impl<'de> Deserialize<'de> for CaseGuard {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Widths;
+        impl<'de> Visitor<'de> for Widths {
+            type Value = CaseGuard;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "a number of pixels, { left = 0, top = 0, right = 0, bottom = 3 }, or a list with one for each side",
+                )
+            }
+
+            fn visit_f64<E: de::Error>(self, guard: f64) -> Result<CaseGuard, E> {
+                Ok(CaseGuard::All(guard))
+            }
+
+            fn visit_i64<E: de::Error>(self, guard: i64) -> Result<CaseGuard, E> {
+                Ok(CaseGuard::All(guard as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<CaseGuard, A::Error> {
+                let mut sides = Vec::new();
+                while let Some(side) = list.next_element()? {
+                    sides.push(side);
+                }
+                Ok(CaseGuard::Sides(sides))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<CaseGuard, A::Error> {
+                const SIDES: [&str; 4] = ["left", "top", "right", "bottom"];
+                let mut widths = [0.0; 4];
+                while let Some(key) = map.next_key::<String>()? {
+                    let side = SIDES.iter().position(|side| *side == key);
+                    let side = side.ok_or_else(|| {
+                        de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
+                    })?;
+                    widths[side] = map.next_value()?;
+                }
+                let [left, top, right, bottom] = widths;
+                Ok(CaseGuard::Rectangle { left, top, right, bottom })
+            }
+        }
+        deserializer.deserialize_any(Widths)
+    }
 }
 
 /// Accepts four numbers and says so when there are more or fewer.

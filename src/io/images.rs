@@ -24,6 +24,8 @@ pub struct Loaded {
     pub sha256: String,
     /// Number of pages in the file.
     pub pages: usize,
+    /// The largest grey level that the file can hold, in the scale of the image; 1 for a file of floats.
+    pub white: f32,
 }
 
 /// Why a file gives no image.
@@ -157,6 +159,8 @@ pub(super) struct Raw {
     pub height: usize,
     pub channels: Channels,
     pub pixels: Pixels,
+    /// The largest grey level that there can be.
+    pub white: f32,
     pub notes: Vec<String>,
 }
 
@@ -170,26 +174,104 @@ pub(super) struct Raw {
 /// # Errors
 /// See [`ReadError`]: each names the file, what is wrong and what to do.
 pub fn read_image(path: &Path, page: usize) -> Result<Loaded, ReadError> {
-    let mut bytes = std::fs::read(path).map_err(|reason| unreadable(path, reason))?;
-    if bytes.is_empty() {
-        return Err(ReadError::Empty { path: path.to_owned() });
+    let mut file = PagedFile::open(path)?;
+    let mut loaded = file.read(page)?;
+    if loaded.pages > 1 {
+        let (pages, all) = (loaded.pages, "--pages all takes each as a frame");
+        loaded.notes.push(format!("{pages} pages: page {page} is read; --page chooses another, {all}"));
     }
-    let sha256 = Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+    Ok(loaded)
+}
+
+/// An image file in memory, from which pages are decoded one by one without reading it again.
+#[derive(Debug)]
+pub struct PagedFile {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    format: Format,
+    /// Once found.
+    pages: Option<tiff_pages::PageList>,
+    /// Once computed.
+    sha256: Option<String>,
+}
+
+impl PagedFile {
+    /// Reads the file `path`. Nothing is decoded yet.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is empty, or holds no image of a known format.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let bytes = std::fs::read(path).map_err(|reason| unreadable(path, reason))?;
+        if bytes.is_empty() {
+            return Err(ReadError::Empty { path: path.to_owned() });
+        }
+        let format = Format::of(&bytes, path)?;
+        Ok(Self { path: path.to_owned(), bytes, format, pages: None, sha256: None })
+    }
+
+    /// The pages that are images of their own (no thumbnails of others); the first is 0. A file that is no TIFF has one.
+    ///
+    /// # Errors
+    /// A TIFF file whose list of pages is damaged.
+    pub fn images(&mut self) -> Result<Vec<usize>, ReadError> {
+        match self.page_list() {
+            Ok(Some(list)) => Ok(list.images(&self.bytes)),
+            Ok(None) => Ok(vec![0]),
+            Err(problem) => Err(named(problem, &self.path, self.format.name(), 0)),
+        }
+    }
+
+    /// Decodes the page `page` (0 is the first).
+    ///
+    /// # Errors
+    /// As [`read_image`].
+    pub fn read(&mut self, page: usize) -> Result<Loaded, ReadError> {
+        let (mut raw, pages) =
+            self.decode(page).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
+        let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
+        let image = Image::new(raw.width, raw.height, pixels)
+            .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
+        let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
+        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white })
+    }
+
+    fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, Problem> {
+        if self.pages.is_none() && matches!(self.format, Format::Tiff) {
+            self.pages = Some(tiff_pages::PageList::of(&self.bytes)?);
+        }
+        Ok(self.pages.clone())
+    }
+
+    fn decode(&mut self, page: usize) -> Result<(Raw, usize), Problem> {
+        // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
+        self.sha256.get_or_insert_with(|| sha256(&self.bytes));
+        match (self.page_list()?, self.format) {
+            (Some(list), _) => Ok((list.decode(&mut self.bytes, page)?, list.len())),
+            (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format)?, 1)),
+            _ => Err(Problem::NoSuchPage { pages: 1 }),
+        }
+    }
+}
+
+/// The pages of the file `path` that are images of their own, or the first when that cannot be said: what is wrong
+/// with the file shows when it is read.
+pub fn pages_of(path: &Path) -> Vec<usize> {
+    let mut head = [0; 4];
+    let tiff = std::fs::File::open(path).is_ok_and(|mut file| {
+        use std::io::Read;
+        file.read_exact(&mut head).is_ok() && tiff_pages::is_tiff(&head)
+    });
+    let pages = if tiff { PagedFile::open(path).and_then(|mut file| file.images()).ok() } else { None };
+    pages.filter(|pages| !pages.is_empty()).unwrap_or_else(|| vec![0])
+}
+
+/// SHA-256 of `bytes`, in hexadecimal.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
         // Writing to a string does not fail.
         let _ = write!(text, "{byte:02x}");
         text
-    });
-    let format = Format::of(&bytes, path)?;
-    let decoded = match format {
-        Format::Tiff => tiff_pages::decode(&mut bytes, page),
-        Format::Other(_) if page > 0 => Err(Problem::NoSuchPage { pages: 1 }),
-        Format::Other(format) => decode(&bytes, format).map(|raw| (raw, 1)),
-    };
-    let (mut raw, pages) = decoded.map_err(|problem| named(problem, path, format.name(), page))?;
-    let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
-    let image = Image::new(raw.width, raw.height, pixels)
-        .map_err(|reason| ReadError::GreyLevels { path: path.to_owned(), reason })?;
-    Ok(Loaded { image, notes: raw.notes, sha256, pages })
+    })
 }
 
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {
@@ -257,7 +339,7 @@ impl Format {
 }
 
 /// The first bytes as text, or as numbers when they are no text.
-fn beginning(bytes: &[u8]) -> String {
+pub(super) fn beginning(bytes: &[u8]) -> String {
     let head = &bytes[..bytes.len().min(16)];
     if head.iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace()) {
         return format!("the text \"{}\"", head.escape_ascii());
@@ -313,8 +395,9 @@ fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
         DynamicImage::ImageRgba16(buffer) => (4, true, Pixels::U16(buffer.into_raw())),
         other => return Err(Problem::Unsupported(format!("{:?}", other.color()))),
     };
+    let mut white = pixels.white();
     if format == ImageFormat::Pnm {
-        restore_scale(bytes, &mut pixels);
+        restore_scale(bytes, &mut pixels, &mut white);
     } else if format == ImageFormat::Png
         && n <= 2
         && let Some(bits @ 1..=4) = bytes.get(24)
@@ -323,7 +406,7 @@ fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
         notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
     }
     let channels = Channels { n, colour, planar: false };
-    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, notes })
+    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes })
 }
 
 fn problem(error: image::ImageError) -> Problem {
@@ -345,13 +428,14 @@ fn jpeg_is_complete(bytes: &[u8]) -> bool {
 
 /// Undoes the stretching of a PGM/PPM decoder, which spreads 0..maxval over all of 8 or 16 bit: 12 bit
 /// grey levels stay 12 bit. Exact for maxval up to 15 bit, where stretching at least doubles a level.
-fn restore_scale(bytes: &[u8], pixels: &mut Pixels) {
+fn restore_scale(bytes: &[u8], pixels: &mut Pixels, white: &mut f32) {
     let Ok(decoder) = PnmDecoder::new(Cursor::new(bytes)) else { return };
     if matches!(decoder.subtype(), PnmSubtype::Bitmap(_)) {
         return;
     }
     let (_, header) = decoder.into_inner();
     let highest = f64::from(header.maximal_sample());
+    *white = white.min(highest as f32);
     match pixels {
         Pixels::U8(levels) if highest < 255.0 => {
             levels.iter_mut().for_each(|v| *v = (f64::from(*v) * highest / 255.0).round() as u8);

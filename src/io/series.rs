@@ -1,7 +1,9 @@
-//! File names and globs, expanded to a series of images.
+//! File names, globs and pages, expanded to a series of images.
 
+use super::images::{Loaded, PagedFile, ReadError, read_image};
 use std::cmp::Ordering;
 use std::collections::HashSet;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -84,6 +86,98 @@ pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, S
     let mut seen = HashSet::new();
     files.retain(|file| seen.insert(file.clone()));
     Ok(files)
+}
+
+/// The files that `patterns` name as reference images, in order: as [`expand_series`], but a folder is kept, so
+/// that reading it says what is wrong.
+///
+/// # Errors
+/// A glob without a match or not valid, a folder on its way that cannot be listed.
+pub fn expand_references(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
+    let mut files = Vec::new();
+    for entry in patterns {
+        let literal = base.join(entry);
+        if literal.exists() || !entry.contains(['*', '?', '[']) {
+            files.push(literal);
+        } else {
+            files.extend(matches(entry, base)?);
+        }
+    }
+    let mut seen = HashSet::new();
+    files.retain(|file| seen.insert(file.clone()));
+    Ok(files)
+}
+
+/// One image of a series: a file, or a page of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// The file.
+    pub path: PathBuf,
+    /// Its page; the first is 0.
+    pub page: usize,
+    /// Whether the other pages of the file are frames as well, so that the page belongs to the name.
+    pub is_page: bool,
+}
+
+impl Frame {
+    /// The page `page` of a file that stands for one frame.
+    pub fn file(path: PathBuf, page: usize) -> Self {
+        Self { path, page, is_page: false }
+    }
+
+    /// The frame that is displayed as `name`: `stack.tif[3]` is the page 3 of a stack (unless a file has that very
+    /// name), all else the page `page` of a file.
+    ///
+    /// ```
+    /// use quadrille::io::series::Frame;
+    /// let frame = Frame::named("shots/stack.tif[3]", 0);
+    /// assert_eq!((frame.path.to_str(), frame.page, frame.is_page), (Some("shots/stack.tif"), 3, true));
+    /// assert_eq!(Frame::named("a.tif", 1), Frame::file("a.tif".into(), 1));
+    /// ```
+    pub fn named(name: &str, page: usize) -> Self {
+        let of_stack = || {
+            let (path, page) = name.strip_suffix(']')?.rsplit_once('[')?;
+            Some(Self { path: path.into(), page: page.parse().ok()?, is_page: true })
+        };
+        let frame = of_stack().filter(|_| !Path::new(name).exists());
+        frame.unwrap_or_else(|| Self::file(name.into(), page))
+    }
+
+    /// Reads the image.
+    ///
+    /// # Errors
+    /// Those of [`read_image`].
+    pub fn read(&self) -> Result<Loaded, ReadError> {
+        if self.is_page { PagedFile::open(&self.path)?.read(self.page) } else { read_image(&self.path, self.page) }
+    }
+
+    /// Every page of the files, in order; `pages` gives those of a file.
+    ///
+    /// ```
+    /// use quadrille::io::series::Frame;
+    /// let frames = Frame::pages(&["a.tif".into(), "b.tif".into()], |file| match file.ends_with("a.tif") {
+    ///     true => vec![0, 2],
+    ///     false => vec![0],
+    /// });
+    /// let names: Vec<_> = frames.iter().map(ToString::to_string).collect();
+    /// assert_eq!(names, ["a.tif[0]", "a.tif[2]", "b.tif"]);
+    /// ```
+    pub fn pages(files: &[PathBuf], pages: impl Fn(&Path) -> Vec<usize>) -> Vec<Self> {
+        let of = |path: &PathBuf| {
+            let pages = pages(path);
+            let is_page = pages.len() > 1;
+            pages.into_iter().map(move |page| Self { path: path.clone(), page, is_page }).collect::<Vec<_>>()
+        };
+        files.iter().flat_map(of).collect()
+    }
+}
+
+impl fmt::Display for Frame {
+    /// The file, with the page in brackets when the other pages are frames too.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if self.is_page { write!(f, "[{}]", self.page) } else { Ok(()) }
+    }
 }
 
 fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {

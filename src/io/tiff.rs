@@ -15,6 +15,7 @@ use std::io::{Cursor, ErrorKind};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::{TiffError, TiffUnsupportedError};
 
+const SUBFILE: u16 = 254;
 const WIDTH: u16 = 256;
 const HEIGHT: u16 = 257;
 const BITS: u16 = 258;
@@ -34,22 +35,54 @@ pub(super) fn is_tiff(bytes: &[u8]) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| bytes.starts_with(*magic))
 }
 
-/// Decodes page `page` of the file `bytes`, and says how many pages there are. `bytes` are edited.
-pub(super) fn decode(bytes: &mut [u8], page: usize) -> Result<(Raw, usize), Problem> {
-    let file = Layout::of(bytes)?;
-    let (pages, complete) = file.pages(bytes)?;
-    let Some(&offset) = pages.get(page) else {
-        return Err(Problem::NoSuchPage { pages: pages.len() });
-    };
-    let directory = Directory::read(file, bytes, offset)?;
-    let mut raw = directory.decode(bytes)?;
-    if pages.len() > 1 {
-        raw.notes.push(format!("{} pages: page {page} is read; --page chooses another", pages.len()));
+/// Where the pages of a file are.
+#[derive(Debug, Clone)]
+pub(super) struct PageList {
+    file: Layout,
+    offsets: Vec<usize>,
+    /// Whether the list ends properly.
+    complete: bool,
+}
+
+impl PageList {
+    /// The pages of the file `bytes`.
+    pub(super) fn of(bytes: &[u8]) -> Result<Self, Problem> {
+        let file = Layout::of(bytes)?;
+        let (offsets, complete) = file.pages(bytes)?;
+        Ok(Self { file, offsets, complete })
     }
-    if !complete {
-        raw.notes.push(format!("the list of pages breaks off after page {}", pages.len() - 1));
+
+    /// Number of pages.
+    pub(super) fn len(&self) -> usize {
+        self.offsets.len()
     }
-    Ok((raw, pages.len()))
+
+    /// The pages that are images of their own: no thumbnails and no masks of another page.
+    pub(super) fn images(&self, bytes: &[u8]) -> Vec<usize> {
+        let whole = |&page: &usize| {
+            let directory = Directory::read(self.file, bytes, self.offsets[page]);
+            directory.map_or(0, |directory| directory.value(bytes, SUBFILE).unwrap_or(0)) & 0b101 == 0
+        };
+        (0..self.len()).filter(whole).collect()
+    }
+
+    /// Decodes page `page` of the file `bytes`, which are edited and put right again.
+    pub(super) fn decode(&self, bytes: &mut [u8], page: usize) -> Result<Raw, Problem> {
+        let pages = self.len();
+        let Some(&offset) = self.offsets.get(page) else {
+            return Err(Problem::NoSuchPage { pages });
+        };
+        let directory = Directory::read(self.file, bytes, offset)?;
+        let entries = offset..directory.next.min(bytes.len());
+        let kept = bytes[entries.clone()].to_vec();
+        let decoded = directory.decode(bytes);
+        bytes[entries].copy_from_slice(&kept);
+        let mut raw = decoded?;
+        if !self.complete {
+            raw.notes.push(format!("the list of pages breaks off after page {}", pages - 1));
+        }
+        Ok(raw)
+    }
 }
 
 /// Byte order and offset size of a file.
@@ -235,8 +268,8 @@ impl Directory {
         if photometric == 3 {
             let index = channels.first(pixels);
             let map = self.colour_map(bytes)?;
-            let pixels = apply_map(index, &map, bits, &mut notes)?;
-            return Ok(Raw { width, height, channels: Channels::GREY, pixels, notes });
+            let (pixels, white) = apply_map(index, &map, bits, &mut notes)?;
+            return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes });
         }
         if photometric == 6 {
             notes.push("Y Cb Cr colours: the grey levels are Y".into());
@@ -247,7 +280,8 @@ impl Directory {
         } else if stored.packed() {
             notes.push(format!("{bits} bit grey levels, kept as 16 bit numbers"));
         }
-        Ok(Raw { width, height, channels, pixels, notes })
+        let white = if bits > 8 && stored.packed() { ((1_u32 << bits) - 1) as f32 } else { pixels.white() };
+        Ok(Raw { width, height, channels, pixels, white, notes })
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.
@@ -530,8 +564,8 @@ fn stretch(pixels: &mut Pixels, bits: usize) {
     }
 }
 
-/// The grey levels that the palette `map` (reds, greens, blues) gives to the indices.
-fn apply_map(index: Pixels, map: &[u16], bits: usize, notes: &mut Vec<String>) -> Result<Pixels, Problem> {
+/// The grey levels that the palette `map` (reds, greens, blues) gives to the indices, and the largest possible.
+fn apply_map(index: Pixels, map: &[u16], bits: usize, notes: &mut Vec<String>) -> Result<(Pixels, f32), Problem> {
     let n = map.len() / 3;
     let index: Cow<[u16]> = match &index {
         Pixels::U8(index) => index.iter().map(|&i| u16::from(i)).collect(),
@@ -554,18 +588,19 @@ fn apply_map(index: Pixels, map: &[u16], bits: usize, notes: &mut Vec<String>) -
             } else {
                 "the grey levels are those of a grey palette".into()
             });
-            Ok(Pixels::U8(index.iter().map(|&i| (red[usize::from(i)] / step) as u8).collect()))
+            Ok((Pixels::U8(index.iter().map(|&i| (red[usize::from(i)] / step) as u8).collect()), 255.0))
         }
         None if grey => {
             notes.push("the grey levels are the 16 bit ones of a grey palette".into());
-            Ok(Pixels::U16(index.iter().map(|&i| red[usize::from(i)]).collect()))
+            Ok((Pixels::U16(index.iter().map(|&i| red[usize::from(i)]).collect()), 65535.0))
         }
         _ => {
             let scale = step.map_or(1.0, f32::from);
             let of = |k: usize| super::images::luminance(red[k].into(), green[k].into(), blue[k].into()) / scale;
             let levels: Vec<f32> = (0..n).map(of).collect();
             notes.push("the grey levels are the luminance of palette colours, as 32-bit floats".into());
-            Ok(Pixels::F32(index.iter().map(|&i| levels[usize::from(i)]).collect()))
+            let white = if step.is_some() { 255.0 } else { 65535.0 };
+            Ok((Pixels::F32(index.iter().map(|&i| levels[usize::from(i)]).collect()), white))
         }
     }
 }

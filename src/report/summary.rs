@@ -3,6 +3,7 @@
 use crate::backend::Backend;
 use crate::correlate::{Correlation, Correlator, StartUsed};
 use crate::field::{RigidMotion, Status};
+use crate::imaging::Saturation;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -45,16 +46,43 @@ pub struct Summary {
 /// The reference image.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReferenceSummary {
-    /// Its file.
+    /// Its file, or the first of several.
     pub file: String,
+    /// The files whose mean it is, when there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mean_of: Vec<String>,
     /// Columns.
     pub width_px: usize,
     /// Rows.
     pub height_px: usize,
     /// Depth of its grey levels.
     pub depth: &'static str,
+    /// Bits of a pixel that are used; none for floats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bits_used: Option<u32>,
+    /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturated_percent: Option<f64>,
     /// Largest less smallest grey level: 100 % of the residual.
     pub range_grey: f64,
+}
+
+/// Share of saturated pixels above which it is said, per cent.
+const SATURATED_PERCENT: f64 = 1.0;
+
+/// What to say about saturated pixels; `None` when they are few.
+pub fn saturation_message(found: Saturation) -> Option<String> {
+    (found.percent() > SATURATED_PERCENT).then(|| {
+        let share = |n: usize| 100.0 * n as f64 / found.n as f64;
+        format!(
+            "{:.1} % of the pixels in the zones are saturated ({:.1} % at 0, {:.1} % at {}): they show no texture; change \
+             the exposure, or leave such places out of the zones",
+            found.percent(),
+            share(found.black),
+            share(found.white),
+            found.depth.highest()
+        )
+    })
 }
 
 /// A node without texture.
@@ -102,6 +130,9 @@ pub struct FrameSummary {
     pub nodes_left_image: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
+    /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturated_percent: Option<f64>,
     /// Where the iteration started.
     pub start: Option<StartUsed>,
     /// From decoded pixels to the final field with its uncertainty, seconds.
@@ -168,6 +199,7 @@ impl FrameSummary {
             nodes_measured: 0,
             nodes_left_image: 0,
             elements_poor: 0,
+            saturated_percent: None,
             start: None,
             seconds: 0.0,
             seconds_decode,
@@ -209,10 +241,20 @@ impl FrameSummary {
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
             elements_poor: result.poor_elements,
+            saturated_percent: None,
             start: Some(result.start),
             seconds,
             seconds_decode,
         }
+    }
+}
+
+impl FrameSummary {
+    /// The same with the saturation of the deformed image, which is said when it is much.
+    pub fn with_saturation(mut self, found: Option<Saturation>) -> Self {
+        self.saturated_percent = found.map(Saturation::percent);
+        self.messages.extend(found.and_then(saturation_message));
+        self
     }
 }
 
@@ -230,7 +272,7 @@ pub fn units() -> BTreeMap<&'static str, &'static str> {
     BTreeMap::from([
         ("_px", "pixels of the reference image; x right, y down, origin at the centre of the top-left pixel"),
         ("_grey", "grey levels in the scale of the images"),
-        ("_percent", "per cent of the reference's range of grey levels"),
+        ("_percent", "per cent; of residuals: of the reference's range of grey levels"),
         ("_deg", "degrees, positive from x to y (clockwise on the screen)"),
         ("seconds", "seconds of wall-clock time"),
     ])

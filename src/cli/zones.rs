@@ -1,0 +1,136 @@
+//! The zones of a plan on the reference image: masks and mesh files are read here.
+
+use super::{Result, absolute};
+use crate::io::case::{CaseGuard, CaseZone};
+use crate::io::mask::read_mask;
+use crate::io::mesh_file::read_mesh;
+use crate::mesh::{Guard, Mask, Roi, Zone};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Zones with what is worth knowing about the files that they come from.
+#[derive(Debug, Default)]
+pub(super) struct Zones {
+    pub zones: Vec<Zone>,
+    /// What a user should know about masks and mesh files, each with its file.
+    pub notes: Vec<String>,
+    /// Masks and mesh files with their SHA-256.
+    pub files: Vec<(PathBuf, String)>,
+}
+
+impl Zones {
+    /// The zones `wanted` on an image of `width` x `height` px; when none is, the whole image, with `guard` px.
+    pub fn on(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Result<Self> {
+        let mut found = Self::default();
+        if wanted.is_empty() {
+            let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
+            let guard = guard.map_or(Guard::default(), Guard::All);
+            found.zones.push(Zone { guard, ..Zone::rectangle("image", roi) });
+            return Ok(found);
+        }
+        let mut masks: HashMap<PathBuf, Arc<Mask>> = HashMap::new();
+        for (at, zone) in wanted.iter().enumerate() {
+            let name = name_of(at, zone);
+            let mut region = Zone {
+                name: name.clone(),
+                roi: zone.rectangle(),
+                polygon: zone.polygon.clone().unwrap_or_default(),
+                exclude: zone.exclude.clone().unwrap_or_default(),
+                mask: None,
+                elements: None,
+                guard: guard_of(&name, zone)?,
+            };
+            if zone.polygon.as_ref().is_some_and(Vec::is_empty) {
+                return Err(
+                    format!("zone '{name}': a polygon of 0 corners encloses nothing; give three or more").into()
+                );
+            }
+            if let Some(file) = &zone.mask {
+                let path = PathBuf::from(file);
+                let mask = match masks.get(&path) {
+                    Some(mask) => Arc::clone(mask),
+                    None => found.mask(&path, width, height)?,
+                };
+                masks.insert(path, Arc::clone(&mask));
+                region.mask = Some(mask);
+            }
+            match &zone.mesh {
+                Some(file) => found.mesh(Path::new(file), zone, &region)?,
+                None if zone.group.is_some() => {
+                    return Err(format!("zone '{name}' has a group but no mesh; name the mesh file").into());
+                }
+                None if region.roi.is_none() && region.is_rectangle() => {
+                    return Err(format!("zone '{name}' has no roi = [x0, y0, x1, y1], no polygon, mask or mesh").into());
+                }
+                None => found.zones.push(region),
+            }
+        }
+        Ok(found)
+    }
+
+    fn mask(&mut self, path: &Path, width: usize, height: usize) -> Result<Arc<Mask>> {
+        let loaded = read_mask(path, width, height)?;
+        let file = path.display();
+        self.notes.push(format!("{file}: {:.1} % of the image is white", 100.0 * loaded.share));
+        self.notes.extend(loaded.notes.iter().map(|note| format!("{file}: {note}")));
+        self.files.push((path.to_owned(), loaded.sha256));
+        Ok(Arc::new(loaded.mask))
+    }
+
+    /// A zone for each group of a mesh file, or for the one asked for.
+    fn mesh(&mut self, path: &Path, wanted: &CaseZone, region: &Zone) -> Result<()> {
+        let mut file = read_mesh(path)?;
+        self.notes.extend(file.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        self.files.push((path.to_owned(), std::mem::take(&mut file.sha256)));
+        let groups = match &wanted.group {
+            Some(group) => vec![file.group(group, path)?],
+            None => file.zones,
+        };
+        let alone = groups.len() == 1;
+        for mut elements in groups {
+            if let Some(name) = &wanted.name {
+                // One name for several zones: theirs tell them apart.
+                elements.name = if alone { name.clone() } else { format!("{name} {}", elements.name) };
+            }
+            let name = elements.name.clone();
+            self.zones.push(Zone { name, elements: Some(Arc::new(elements)), ..region.clone() });
+        }
+        Ok(())
+    }
+}
+
+/// Zones as a case file has them, with names and with file names that hold from anywhere.
+pub(super) fn resolved(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Vec<CaseZone> {
+    if wanted.is_empty() {
+        let roi = Some([0.0, 0.0, width as f64, height as f64]);
+        let guard_px = guard.map(CaseGuard::All);
+        return vec![CaseZone { name: Some("image".into()), roi, guard_px, ..CaseZone::default() }];
+    }
+    let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
+    let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
+        // The zones of a mesh file have its names, unless one is given.
+        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| name_of(at, zone))),
+        mask: file(&zone.mask),
+        mesh: file(&zone.mesh),
+        ..zone.clone()
+    };
+    wanted.iter().enumerate().map(complete).collect()
+}
+
+fn name_of(at: usize, zone: &CaseZone) -> String {
+    zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
+}
+
+fn guard_of(name: &str, zone: &CaseZone) -> Result<Guard> {
+    Ok(match &zone.guard_px {
+        None => Guard::default(),
+        Some(CaseGuard::All(guard)) => Guard::All(*guard),
+        Some(CaseGuard::Sides(sides)) => Guard::Sides(sides.clone()),
+        Some(CaseGuard::Rectangle { .. }) if zone.roi.is_none() || zone.polygon.is_some() => {
+            let what = "guard_px = { left, top, right, bottom } is for the sides of a roi";
+            return Err(format!("zone '{name}': {what}; give one number, or a list with one for each side").into());
+        }
+        Some(CaseGuard::Rectangle { left, top, right, bottom }) => Guard::Sides(vec![*left, *top, *right, *bottom]),
+    })
+}
