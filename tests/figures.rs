@@ -745,7 +745,8 @@ fn data(name: &str) -> Option<PathBuf> {
 #[test]
 fn figures_of_real_tests_are_small_and_complete() {
     // A tall palette image with a hole, a very wide one, a square one, two zones along a crack.
-    let cases: [(&str, &str, &str, usize, &[[f64; 4]], [f64; 4]); 4] = [
+    type Case<'a> = (&'a str, &'a str, &'a str, usize, &'a [[f64; 4]], [f64; 4]);
+    let cases: [Case; 4] = [
         (
             "dicchallenge-s12-openhole",
             "oht_cfrp_00.tiff",
