@@ -12,7 +12,7 @@ use crate::field::Status;
 use crate::io::case::write_case;
 use crate::io::images::{Loaded, ReadError, read_image};
 use crate::mesh::MeshError;
-use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, units};
+use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, units};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -78,6 +78,12 @@ pub(super) fn run_series(
     if !correlator.dropped().is_empty() {
         progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
+    if !correlator.held().is_empty() {
+        progress.say(&format!(
+            "{} with too little texture held by the regularisation",
+            plural(correlator.held().len(), "node")
+        ));
+    }
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -97,16 +103,8 @@ pub(super) fn run_series(
         tolerance_px: plan.options.tolerance_px,
         seconds_reference,
         seconds_total: 0.0,
-        nodes_left_out: correlator
-            .dropped()
-            .iter()
-            .map(|fault| NodeLeftOut {
-                node: fault.node,
-                x_px: fault.at[0],
-                y_px: fault.at[1],
-                reason: fault.lack.name().into(),
-            })
-            .collect(),
+        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
+        nodes_held: correlator.held().iter().map(Into::into).collect(),
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };
@@ -267,6 +265,10 @@ fn header(plan: &Plan, frame: &FrameSummary) -> Vec<String> {
             options.tolerance_px,
             plan.isa
         ),
+        match options.regularisation.cutoff_px() {
+            Some(cutoff_px) => format!("regularisation {}, cut-off {cutoff_px} px", options.regularisation.kind()),
+            None => "no regularisation".to_owned(),
+        },
         match options.noise {
             Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
             None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),

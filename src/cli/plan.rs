@@ -2,7 +2,8 @@
 
 use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute};
-use crate::correlate::Options;
+use crate::correlate::{Options, Regularisation};
+use crate::field::RegularisationKind;
 use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseZone, read_case};
 use crate::io::series::expand_series;
 use crate::isa::Isa;
@@ -47,6 +48,7 @@ impl Plan {
             start: args.start.or(given.start).unwrap_or(default.start),
             noise: args.noise.or(given.noise),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            regularisation: regularisation(args, given)?,
             solver: default.solver,
         };
         let pixel_size = match args.pixel_size.or(case.images.pixel_size_mm) {
@@ -111,7 +113,8 @@ impl Plan {
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
     pub fn resolved(&self, zones: &[Zone]) -> CaseFile {
-        let Options { element_size, interpolation, tolerance_px, max_iterations, brightness, .. } = self.options;
+        let Options { element_size, interpolation, tolerance_px, max_iterations, brightness, regularisation, .. } =
+            self.options;
         CaseFile {
             images: CaseImages {
                 reference: Some(absolute(&self.reference)),
@@ -127,6 +130,12 @@ impl Plan {
                 brightness: Some(brightness),
                 start: Some(self.options.start),
                 noise: self.options.noise,
+                regularisation: Some(regularisation.kind()),
+                cutoff_px: regularisation.cutoff_px(),
+                poisson: match regularisation {
+                    Regularisation::EquilibriumGap { poisson, .. } => Some(poisson),
+                    _ => None,
+                },
                 drop_textureless: Some(self.options.drop_textureless),
             },
             zones: zones
@@ -136,6 +145,40 @@ impl Plan {
             ..CaseFile::default()
         }
     }
+}
+
+/// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
+/// file says for another kind.
+fn regularisation(args: &CorrelateArgs, case: &CaseCorrelation) -> Result<Regularisation> {
+    let kind = args.regularisation.or(case.regularisation).unwrap_or_default();
+    let same = args.regularisation.is_none_or(|flag| Some(flag) == case.regularisation);
+    let of_none = args.regularisation == Some(RegularisationKind::None);
+    let cutoff_px = args.cutoff.or(case.cutoff_px.filter(|_| !of_none));
+    let poisson = case.poisson.filter(|_| same);
+    if kind != RegularisationKind::EquilibriumGap && poisson.is_some() {
+        return Err("poisson is a matter of regularisation = \"equilibrium-gap\"; leave it out or choose that".into());
+    }
+    let cutoff_px = match (kind, cutoff_px) {
+        (RegularisationKind::None, None) => return Ok(Regularisation::None),
+        (RegularisationKind::None, Some(_)) => {
+            return Err("a cut-off length is given but no regularisation; choose --regularisation tikhonov or \
+                        equilibrium-gap, or leave it out"
+                .into());
+        }
+        (_, None) => {
+            return Err(format!(
+                "the regularisation {kind} has no cut-off length; give --cutoff PX, four elements or more"
+            )
+            .into());
+        }
+        (_, Some(cutoff_px)) => cutoff_px,
+    };
+    Ok(match kind {
+        RegularisationKind::EquilibriumGap => {
+            Regularisation::EquilibriumGap { cutoff_px, poisson: poisson.unwrap_or(Regularisation::POISSON) }
+        }
+        _ => Regularisation::Tikhonov { cutoff_px },
+    })
 }
 
 /// The reference and the deformed images.

@@ -7,10 +7,11 @@ use super::level::{Level, coarse_mesh};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
-use super::uncertainty::{NoiseGain, inverse_variances};
+use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
+use crate::linalg::Spread;
 use crate::mesh::{Mesh, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -99,9 +100,10 @@ pub struct Correlator<B: Backend> {
     size: [usize; 2],
     levels: Vec<Level<B>>,
     search_map: GreyMap,
-    inverse_variance: Vec<[f64; 2]>,
+    spread: Spread,
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
+    held: Vec<TextureFault>,
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
@@ -126,12 +128,12 @@ impl<B: Backend> Correlator<B> {
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
         let mut frame = backend.frame(reference, &kernel)?;
-        let Finest { level, inverse_variance, dropped } =
+        let Finest { level, spread, dropped, held } =
             finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
         let mut levels = vec![level];
         for level in 1..=search_level(&mesh) {
             let coarse = Arc::new(coarse_mesh(&levels[level - 1].mesh, options.element_size));
-            levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel)?);
+            levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel, options.regularisation)?);
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
         Ok(Self {
@@ -144,8 +146,9 @@ impl<B: Backend> Correlator<B> {
             size,
             levels,
             search_map,
-            inverse_variance,
+            spread,
             dropped,
+            held,
         })
     }
 
@@ -169,6 +172,12 @@ impl<B: Backend> Correlator<B> {
         &self.dropped
     }
 
+    /// Nodes without texture of their own that the regularisation holds: their displacement follows that of
+    /// the nodes around them.
+    pub fn held(&self) -> &[TextureFault] {
+        &self.held
+    }
+
     /// Range of grey levels of the reference: 100 % for residuals.
     pub fn grey_range(&self) -> f64 {
         self.grey_range
@@ -189,9 +198,10 @@ impl<B: Backend> Correlator<B> {
         self.levels[0].solver.name()
     }
 
-    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px.
+    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px; with
+    /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`.
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
-        self.inverse_variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
+        self.spread.variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
     }
 
     /// Correlates one deformed image. `start` is a displacement of all nodes to begin with (and the grey
@@ -352,8 +362,9 @@ impl<B: Backend> Correlator<B> {
             measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
         }
         let status = self.judge(&outcome, &elements, &matches);
-        let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.backend.host_isa(), mesh, own));
-        let variance = own_variance.as_ref().unwrap_or(&self.inverse_variance);
+        let own_spread =
+            outcome.own.as_ref().map(|own| spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref()));
+        let Spread { variance, freedom } = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
         for (zone, name) in mesh.zones().iter().enumerate() {
@@ -365,8 +376,8 @@ impl<B: Backend> Correlator<B> {
                 Brightness::Element => mesh.zone_elements(zone).len(),
                 Brightness::Off => 0,
             };
-            let n_measured = nodes.clone().filter(|&node| measured[node]).count();
-            let unknowns = 2.0 * (n_measured + n_transfers) as f64;
+            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| freedom[node]).sum();
+            let unknowns = taken + 2.0 * n_transfers as f64;
             let noise = self.options.noise.unwrap_or_else(|| {
                 let gain = &self.noise_gain;
                 let noise = gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns);

@@ -1,15 +1,22 @@
-//! Standard uncertainty of the nodal displacements (THEORY 2): `Cov(a) = 2 sigma^2 M^-1`.
+//! Standard uncertainty of the nodal displacements (THEORY 2): `Cov(a) = 2 sigma^2 M^-1`, with regularisation
+//! `2 sigma^2 A^-1 M A^-1`, `A = M + w R`.
 
+use super::regularisation::Regulariser;
 use crate::backend::{GreyTransfer, PixelSums};
 use crate::imaging::Interpolation;
 use crate::isa::Isa;
-use crate::linalg::{Solver, inverse_diagonal};
+use crate::linalg::{Solver, Spread, inverse_diagonal, spread};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
-/// Diagonal of `M^-1` per node.
-pub(super) fn inverse_variances(isa: Isa, mesh: &Mesh<Px>, solver: &Solver) -> Vec<[f64; 2]> {
-    inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh))
+/// Diagonal of `M^-1`, or with regularisation of `A^-1 M A^-1`, per node, and the degrees of freedom that each
+/// takes.
+pub(super) fn spread_of(isa: Isa, mesh: &Mesh<Px>, solver: &Solver, regulariser: Option<&Regulariser>) -> Spread {
+    if let (Some(factor), Some(regulariser), Some(_)) = (solver.cholesky(), regulariser, solver.penalty()) {
+        return spread(factor, solver.data(), &regulariser.colours(solver.data().pattern()));
+    }
+    let variance = inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh));
+    Spread { variance, freedom: vec![2.0; mesh.n_nodes()] }
 }
 
 /// Colours such that nodes of one colour are five steps along mesh lines apart: thirteen by the perfect

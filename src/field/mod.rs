@@ -6,5 +6,5 @@ mod options;
 mod rigid;
 
 pub use measurement::{Measurement, Status};
-pub use options::{Brightness, StartFrom, UnknownChoice};
+pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice};
 pub use rigid::RigidMotion;

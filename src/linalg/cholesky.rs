@@ -81,10 +81,20 @@ impl Cholesky {
 
     /// Solves for one right-hand side, in place.
     pub fn solve(&self, rhs: &mut [[f64; 2]]) {
-        let n = 2 * rhs.len();
+        self.solve_all(rhs);
+    }
+
+    /// Solves for several right-hand sides, which stand in `rhs` one after the other, in place: several times
+    /// faster than one by one, since the factor is read once.
+    ///
+    /// # Panics
+    /// When the length of `rhs` is no multiple of the number of nodes.
+    pub fn solve_all(&self, rhs: &mut [[f64; 2]]) {
+        let n = self.symbolic.nrows();
+        let n_rhs = 2 * rhs.len() / n.max(1);
         let factor = LltRef::new(&self.symbolic, &self.values);
-        let mut memory = MemBuffer::new(factor.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let rhs = MatMut::from_column_major_slice_mut(rhs.as_flattened_mut(), n, 1);
+        let mut memory = MemBuffer::new(factor.solve_in_place_scratch::<f64>(n_rhs, Par::Seq));
+        let rhs = MatMut::from_column_major_slice_mut(rhs.as_flattened_mut(), n, n_rhs);
         factor.solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut memory));
     }
 }

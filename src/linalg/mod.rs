@@ -6,10 +6,12 @@ mod conjugate_gradients;
 mod dissection;
 mod inverse_diagonal;
 mod solver;
+mod spread;
 
 pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
-pub use dissection::nested_dissection;
+pub use dissection::{geometric_dissection, nested_dissection};
 pub use inverse_diagonal::inverse_diagonal;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
+pub use spread::{Spread, colours_apart, spread};
