@@ -55,6 +55,9 @@ fn full() -> CaseFile {
             brightness: Some(Brightness::Element),
             start: Some(StartFrom::Cold),
             noise: Some(2.0),
+            regularisation: Some(RegularisationKind::EquilibriumGap),
+            cutoff_px: Some(64.5),
+            poisson: Some(0.3),
             drop_textureless: Some(true),
         },
         zones: vec![

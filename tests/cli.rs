@@ -149,6 +149,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         brightness = "element"
         start = "cold"
         noise = 1.5
+        regularisation = "none"
         drop_textureless = true
     };
     assert_eq!(case["correlation"].as_table(), Some(&options));

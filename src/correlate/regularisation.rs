@@ -79,6 +79,39 @@ impl Regularisation {
         }
     }
 
+    /// The penalty `w R` on the nodes of `mesh`, for a reference whose gradient has the mean square
+    /// `gradient` (one component; (grey levels per px)^2, one value per zone): the minimised sum of squares
+    /// becomes `Phi^2 + a . w R a`. None without regularisation.
+    ///
+    /// # Panics
+    /// When there are fewer values than zones.
+    pub fn penalty(self, mesh: &Mesh<Px>, gradient: &[f64]) -> Option<BlockMatrix> {
+        let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+        self.penalty_on(mesh, &pattern, &vec![true; mesh.n_elements()], gradient)
+    }
+
+    /// The penalty on the active elements alone; `pattern` is that of the mesh.
+    fn penalty_on(
+        self,
+        mesh: &Mesh<Px>,
+        pattern: &Arc<Pattern>,
+        active: &[bool],
+        gradient: &[f64],
+    ) -> Option<BlockMatrix> {
+        // Both terms are equal at the cut-off length, where the wave number is 2 pi / L.
+        let weight = |power: i32, cutoff_px: f64| -> Vec<f64> {
+            gradient.iter().map(|g2| g2 * (cutoff_px / TAU).powi(power)).collect()
+        };
+        match self {
+            Self::None => None,
+            Self::Tikhonov { cutoff_px } => Some(laplacian(mesh, pattern, active, &weight(2, cutoff_px))),
+            Self::EquilibriumGap { cutoff_px, poisson } => {
+                let depth = cutoff_px / (4.0 * PI);
+                Some(equilibrium_gap(mesh, pattern, active, &weight(4, cutoff_px), poisson, depth))
+            }
+        }
+    }
+
     /// Whether its numbers make sense for elements of `element_size` px.
     pub(super) fn check(self, element_size: usize) -> Result<(), CorrelationError> {
         let fault = |name, value: f64, wanted| Err(CorrelationError::Option { name, value: value.to_string(), wanted });
@@ -155,19 +188,11 @@ impl Regulariser {
         active: &[bool],
         texture: &Texture<'_>,
     ) -> Option<Self> {
-        let wave = regularisation.cutoff_px()? / TAU;
+        if regularisation == Regularisation::None {
+            return None;
+        }
         let gradient = mean_square_gradient(mesh, texture);
-        let penalty = match regularisation {
-            Regularisation::None => return None,
-            Regularisation::Tikhonov { .. } => {
-                let weight: Vec<f64> = gradient.iter().map(|g2| g2 * wave.powi(2)).collect();
-                laplacian(mesh, pattern, active, &weight)
-            }
-            Regularisation::EquilibriumGap { cutoff_px, poisson } => {
-                let weight: Vec<f64> = gradient.iter().map(|g2| g2 * wave.powi(4)).collect();
-                equilibrium_gap(mesh, pattern, active, &weight, poisson, cutoff_px / (4.0 * PI))
-            }
-        };
+        let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
         let order = geometric_dissection(penalty.pattern(), mesh.nodes());
         let steps = (regularisation.reach_px() / element_size(mesh)).ceil() as usize;
         let steps = steps.clamp(*STEPS.start(), *STEPS.end());
