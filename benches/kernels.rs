@@ -11,9 +11,8 @@ use quadrille::backend::{Backend, GreyTransfer, KernelOptions};
 use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::isa::Isa;
-use quadrille::mesh::{Mesh, Roi, Zone};
+use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
 use quadrille::synth::{Motion, RenderOptions, Texture, Translation, exact_at, render};
-use quadrille::units::Px;
 use std::sync::{Arc, LazyLock};
 
 fn main() {
@@ -34,10 +33,10 @@ fn image(motion: &impl Motion) -> Arc<Image> {
 static REFERENCE: LazyLock<Arc<Image>> = LazyLock::new(|| image(&Translation([0.0; 2])));
 static DEFORMED: LazyLock<Arc<Image>> = LazyLock::new(|| image(&SHIFT));
 
-fn mesh(element: usize) -> Arc<Mesh<Px>> {
+fn mesh(element: usize) -> PixelMesh {
     let (low, high) = (element as f64, (SIZE - element) as f64);
-    let zone = Zone { name: "image".into(), roi: Roi { x0: low, y0: low, x1: high, y1: high } };
-    Arc::new(Mesh::on_zones(&[zone], element, SIZE, SIZE).expect("a mesh"))
+    let zone = Zone::rectangle("image", Roi { x0: low, y0: low, x1: high, y1: high });
+    PixelMesh::on_zones(&[zone], element, ELEMENT_SHARE, [SIZE, SIZE]).expect("a mesh")
 }
 
 fn options(interpolation: &str) -> KernelOptions {
@@ -65,7 +64,7 @@ fn reference(bencher: Bencher) {
     let (backend, options, mesh) = (CpuBackend::default(), options("cubic"), mesh(16));
     bencher.counter(ItemsCount::new(SIZE * SIZE)).bench(|| {
         let mut frame = backend.frame(REFERENCE.clone(), &options).expect("a frame");
-        backend.reference(&mut frame, 0, mesh.clone(), &options).expect("a level").1
+        backend.reference(&mut frame, 0, &mesh, &options).expect("a level").1
     });
 }
 
@@ -84,9 +83,9 @@ fn residual_by_element_size(bencher: Bencher, element: usize) {
 fn residual_pass(bencher: Bencher, interpolation: &str, element: usize) {
     let (backend, options, mesh) = (CpuBackend::default(), options(interpolation), mesh(element));
     let mut reference = backend.frame(REFERENCE.clone(), &options).expect("a frame");
-    let (level, _) = backend.reference(&mut reference, 0, mesh.clone(), &options).expect("a level");
+    let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).expect("a level");
     let mut deformed = backend.frame(DEFORMED.clone(), &options).expect("a frame");
-    let mut field = backend.start(&level, &exact_at(&SHIFT, mesh.nodes()), &[GreyTransfer::NONE]);
+    let mut field = backend.start(&level, &exact_at(&SHIFT, mesh.mesh.nodes()), &[GreyTransfer::NONE]);
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
         .bench_local(|| backend.observe(&level, &mut deformed, &mut field).expect("a pass"));

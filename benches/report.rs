@@ -14,9 +14,8 @@ use quadrille::field::{Brightness, Status};
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::isa::Isa;
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, inverse_diagonal, nested_dissection};
-use quadrille::mesh::{Mesh, Roi, Zone};
+use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
 use quadrille::synth::{Accuracy, RenderOptions, Texture, Translation, exact_at, render};
-use quadrille::units::Px;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -89,15 +88,15 @@ fn pair(size: usize) -> [Arc<Image>; 2] {
 /// The whole image less one element on each side.
 fn zone(size: usize, element: usize) -> [Zone; 1] {
     let (low, high) = (element as f64, (size - element) as f64);
-    [Zone { name: "image".into(), roi: Roi { x0: low, y0: low, x1: high, y1: high } }]
+    [Zone::rectangle("image", Roi { x0: low, y0: low, x1: high, y1: high })]
 }
 
 fn kernel_options() -> KernelOptions {
     KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 120.0, brightness: Brightness::Zone }
 }
 
-fn mesh(size: usize, element: usize) -> Arc<Mesh<Px>> {
-    Arc::new(Mesh::on_zones(&zone(size, element), element, size, size).expect("a mesh"))
+fn mesh(size: usize, element: usize) -> PixelMesh {
+    PixelMesh::on_zones(&zone(size, element), element, ELEMENT_SHARE, [size, size]).expect("a mesh")
 }
 
 fn kernels() {
@@ -119,11 +118,11 @@ fn kernels() {
                     backend.prefilter(&mut frame, 0).expect("memory");
                     frame
                 });
-                let reference_time = time(9, || backend.reference(&mut frame(), 0, mesh.clone(), &options));
-                let (level, _) = backend.reference(&mut frame(), 0, mesh.clone(), &options).expect("a level");
+                let reference_time = time(9, || backend.reference(&mut frame(), 0, &mesh, &options));
+                let (level, _) = backend.reference(&mut frame(), 0, &mesh, &options).expect("a level");
                 let mut deformed = backend.frame(deformed.clone(), &options).expect("a frame");
                 let residual = [0.03, 1.0].map(|scale| {
-                    let exact = exact_at(&Accuracy::new(size, size), mesh.nodes());
+                    let exact = exact_at(&Accuracy::new(size, size), mesh.mesh.nodes());
                     let exact: Vec<_> = exact.iter().map(|u| u.map(|u| 0.37 + u * scale)).collect();
                     let mut field = backend.start(&level, &exact, &[GreyTransfer::NONE]);
                     backend.observe(&level, &mut deformed, &mut field).expect("a pass");
@@ -220,11 +219,11 @@ fn solvers() {
             let image = pair(size)[0].clone();
             let (backend, mesh) = (CpuBackend::default(), mesh(size, element));
             let mut frame = backend.frame(image, &kernel_options()).expect("a frame");
-            let (_, moments) = backend.reference(&mut frame, 0, mesh.clone(), &kernel_options()).expect("a level");
-            let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+            let (_, moments) = backend.reference(&mut frame, 0, &mesh, &kernel_options()).expect("a level");
+            let pattern = Arc::new(Pattern::new(mesh.mesh.n_nodes(), mesh.mesh.elements()));
             let matrices: Vec<_> = moments.iter().map(|m| m.matrix()).collect();
-            let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-            let grid = mesh.grids()[0];
+            let matrix = BlockMatrix::assemble(&pattern, mesh.mesh.elements(), &matrices);
+            let grid = mesh.mesh.whole_grid(0).expect("a rectangle");
             let direct = || {
                 let order = || nested_dissection(grid.nx + 1, grid.ny + 1);
                 Solver::new(matrix.clone(), SolverChoice::Direct, order).expect("a factor")
@@ -232,7 +231,7 @@ fn solvers() {
             let (factor, solver) = (time(5, direct), direct());
             let iterative = Solver::iterative(matrix.clone());
             let rhs: Vec<[f64; 2]> =
-                (0..mesh.n_nodes()).map(|k| [(k as f64 * 1.3).sin(), (k as f64 * 1.7).cos()]).collect();
+                (0..mesh.mesh.n_nodes()).map(|k| [(k as f64 * 1.3).sin(), (k as f64 * 1.7).cos()]).collect();
             let solve = time(5, || solver.solve(rhs.clone()));
             let cg = time(5, || iterative.solve(rhs.clone()));
             let (_, outcome) = iterative.jacobi().solve(&matrix, &rhs, 1e-2, 60);
@@ -241,7 +240,7 @@ fn solvers() {
             let variances = time(5, || inverse_diagonal(Isa::detect(), &matrix, iterative.jacobi(), &colour));
             println!(
                 "| {size}²/{element} | {} | {:.1} | {:.0} | {:.2} | {:.2} ({}) | {:.1} |",
-                mesh.n_nodes(),
+                mesh.mesh.n_nodes(),
                 factor[1] * 1e3,
                 solver.factor_bytes() as f64 / 1e6,
                 solve[1] * 1e3,
@@ -259,11 +258,11 @@ fn gate() {
     let size = 512;
     let [reference, deformed] = pair(size);
     let (options, mesh) = (kernel_options(), mesh(size, 16));
-    let exact = exact_at(&Accuracy::new(size, size), mesh.nodes());
+    let exact = exact_at(&Accuracy::new(size, size), mesh.mesh.nodes());
     let pass = |isa: Isa| {
         let backend = CpuBackend::new(isa);
         let mut frame = backend.frame(reference.clone(), &options).expect("a frame");
-        let (level, _) = backend.reference(&mut frame, 0, mesh.clone(), &options).expect("a level");
+        let (level, _) = backend.reference(&mut frame, 0, &mesh, &options).expect("a level");
         let mut deformed = backend.frame(deformed.clone(), &options).expect("a frame");
         let mut field = backend.start(&level, &exact, &[GreyTransfer::NONE]);
         time(15, || backend.observe(&level, &mut deformed, &mut field))[0]

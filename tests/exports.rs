@@ -14,8 +14,8 @@ use std::process::Command;
 /// without measurement (numbers there are not zero, which nothing may show).
 fn two_zones() -> Measurement<Px> {
     let zones = [
-        Zone { name: "upper, \"left\"".into(), roi: Roi { x0: 0.5, y0: 2.0, x1: 33.0, y1: 35.0 } },
-        Zone { name: "lower -- ü <&>".into(), roi: Roi { x0: 4.0, y0: 40.25, x1: 52.0, y1: 57.0 } },
+        Zone::rectangle("upper, \"left\"", Roi { x0: 0.5, y0: 2.0, x1: 33.0, y1: 35.0 }),
+        Zone::rectangle("lower -- ü <&>", Roi { x0: 4.0, y0: 40.25, x1: 52.0, y1: 57.0 }),
     ];
     let mesh = Mesh::on_zones(&zones, 16, 64, 64).unwrap();
     let n = mesh.n_nodes();

@@ -31,7 +31,7 @@ fn uniform(width: usize, height: usize, grey: u8) -> Image {
 }
 
 fn measurement(rois: &[Roi], size: usize, image: &Image) -> Measurement<Px> {
-    let zone = |(k, &roi): (usize, &Roi)| Zone { name: format!("zone {k}"), roi };
+    let zone = |(k, &roi): (usize, &Roi)| Zone::rectangle(format!("zone {k}"), roi);
     let zones: Vec<Zone> = rois.iter().enumerate().map(zone).collect();
     let mesh = Mesh::on_zones(&zones, size, image.width(), image.height()).unwrap();
     Measurement {

@@ -6,7 +6,7 @@ use quadrille::correlate::{Correlation, Correlator, Options, Tracker};
 use quadrille::field::Status;
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::io::images::read_image;
-use quadrille::mesh::{Roi, Zone, shape_functions};
+use quadrille::mesh::{Roi, Zone};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -31,22 +31,18 @@ fn prepared(reference: Arc<Image>, zones: &[[f64; 4]], options: Options) -> Corr
     let zones: Vec<Zone> = zones
         .iter()
         .enumerate()
-        .map(|(k, &[x0, y0, x1, y1])| Zone { name: format!("zone{k}"), roi: Roi { x0, y0, x1, y1 } })
+        .map(|(k, &[x0, y0, x1, y1])| Zone::rectangle(format!("zone{k}"), Roi { x0, y0, x1, y1 }))
         .collect();
     Correlator::new(CpuBackend::default(), reference, &zones, options).expect("a reference with texture")
 }
 
-/// The measured displacement at a point of the first zone; `None` where a node is missing.
+/// The measured displacement at a point; `None` where a node is missing.
 fn at(result: &Correlation, x: f64, y: f64) -> Option<[f64; 2]> {
     let field = &result.measurement;
-    let (element, xi, eta) = field.mesh.grids()[0].locate(x, y);
-    let inside = (0.0..=1.0).contains(&xi) && (0.0..=1.0).contains(&eta);
-    let nodes = field.mesh.elements()[element].map(|node| node as usize);
-    if !inside || !nodes.iter().all(|&node| field.measured[node]) {
-        return None;
-    }
-    let psi = shape_functions(xi, eta);
-    Some([0, 1].map(|c| nodes.iter().zip(psi).map(|(&node, psi)| psi * field.displacement[node][c]).sum()))
+    let place = field.mesh.find(x, y)?;
+    let nodes = field.mesh.elements()[place.0];
+    let measured = nodes.iter().all(|&node| field.measured[node as usize]);
+    measured.then(|| field.mesh.interpolate(&field.displacement, place))
 }
 
 fn mean(result: &Correlation) -> [f64; 2] {

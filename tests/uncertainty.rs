@@ -36,7 +36,7 @@ enum Place {
 const PLACES: [Place; 3] = [Place::Inside, Place::Edge, Place::Corner];
 
 fn place(mesh: &Mesh<Px>, node: usize) -> Option<Place> {
-    let grid = mesh.grids()[mesh.node_zone()[node] as usize];
+    let grid = mesh.whole_grid(mesh.node_zone()[node] as usize).expect("a rectangle");
     let at = node - grid.first_node;
     let from_edge = |k: usize, n: usize| k.min(n - k);
     let [i, j] = [from_edge(at % (grid.nx + 1), grid.nx), from_edge(at / (grid.nx + 1), grid.ny)];

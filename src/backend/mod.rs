@@ -9,8 +9,7 @@ use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
 use crate::linalg::Solver;
-use crate::mesh::Mesh;
-use crate::units::Px;
+use crate::mesh::PixelMesh;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -122,7 +121,7 @@ pub trait Backend: Sync {
         &self,
         frame: &mut Self::Frame,
         level: usize,
-        mesh: Arc<Mesh<Px>>,
+        mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(Self::Level, Vec<ElementMoments>), BackendError>;
 

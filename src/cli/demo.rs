@@ -145,8 +145,12 @@ fn compare(number: usize, series: &Series<Peel>, measured: &Measurement<Px>) -> 
         }
     }
     // The facing edges: last row of the upper zone, first row of the lower one, at the right end.
-    let (upper, lower) = (&mesh.grids()[0], &mesh.grids()[1]);
-    let (above, below) = (upper.node(upper.nx, upper.ny), lower.node(lower.nx, 0));
+    let above = mesh.zone_nodes(0).end - 1;
+    let first_row = mesh.boundary(1).into_iter().flatten().map(|node| node as usize);
+    let below = first_row.fold(mesh.zone_nodes(1).start, |best, node| {
+        let [[x, y], [bx, by]] = [mesh.nodes()[node], mesh.nodes()[best]];
+        if y < by || (y == by && x > bx) { node } else { best }
+    });
     // y is down: the joint opens when the lower strip moves down more than the upper one.
     let opening = |u: &[[f64; 2]]| u[below][1] - u[above][1];
     Comparison {

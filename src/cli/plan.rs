@@ -49,7 +49,7 @@ impl Plan {
             noise: args.noise.or(given.noise),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
             regularisation: regularisation(args, given)?,
-            solver: default.solver,
+            ..default
         };
         let pixel_size = match args.pixel_size.or(case.images.pixel_size_mm) {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
@@ -101,12 +101,12 @@ impl Plan {
     pub fn zones_on(&self, width: usize, height: usize) -> Result<Vec<Zone>> {
         if self.zones.is_empty() {
             let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
-            return Ok(vec![Zone { name: "image".into(), roi }]);
+            return Ok(vec![Zone::rectangle("image", roi)]);
         }
         let named = |(at, zone): (usize, &CaseZone)| {
             let name = zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1));
             let roi = zone.rectangle().ok_or(format!("zone '{name}' has no roi = [x0, y0, x1, y1]"))?;
-            Ok(Zone { name, roi })
+            Ok(Zone::rectangle(name, roi))
         };
         self.zones.iter().enumerate().map(named).collect()
     }
@@ -140,7 +140,7 @@ impl Plan {
             },
             zones: zones
                 .iter()
-                .map(|Zone { name, roi: r }| CaseZone { name: Some(name.clone()), roi: Some([r.x0, r.y0, r.x1, r.y1]) })
+                .map(|zone| CaseZone { name: Some(zone.name.clone()), roi: zone.roi.map(|r| [r.x0, r.y0, r.x1, r.y1]) })
                 .collect(),
             ..CaseFile::default()
         }

@@ -1,9 +1,10 @@
 //! A prepared reference that correlates deformed images with itself.
 
+use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
-use super::level::{Level, coarse_mesh};
+use super::level::Level;
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
@@ -12,7 +13,7 @@ use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::Spread;
-use crate::mesh::{Mesh, Zone};
+use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::Serialize;
 use std::sync::Arc;
@@ -100,10 +101,13 @@ pub struct Correlator<B: Backend> {
     size: [usize; 2],
     levels: Vec<Level<B>>,
     search_map: GreyMap,
+    /// The pixels of each zone on the coarsest level.
+    search_pixels: Vec<PixelSet>,
     spread: Spread,
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
+    bare_borders: Vec<BareBorder>,
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
@@ -118,7 +122,7 @@ impl<B: Backend> Correlator<B> {
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
         options.check()?;
         let size = [reference.width(), reference.height()];
-        let mesh = Arc::new(Mesh::on_zones(zones, options.element_size, size[0], size[1])?);
+        let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
         let kernel = KernelOptions {
             interpolation: options.interpolation,
@@ -127,13 +131,16 @@ impl<B: Backend> Correlator<B> {
         };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
+        let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
         let Finest { level, spread, dropped, held } =
-            finest_level(&backend, &mut frame, mesh.clone(), noise, &kernel, &options)?;
+            finest_level(&backend, &mut frame, &laid, noise, &kernel, &options)?;
         let mut levels = vec![level];
-        for level in 1..=search_level(&mesh) {
-            let coarse = Arc::new(coarse_mesh(&levels[level - 1].mesh, options.element_size));
-            levels.push(Level::coarse(&backend, &mut frame, level, coarse, noise, &kernel, options.regularisation)?);
+        for level in 1..=search_level(&laid.mesh) {
+            let size = size.map(|n| n >> level);
+            let Some(coarse) = laid.halved(options.element_size, size) else { break };
+            levels.push(Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel, options.regularisation)?);
+            laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
         Ok(Self {
@@ -146,9 +153,11 @@ impl<B: Backend> Correlator<B> {
             size,
             levels,
             search_map,
+            search_pixels: laid.zone_pixels,
             spread,
             dropped,
             held,
+            bare_borders,
         })
     }
 
@@ -176,6 +185,11 @@ impl<B: Backend> Correlator<B> {
     /// the nodes around them.
     pub fn held(&self) -> &[TextureFault] {
         &self.held
+    }
+
+    /// Zones that end at a place without texture and have no guard there.
+    pub fn bare_borders(&self) -> &[BareBorder] {
+        &self.bare_borders
     }
 
     /// Range of grey levels of the reference: 100 % for residuals.
@@ -276,8 +290,8 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[top];
         let deformed = self.backend.grey_map(frame, top)?;
         let n_zones = level.mesh.zones().len();
-        let candidates: Vec<Vec<Motion>> =
-            level.mesh.grids().iter().map(|grid| motions(&self.search_map, &deformed, grid)).collect();
+        let of_zone = |zone| motions(&self.search_map, &deformed, level.mesh.bounds(zone), &self.search_pixels[zone]);
+        let candidates: Vec<Vec<Motion>> = (0..n_zones).map(of_zone).collect();
         // Every zone tries its own next candidate in each round and keeps the best match.
         let mut best: Vec<(f64, Motion, GreyTransfer)> =
             vec![(f64::NEG_INFINITY, Motion::rest(), GreyTransfer::NONE); n_zones];
@@ -462,8 +476,9 @@ fn rigid(
 /// smallest zone stays wide enough.
 fn search_level(mesh: &Mesh<Px>) -> usize {
     let (mut longest, mut shortest) = (0.0f64, f64::INFINITY);
-    for grid in mesh.grids() {
-        let (width, height) = (grid.nx as f64 * grid.hx, grid.ny as f64 * grid.hy);
+    for zone in 0..mesh.zones().len() {
+        let bounds = mesh.bounds(zone);
+        let (width, height) = (bounds.x1 - bounds.x0, bounds.y1 - bounds.y0);
         longest = longest.max(width.max(height));
         shortest = shortest.min(width.min(height));
     }

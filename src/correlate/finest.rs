@@ -8,7 +8,7 @@ use super::texture::{TextureFault, faults, least_determined, undetermined};
 use super::uncertainty::spread_of;
 use crate::backend::{Backend, KernelOptions};
 use crate::linalg::{Pattern, Solver, Spread};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -28,12 +28,13 @@ pub(super) struct Finest<B: Backend> {
 pub(super) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
-    mesh: Arc<Mesh<Px>>,
+    mesh: &PixelMesh,
     noise: f64,
     kernel: &KernelOptions,
     options: &Options,
 ) -> Result<Finest<B>, CorrelationError> {
-    let (mut prepared, mut moments) = backend.reference(frame, 0, mesh.clone(), kernel)?;
+    let (mut prepared, mut moments) = backend.reference(frame, 0, mesh, kernel)?;
+    let mesh = mesh.mesh.clone();
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
     let mut keep = vec![true; mesh.n_nodes()];
     let mut active = vec![true; mesh.n_elements()];
@@ -70,7 +71,7 @@ pub(super) fn finest_level<B: Backend>(
                     let solver = Solver::iterative(matrix);
                     // Two long pieces of work that need the matrix alone.
                     let (factor, spread) = rayon::join(
-                        || solver.factor(options.solver, || elimination_order(&mesh)),
+                        || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
                         || spread_of(backend.host_isa(), &mesh, &solver, None),
                     );
                     let has_factor = factor.is_ok();

@@ -52,7 +52,7 @@ pub(super) fn iterate<B: Backend>(
     limits: Limits,
     options: &KernelOptions,
 ) -> Result<Outcome, BackendError> {
-    let size = level.mesh.grids().first().map_or(1.0, |grid| grid.hx);
+    let size = level.mesh.element_size();
     let mut outcome = Outcome {
         status: Status::IterationLimit,
         iterations: 0,

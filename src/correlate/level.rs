@@ -3,8 +3,8 @@
 use super::regularisation::{Regularisation, Regulariser, Texture};
 use crate::backend::{Backend, ElementMoments, KernelOptions};
 use crate::field::Brightness;
-use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, nested_dissection};
-use crate::mesh::{Grid, Mesh};
+use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
+use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -31,20 +31,6 @@ pub(super) fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 
-/// The mesh of the next coarser level: each zone keeps its extent, with elements at least as large in
-/// pixels as on the finest level.
-pub(super) fn coarse_mesh(mesh: &Mesh<Px>, element_size: usize) -> Mesh<Px> {
-    let grids = mesh.grids().iter().map(|grid| {
-        let (x0, y0) = (coarser(grid.x0), coarser(grid.y0));
-        let (width, height) = (0.5 * grid.nx as f64 * grid.hx, 0.5 * grid.ny as f64 * grid.hy);
-        let count = |length: f64| ((length / element_size as f64).floor() as usize).max(1);
-        let (nx, ny) = (count(width), count(height));
-        let (hx, hy) = (width / nx as f64, height / ny as f64);
-        Grid { x0, y0, hx, hy, nx, ny, first_node: 0, first_element: 0 }
-    });
-    Mesh::from_grids(mesh.zones().to_vec(), grids.collect())
-}
-
 /// The normal matrix of the given moments.
 pub(super) fn assemble(
     mesh: &Mesh<Px>,
@@ -60,11 +46,28 @@ pub(super) fn assemble(
 }
 
 /// Elimination order of all zones, one after the other.
-pub(super) fn elimination_order(mesh: &Mesh<Px>) -> Vec<usize> {
-    mesh.grids()
-        .iter()
-        .flat_map(|grid| nested_dissection(grid.nx + 1, grid.ny + 1).into_iter().map(|node| grid.first_node + node))
-        .collect()
+pub(super) fn elimination_order(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<usize> {
+    let mut order = Vec::with_capacity(mesh.n_nodes());
+    for zone in 0..mesh.zones().len() {
+        let nodes = mesh.zone_nodes(zone);
+        let Some(grid) = mesh.grid(zone) else {
+            order.extend(dissection(pattern, mesh.nodes(), nodes));
+            continue;
+        };
+        let places = nested_dissection(grid.nx + 1, grid.ny + 1);
+        if mesh.whole_grid(zone).is_some() {
+            order.extend(places.into_iter().map(|place| nodes.start + place));
+            continue;
+        }
+        // The order of the whole grid serves a part of it too.
+        let mut node_at = vec![None; grid.n_nodes()];
+        for node in nodes {
+            let [i, j] = grid.column_and_row(mesh.nodes()[node]);
+            node_at[j * (grid.nx + 1) + i] = Some(node);
+        }
+        order.extend(places.into_iter().filter_map(|place| node_at[place]));
+    }
+    order
 }
 
 /// `sum psi^2` per node over the pixels of its elements (about 4/9 l^2 inside): what a gradient of one
@@ -86,12 +89,13 @@ impl<B: Backend> Level<B> {
         backend: &B,
         frame: &mut B::Frame,
         level: usize,
-        mesh: Arc<Mesh<Px>>,
+        mesh: &PixelMesh,
         noise: f64,
         options: &KernelOptions,
         regularisation: Regularisation,
     ) -> Result<Self, crate::backend::BackendError> {
-        let (prepared, moments) = backend.reference(frame, level, mesh.clone(), options)?;
+        let (prepared, moments) = backend.reference(frame, level, mesh, options)?;
+        let mesh = mesh.mesh.clone();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
         let mut matrix = assemble(&mesh, &pattern, &moments, options);
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
@@ -129,7 +133,8 @@ impl<B: Backend> Level<B> {
 /// A factor where it exists, conjugate gradients else (a coarse level must not refuse what the fine one
 /// accepts).
 fn iterative_or_direct(matrix: BlockMatrix, mesh: &Mesh<Px>) -> Solver {
-    match Solver::new(matrix.clone(), SolverChoice::Auto, || elimination_order(mesh)) {
+    let pattern = matrix.pattern().clone();
+    match Solver::new(matrix.clone(), SolverChoice::Auto, || elimination_order(mesh, &pattern)) {
         Ok(solver) => solver,
         Err(_) => Solver::iterative(matrix),
     }
@@ -144,18 +149,9 @@ fn resample(
 ) -> Vec<[f64; 2]> {
     let mut values = Vec::with_capacity(to.n_nodes());
     for zone in 0..to.zones().len() {
-        let grid = &from.grids()[zone];
         for node in to.zone_nodes(zone) {
-            let [x, y] = to.nodes()[node];
-            let (element, xi, eta) = grid.locate(place(x), place(y));
-            let psi = crate::mesh::shape_functions(xi, eta);
-            let mut u = [0.0; 2];
-            for (&corner, psi) in from.elements()[element].iter().zip(psi) {
-                for c in 0..2 {
-                    u[c] += scale * psi * displacement[corner as usize][c];
-                }
-            }
-            values.push(u);
+            let [x, y] = to.nodes()[node].map(&place);
+            values.push(from.interpolate(displacement, from.nearest(zone, x, y)).map(|u| scale * u));
         }
     }
     values

@@ -1,5 +1,6 @@
 //! Global Q4 correlation of an image series (THEORY 2): one reference, any number of deformed images.
 
+mod border;
 mod correlator;
 mod error;
 mod finest;
@@ -12,6 +13,7 @@ mod series;
 mod texture;
 mod uncertainty;
 
+pub use border::BareBorder;
 pub use correlator::{Correlation, Correlator, StartUsed, ZoneResult};
 pub use error::CorrelationError;
 pub use options::Options;

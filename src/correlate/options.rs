@@ -11,6 +11,9 @@ use crate::linalg::SolverChoice;
 pub struct Options {
     /// Element size, px (4..=128).
     pub element_size: usize,
+    /// Elements with less than this share of their pixels inside their zone are left out, 0..=1; rectangles
+    /// hold whole elements.
+    pub element_share: f64,
     /// Interpolation of the deformed image.
     pub interpolation: Interpolation,
     /// Largest nodal correction at which a frame counts as converged, px.
@@ -35,6 +38,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             element_size: 16,
+            element_share: crate::mesh::ELEMENT_SHARE,
             interpolation: Interpolation::default(),
             tolerance_px: 1e-4,
             max_iterations: 50,

@@ -2,9 +2,7 @@
 
 use super::error::CorrelationError;
 use crate::field::RegularisationKind;
-use crate::linalg::{
-    BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, colours_apart, geometric_dissection,
-};
+use crate::linalg::{BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, dissection};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::f64::consts::{PI, TAU};
@@ -193,8 +191,8 @@ impl Regulariser {
         }
         let gradient = mean_square_gradient(mesh, texture);
         let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
-        let order = geometric_dissection(penalty.pattern(), mesh.nodes());
-        let steps = (regularisation.reach_px() / element_size(mesh)).ceil() as usize;
+        let order = dissection(penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
+        let steps = (regularisation.reach_px() / mesh.element_size()).ceil() as usize;
         let steps = steps.clamp(*STEPS.start(), *STEPS.end());
         Some(Self { penalty: Arc::new(penalty), order, steps })
     }
@@ -206,7 +204,7 @@ impl Regulariser {
 
     /// Colours of the nodes for probing the covariance.
     pub fn colours(&self, pattern: &Pattern) -> Vec<u32> {
-        colours_apart(pattern, self.steps)
+        pattern.colours(0..pattern.n_nodes(), self.steps)
     }
 }
 
@@ -226,18 +224,8 @@ fn mean_square_gradient(mesh: &Mesh<Px>, texture: &Texture<'_>) -> Vec<f64> {
         .collect()
 }
 
-/// Square root of the mean element area.
-fn element_size(mesh: &Mesh<Px>) -> f64 {
-    let area: f64 = mesh.elements().iter().map(|nodes| corners_of(mesh, nodes).area()).sum();
-    (area / mesh.n_elements().max(1) as f64).sqrt().max(f64::MIN_POSITIVE)
-}
-
 /// The places of an element's nodes; in a triangle the last two are equal.
 struct Corners([[f64; 2]; 4]);
-
-fn corners_of(mesh: &Mesh<Px>, nodes: &[u32; 4]) -> Corners {
-    Corners(nodes.map(|node| mesh.nodes()[node as usize]))
-}
 
 /// A point of the 2 x 2 Gauss rule.
 struct GaussPoint {
@@ -278,10 +266,6 @@ impl Corners {
             Some(GaussPoint { area: 0.25 * determinant.abs(), shape, gradient })
         })
     }
-
-    fn area(&self) -> f64 {
-        self.gauss_points().map(|point| point.area).sum()
-    }
 }
 
 /// An element matrix from its block of every pair of corners, at each Gauss point.
@@ -308,7 +292,7 @@ fn assemble(
 ) -> BlockMatrix {
     let elements = mesh.elements();
     let matrices: Vec<ElementMatrix> = (0..elements.len())
-        .map(|at| if active[at] { element(at, &corners_of(mesh, &elements[at])) } else { [0.0; 36] })
+        .map(|at| if active[at] { element(at, &Corners(mesh.corners(at))) } else { [0.0; 36] })
         .collect();
     BlockMatrix::assemble(pattern, elements, &matrices)
 }
@@ -360,39 +344,58 @@ fn equilibrium_gap(
         })
     });
     let mut area = vec![0.0; mesh.n_nodes()];
-    for (nodes, _) in mesh.elements().iter().zip(active).filter(|(_, active)| **active) {
-        for point in corners_of(mesh, nodes).gauss_points() {
-            for (&node, psi) in nodes.iter().zip(point.shape) {
+    for at in (0..mesh.n_elements()).filter(|&at| active[at]) {
+        for point in Corners(mesh.corners(at)).gauss_points() {
+            for (&node, psi) in mesh.elements()[at].iter().zip(point.shape) {
                 area[node as usize] += point.area * psi;
             }
         }
     }
     let along_border = border_neighbours(mesh, active);
-    let mut penalty = BlockMatrix::zero(&Arc::new(pattern.widened()));
+    let wide = Arc::new(pattern.widened());
+    let mut penalty = BlockMatrix::zero(&wide);
     for node in (0..mesh.n_nodes()).filter(|&node| area[node] > 0.0) {
         let weight = weight[mesh.node_zone()[node] as usize];
-        match along_border[node].as_slice() {
-            [] => {
-                let row = pattern.row(node);
-                penalty.add_square(pattern.neighbours(node), &stiffness.blocks()[row], weight / area[node]);
-            }
-            &[before, after] => {
-                if let Some(Flatness { nodes, coefficients, length }) =
-                    flatness(mesh, node as u32, [before, after], pattern.neighbours(node), &area)
-                {
-                    let blocks = coefficients.map(|c| [c, 0.0, 0.0, c]);
-                    let n = if coefficients[3] == 0.0 { 3 } else { 4 };
-                    penalty.add_square(&nodes[..n], &blocks[..n], weight * depth * length);
-                }
-            }
-            // Where only a corner joins two parts of a zone the border has no direction.
-            _ => {}
+        let Some(sides) = most_opposite(mesh, node, &along_border[node]) else {
+            let row = pattern.row(node);
+            penalty.add_square(pattern.neighbours(node), &stiffness.blocks()[row], weight / area[node]);
+            continue;
+        };
+        // A corner of one triangle has no other node around it: one of those further away serves.
+        let around = |other: u32| pattern.neighbours(node).contains(&other) && area[other as usize] > 0.0;
+        let beyond = |other: u32| {
+            let near_both = sides.iter().all(|&side| wide.neighbours(side as usize).contains(&other));
+            near_both && area[other as usize] > 0.0
+        };
+        let found = flatness(mesh, node as u32, sides, wide.neighbours(node), around);
+        if let Some(Flatness { nodes, coefficients, length }) =
+            found.or_else(|| flatness(mesh, node as u32, sides, wide.neighbours(node), beyond))
+        {
+            let blocks = coefficients.map(|c| [c, 0.0, 0.0, c]);
+            let n = if coefficients[3] == 0.0 { 3 } else { 4 };
+            penalty.add_square(&nodes[..n], &blocks[..n], weight * depth * length);
         }
     }
     penalty
 }
 
-/// The neighbours of each node along the border of the active elements: none inside, two on a border.
+/// Of the neighbours of a node along the border the two that lie the most opposite to each other; there are more than
+/// two where only a node joins two parts of a zone. None for an inner node.
+fn most_opposite(mesh: &Mesh<Px>, node: usize, neighbours: &[u32]) -> Option<[u32; 2]> {
+    let towards = |other: u32| {
+        let (a, b) = (mesh.nodes()[other as usize], mesh.nodes()[node]);
+        let d = [a[0] - b[0], a[1] - b[1]];
+        d.map(|v| v / d[0].hypot(d[1]))
+    };
+    let pairs = neighbours.iter().enumerate().flat_map(|(at, &a)| neighbours[..at].iter().map(move |&b| [b, a]));
+    let cosine = |[a, b]: [u32; 2]| {
+        let (a, b) = (towards(a), towards(b));
+        a[0] * b[0] + a[1] * b[1]
+    };
+    pairs.min_by(|&a, &b| cosine(a).total_cmp(&cosine(b)))
+}
+
+/// The neighbours of each node along the border of the active elements: none inside, two or more on a border.
 fn border_neighbours(mesh: &Mesh<Px>, active: &[bool]) -> Vec<Vec<u32>> {
     let mut edges: Vec<[u32; 2]> = Vec::with_capacity(4 * mesh.n_elements());
     for (nodes, _) in mesh.elements().iter().zip(active).filter(|(_, active)| **active) {
@@ -428,9 +431,15 @@ struct Flatness {
 const STRAIGHT: f64 = 1e-6;
 
 /// Compares a border node with the plane through `sides`, its neighbours along the border, and where these are not
-/// in line with it the node of `around` that puts it nearest to their middle. On a straight border with distances
+/// in line with it that one of `others` that `may` serve and puts it nearest to their middle. On a straight border with distances
 /// p and q this is `u'' = 2 (q u_before + p u_after - (p + q) u) / (p q (p + q))`.
-fn flatness(mesh: &Mesh<Px>, node: u32, sides: [u32; 2], around: &[u32], area: &[f64]) -> Option<Flatness> {
+fn flatness(
+    mesh: &Mesh<Px>,
+    node: u32,
+    sides: [u32; 2],
+    others: &[u32],
+    may: impl Fn(u32) -> bool,
+) -> Option<Flatness> {
     let place = |other: u32| {
         let (a, b) = (mesh.nodes()[other as usize], mesh.nodes()[node as usize]);
         [a[0] - b[0], a[1] - b[1]]
@@ -451,7 +460,7 @@ fn flatness(mesh: &Mesh<Px>, node: u32, sides: [u32; 2], around: &[u32], area: &
     }
     // The node's barycentric coordinates in the triangle of its sides and each candidate.
     let mut best: Option<(f64, u32, [f64; 3])> = None;
-    for &third in around.iter().filter(|&&k| k != node && !sides.contains(&k) && area[k as usize] > 0.0) {
+    for &third in others.iter().filter(|&&k| k != node && !sides.contains(&k) && may(k)) {
         let other = place(third);
         let parts = [cross(after, other), cross(other, before), cross(before, after)];
         let sum: f64 = parts.iter().sum();

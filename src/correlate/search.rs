@@ -2,7 +2,7 @@
 //! affine motion that most tiles of a zone agree on, and what groups of tiles find beyond it.
 
 use crate::backend::GreyMap;
-use crate::mesh::Grid;
+use crate::mesh::{PixelSet, Roi};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
@@ -94,8 +94,8 @@ struct Match {
 }
 
 /// The motions worth trying for one zone, the most probable first; the last is rest.
-pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> Vec<Motion> {
-    let matches = match_tiles(reference, deformed, zone);
+pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, bounds: Roi, pixels: &PixelSet) -> Vec<Motion> {
+    let matches = match_tiles(reference, deformed, bounds, pixels);
     let agreed = agreed_motion(&matches);
     let mut motions: Vec<Motion> = agreed.map(Motion::of).into_iter().collect();
     // A specimen that bends or breaks moves differently in different places.
@@ -108,12 +108,11 @@ pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> V
     motions
 }
 
-fn match_tiles(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> Vec<Match> {
+fn match_tiles(reference: &GreyMap, deformed: &GreyMap, zone: Roi, pixels: &PixelSet) -> Vec<Match> {
     let first = |x: f64| x.ceil().max(0.0) as usize;
     let (x0, y0) = (first(zone.x0), first(zone.y0));
     let end = |x: f64, n: usize| (x.ceil().max(0.0) as usize).min(n);
-    let x1 = end(zone.x0 + zone.nx as f64 * zone.hx, reference.width);
-    let y1 = end(zone.y0 + zone.ny as f64 * zone.hy, reference.height);
+    let (x1, y1) = (end(zone.x1, reference.width), end(zone.y1, reference.height));
     let starts = |a: usize, b: usize| -> Vec<(usize, usize)> {
         let length = b.saturating_sub(a);
         let count = (length / TILE).max(1);
@@ -125,6 +124,8 @@ fn match_tiles(reference: &GreyMap, deformed: &GreyMap, zone: &Grid) -> Vec<Matc
         .into_iter()
         .flat_map(|(y, ny)| starts(x0, x1).into_iter().map(move |(x, nx)| ([x, y], [nx, ny])))
         .filter(|(_, size)| size[0] >= 8 && size[1] >= 8)
+        // What a tile holds of other things moves otherwise.
+        .filter(|([x, y], [nx, ny])| 2 * pixels.count([*x, *y, x + nx, y + ny]) >= nx * ny)
         .collect();
     let mut planner = FftPlanner::new();
     let (forward, inverse) = (planner.plan_fft_forward(WINDOW), planner.plan_fft_inverse(WINDOW));

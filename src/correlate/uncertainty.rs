@@ -5,7 +5,7 @@ use super::regularisation::Regulariser;
 use crate::backend::{GreyTransfer, PixelSums};
 use crate::imaging::Interpolation;
 use crate::isa::Isa;
-use crate::linalg::{Solver, Spread, inverse_diagonal, spread};
+use crate::linalg::{Pattern, Solver, Spread, inverse_diagonal, spread};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
@@ -15,20 +15,26 @@ pub(super) fn spread_of(isa: Isa, mesh: &Mesh<Px>, solver: &Solver, regulariser:
     if let (Some(factor), Some(regulariser), Some(_)) = (solver.cholesky(), regulariser, solver.penalty()) {
         return spread(factor, solver.data(), &regulariser.colours(solver.data().pattern()));
     }
-    let variance = inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh));
+    let variance = inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh, solver.matrix().pattern()));
     Spread { variance, freedom: vec![2.0; mesh.n_nodes()] }
 }
 
-/// Colours such that nodes of one colour are five steps along mesh lines apart: thirteen by the perfect
-/// code of radius 2. Corners, which scatter and so leak the most, have two colours to themselves. (Zones do
-/// not touch each other.)
-fn colours(mesh: &Mesh<Px>) -> Vec<u32> {
+/// Colours such that nodes of one colour are five steps along mesh lines apart: on a grid thirteen by the
+/// perfect code of radius 2, elsewhere the first that is free. The corners of a whole grid, which scatter and
+/// so leak the most, have two colours to themselves. (Zones do not touch each other.)
+fn colours(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<u32> {
     let mut colour = Vec::with_capacity(mesh.n_nodes());
-    for grid in mesh.grids() {
-        for j in 0..=grid.ny {
-            colour.extend((0..=grid.nx).map(|i| ((i + 5 * j) % 13) as u32));
-        }
-        if grid.nx + grid.ny >= 5 {
+    for zone in 0..mesh.zones().len() {
+        let nodes = mesh.zone_nodes(zone);
+        let Some(grid) = mesh.grid(zone) else {
+            colour.extend(pattern.colours(nodes, 5));
+            continue;
+        };
+        colour.extend(mesh.nodes()[nodes.clone()].iter().map(|&x| {
+            let [i, j] = grid.column_and_row(x);
+            ((i + 5 * j) % 13) as u32
+        }));
+        if mesh.whole_grid(zone).is_some() && grid.nx + grid.ny >= 5 {
             for (i, j, own) in [(0, 0, 13), (grid.nx, 0, 14), (grid.nx, grid.ny, 13), (0, grid.ny, 14)] {
                 colour[grid.node(i, j)] = own;
             }

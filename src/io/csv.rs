@@ -86,7 +86,7 @@ pub struct DisplacementRow {
 /// ```
 /// # use quadrille::{field::{Measurement, Status}, mesh::{Mesh, Roi, Zone}};
 /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 16.0, y1: 16.0 };
-/// # let mesh = Mesh::on_zones(&[Zone { name: "all".into(), roi }], 16, 32, 32).unwrap();
+/// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap();
 /// # let measurement = Measurement { mesh: mesh.into(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
 /// #     element_residual: vec![1.5] };

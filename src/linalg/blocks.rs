@@ -1,6 +1,7 @@
 //! Sparse symmetric matrices of 2x2 blocks, one row of blocks per node.
 
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The 8x8 symmetric matrix of one Q4 element, upper triangle by rows. Unknown `2 k + c` is component
@@ -116,6 +117,44 @@ impl Pattern {
     /// The elements of a node, with the node's corner in each.
     pub(crate) fn elements_of(&self, node: usize) -> &[(u32, u8)] {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
+    }
+
+    /// Colours of the nodes in `nodes` such that two of one colour are at least `steps` apart: each node gets
+    /// the first colour that is free.
+    pub fn colours(&self, nodes: Range<usize>, steps: usize) -> Vec<u32> {
+        const NONE: u32 = u32::MAX;
+        let first = nodes.start;
+        let mut colour = vec![NONE; nodes.len()];
+        // The node that saw another node, or a colour, last.
+        let (mut seen, mut taken) = (vec![usize::MAX; nodes.len()], Vec::new());
+        let (mut ring, mut next) = (Vec::new(), Vec::new());
+        for node in nodes.clone() {
+            ring.clear();
+            ring.push(node);
+            seen[node - first] = node;
+            for _ in 1..steps {
+                for &at in &ring {
+                    for &other in self.neighbours(at) {
+                        let other = other as usize;
+                        if nodes.contains(&other) && seen[other - first] != node {
+                            seen[other - first] = node;
+                            next.push(other);
+                            if colour[other - first] != NONE {
+                                taken[colour[other - first] as usize] = node;
+                            }
+                        }
+                    }
+                }
+                std::mem::swap(&mut ring, &mut next);
+                next.clear();
+            }
+            let free = taken.iter().position(|&by| by != node).unwrap_or(taken.len());
+            if free == taken.len() {
+                taken.push(node);
+            }
+            colour[node - first] = free as u32;
+        }
+        colour
     }
 
     /// Sums element vectors (unknown `2 k + c` of corner `k`) into nodal ones, in element order.

@@ -1,6 +1,7 @@
 //! Nested dissection: of regular grids, and of any nodes in the plane.
 
 use super::blocks::Pattern;
+use std::ops::Range;
 
 /// Parts of at most this many nodes are not cut further.
 const LEAF: usize = 24;
@@ -37,52 +38,37 @@ pub fn nested_dissection(columns: usize, rows: usize) -> Vec<usize> {
     order
 }
 
-/// An elimination order for any pattern, by the places of its nodes: the nodes are cut in two at the median of
-/// their longer extent, and those of one half that are coupled with the other come last, recursively. On a
-/// pattern that couples neighbours of neighbours the separators are two lines wide.
-///
-/// # Panics
-/// When there are fewer places than nodes.
-pub fn geometric_dissection(pattern: &Pattern, places: &[[f64; 2]]) -> Vec<usize> {
-    let n = pattern.n_nodes();
-    let mut order = Vec::with_capacity(n);
-    let mut part: Vec<u32> = (0..n as u32).collect();
-    // The half of each node in the cut at work; 0 outside it.
-    let mut half = vec![0u8; n];
-    halve(&mut part, pattern, places, &mut half, &mut order);
+/// An elimination order of the nodes in `nodes`, which may lie anywhere: the set is cut in two halves across
+/// its longer side; those nodes of the first half that are coupled to the second come last, recursively. On a
+/// pattern that couples neighbours of neighbours what separates two halves of a grid is two lines wide.
+pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -> Vec<usize> {
+    fn cut(mut set: Vec<usize>, pattern: &Pattern, points: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
+        let extent = |k: usize| {
+            let of = |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&n| points[n][k]).fold(start, pick);
+            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
+        };
+        if set.len() <= LEAF {
+            order.extend(set);
+            return;
+        }
+        let axis = usize::from(extent(1) > extent(0));
+        set.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]).then(a.cmp(&b)));
+        // Nodes in line stay together, so that on a grid a straight line separates the halves.
+        let middle = points[set[set.len() / 2]][axis];
+        let in_line = set.partition_point(|&n| points[n][axis] < middle);
+        let upper = set.split_off(if in_line > 0 { in_line } else { set.len() / 2 });
+        // 1: lower half, 2: upper half, 0: neither.
+        set.iter().for_each(|&n| half[n] = 1);
+        upper.iter().for_each(|&n| half[n] = 2);
+        let between = |n: usize| pattern.columns()[pattern.row(n)].iter().any(|&other| half[other as usize] == 2);
+        let (separator, lower): (Vec<_>, Vec<_>) = set.iter().partition(|&&n| between(n));
+        set.iter().chain(&upper).for_each(|&n| half[n] = 0);
+        cut(lower, pattern, points, half, order);
+        cut(upper, pattern, points, half, order);
+        order.extend(separator);
+    }
+    let mut order = Vec::with_capacity(nodes.len());
+    let mut half = vec![0; points.len()];
+    cut(nodes.collect(), pattern, points, &mut half, &mut order);
     order
-}
-
-fn halve(part: &mut [u32], pattern: &Pattern, places: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
-    if part.len() <= LEAF {
-        order.extend(part.iter().map(|&node| node as usize));
-        return;
-    }
-    let extent = [0, 1].map(|axis| {
-        let along = || part.iter().map(|&node| places[node as usize][axis]);
-        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
-    });
-    let axis = usize::from(extent[1] > extent[0]);
-    let place = |node: u32| (places[node as usize][axis], places[node as usize][1 - axis], node);
-    part.sort_unstable_by(|&a, &b| {
-        let (a, b) = (place(a), place(b));
-        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
-    });
-    // Nodes in line belong to the same half, so that the separator is a straight line of them.
-    let middle = part.len() / 2;
-    let first = part.partition_point(|&node| place(node).0 < place(part[middle]).0);
-    let at = if first > 0 { first } else { middle };
-    let (low, high) = part.split_at_mut(at);
-    low.iter().for_each(|&node| half[node as usize] = 1);
-    high.iter().for_each(|&node| half[node as usize] = 2);
-    let mut separator: Vec<u32> = Vec::new();
-    let mut rest: Vec<u32> = Vec::with_capacity(high.len());
-    for &node in high.iter() {
-        let touches = pattern.neighbours(node as usize).iter().any(|&near| half[near as usize] == 1);
-        if touches { separator.push(node) } else { rest.push(node) }
-    }
-    low.iter().chain(high.iter()).for_each(|&node| half[node as usize] = 0);
-    halve(low, pattern, places, half, order);
-    halve(&mut rest, pattern, places, half, order);
-    order.extend(separator.iter().map(|&node| node as usize));
 }

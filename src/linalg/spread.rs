@@ -1,6 +1,6 @@
 //! Diagonal of the covariance of a regularised solution, by probing with the factor.
 
-use super::blocks::{BlockMatrix, Pattern};
+use super::blocks::BlockMatrix;
 use super::cholesky::Cholesky;
 use super::inverse_diagonal::sign;
 use rayon::prelude::*;
@@ -15,44 +15,6 @@ pub struct Spread {
     pub variance: Vec<[f64; 2]>,
     /// Degrees of freedom that each node takes from the residual: 2 without regularisation, less with it.
     pub freedom: Vec<f64>,
-}
-
-/// Colours of the nodes such that those of one colour are at least `steps` apart, counted from neighbour to
-/// neighbour of `pattern`; nodes that no path connects may share one. On a regular grid `steps^2` colours.
-pub fn colours_apart(pattern: &Pattern, steps: usize) -> Vec<u32> {
-    const NONE: u32 = u32::MAX;
-    let n = pattern.n_nodes();
-    let mut colour = vec![NONE; n];
-    // The node that saw another node, or a colour, last.
-    let (mut seen, mut taken): (Vec<u32>, Vec<u32>) = (vec![NONE; n], Vec::new());
-    let (mut front, mut next) = (Vec::new(), Vec::new());
-    for node in 0..n {
-        seen[node] = node as u32;
-        front.clear();
-        front.push(node as u32);
-        for _ in 1..steps {
-            for &at in &front {
-                for &near in pattern.neighbours(at as usize) {
-                    if seen[near as usize] != node as u32 {
-                        seen[near as usize] = node as u32;
-                        next.push(near);
-                        let theirs = colour[near as usize];
-                        if theirs != NONE {
-                            taken[theirs as usize] = node as u32;
-                        }
-                    }
-                }
-            }
-            std::mem::swap(&mut front, &mut next);
-            next.clear();
-        }
-        let free = taken.iter().position(|&by| by != node as u32).unwrap_or(taken.len());
-        if free == taken.len() {
-            taken.push(node as u32);
-        }
-        colour[node] = free as u32;
-    }
-    colour
 }
 
 /// Variances and degrees of freedom of the solution `a = A^-1 b`, where `b` has the covariance `M` (`data`) and

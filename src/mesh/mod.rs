@@ -1,5 +1,16 @@
-//! Q4 meshes: zones, nodes, elements.
+//! Meshes of four-node elements, in pixels or millimetres, and the pixels of their elements.
 
+mod error;
 mod grid;
+mod pixel_set;
+mod pixels;
+mod polygon;
+mod q4;
+mod zone;
 
-pub use grid::{Grid, Mesh, MeshError, Roi, Zone, shape_functions};
+pub use error::MeshError;
+pub use grid::{Grid, local_coordinates, shape_functions};
+pub use pixel_set::PixelSet;
+pub use pixels::{ElementPixels, PixelMap, Run};
+pub use q4::{ELEMENT_SHARE, Mesh, PixelMesh};
+pub use zone::{Guard, Mask, Roi, Zone, ZoneElements};

@@ -334,13 +334,14 @@ impl Layout {
     }
 
     fn paint_cells(&self, canvas: &mut Canvas, mesh: &Mesh<Px>, cells: &[Cell], bar: &Bar) {
-        for grid in mesh.grids() {
-            let columns = self.centres(0, grid.x0, grid.x0 + grid.nx as f64 * grid.hx);
-            for row in self.centres(1, grid.y0, grid.y0 + grid.ny as f64 * grid.hy) {
+        for zone in 0..mesh.zones().len() {
+            let bounds = mesh.bounds(zone);
+            let columns = self.centres(0, bounds.x0, bounds.x1);
+            for row in self.centres(1, bounds.y0, bounds.y1) {
                 let y = (f64::from(row - self.map.y) + 0.5) / self.scale[1] - 0.5;
                 for column in columns.clone() {
                     let x = (f64::from(column - self.map.x) + 0.5) / self.scale[0] - 0.5;
-                    let (element, xi, eta) = grid.locate(x, y);
+                    let Some((element, xi, eta)) = mesh.locate(zone, x, y) else { continue };
                     if let Some(values) = cells[element] {
                         let shape = shape_functions(xi, eta);
                         let value = shape.iter().zip(values).map(|(n, v)| n * v).sum();

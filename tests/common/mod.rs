@@ -70,7 +70,7 @@ pub fn cropped(image: &Image, (x0, y0): (usize, usize), width: usize, height: us
 }
 
 pub fn zone(name: &str, [x0, y0, x1, y1]: [f64; 4]) -> Zone {
-    Zone { name: name.into(), roi: Roi { x0, y0, x1, y1 } }
+    Zone::rectangle(name, Roi { x0, y0, x1, y1 })
 }
 
 /// One zone.

@@ -19,11 +19,11 @@ use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
-use crate::mesh::{Grid, Mesh};
+use crate::mesh::{ElementPixels, Mesh, PixelMesh};
 use crate::units::Px;
 use plane::{Plane, Pool};
 use rayon::prelude::*;
-use residual::{Corners, ElementPixels, ElementSums, Pass, Reference, Scratch};
+use residual::{Corners, ElementSums, Pass, Reference, Scratch};
 use spline::Spline;
 use std::sync::Arc;
 
@@ -205,7 +205,7 @@ impl CpuLevel {
                     isa, pass, first, corners, transfer, sums, scratch, spline,
                 );
             } else {
-                residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, spline);
+                residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, scratch, spline);
             }
             for (k, sums) in sums.iter_mut().enumerate() {
                 let [n_all, f, ff] = self.whole[first + k];
@@ -260,28 +260,6 @@ impl CpuLevel {
     }
 }
 
-/// The pixels of each element of a regular grid: those whose centre lies in its half-open square.
-fn element_pixels(grid: &Grid, width: usize, height: usize) -> impl Iterator<Item = ElementPixels> {
-    let start = |origin: f64, h: f64, k: usize, n: usize| (origin + k as f64 * h).ceil().clamp(0.0, n as f64);
-    let Grid { x0, y0, hx, hy, nx, ny, .. } = *grid;
-    (0..ny).flat_map(move |j| {
-        let (y, end_y) = (start(y0, hy, j, height), start(y0, hy, j + 1, height));
-        (0..nx).map(move |i| {
-            let (x, end_x) = (start(x0, hx, i, width), start(x0, hx, i + 1, width));
-            ElementPixels {
-                x: x as i32,
-                y: y as i32,
-                nx: (end_x - x) as u16,
-                ny: (end_y - y) as u16,
-                xi0: ((x - (x0 + i as f64 * hx)) / hx) as f32,
-                dxi: (1.0 / hx) as f32,
-                eta0: ((y - (y0 + j as f64 * hy)) / hy) as f32,
-                deta: (1.0 / hy) as f32,
-            }
-        })
-    })
-}
-
 impl Backend for CpuBackend {
     type Frame = CpuFrame;
     type Level = CpuLevel;
@@ -307,7 +285,7 @@ impl Backend for CpuBackend {
         &self,
         frame: &mut CpuFrame,
         level: usize,
-        mesh: Arc<Mesh<Px>>,
+        mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
         let (fx, fy) = pixels::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
@@ -323,10 +301,11 @@ impl Backend for CpuBackend {
             let grey = frame.grey(level);
             pixels::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
         }?;
-        let elements: Vec<_> = mesh.grids().iter().flat_map(|grid| element_pixels(grid, f.width, f.height)).collect();
+        let elements = mesh.pixels.elements.clone();
         let narrow = elements.iter().all(|e| e.nx <= 8);
         let with_transfer = options.brightness == Brightness::Element;
-        let reference = Reference { f, fx, fy, elements };
+        let reference = Reference { f, fx, fy, elements, map: mesh.pixels.clone() };
+        let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
         moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {
             let first = piece * PIECE;
@@ -368,7 +347,7 @@ impl Backend for CpuBackend {
     fn restrict(&self, level: &mut CpuLevel, active: &[bool]) {
         for (at, active) in active.iter().enumerate() {
             if !active {
-                level.reference.elements[at].nx = 0;
+                level.reference.elements[at] = ElementPixels::NONE;
                 level.whole[at] = [0.0; 3];
             }
         }
@@ -411,14 +390,9 @@ impl Backend for CpuBackend {
         Ok(lost
             .map(|at| {
                 let element = &level.reference.elements[at];
-                let mut counted = vec![0.0; element.nx as usize * element.ny as usize];
-                residual::visit_pixels(element, &field.corners[at], deformed, |column, row, weight| {
-                    counted[row * element.nx as usize + column] = weight;
-                });
-                let moments =
-                    normal_matrix::partial_moments(&level.reference, element, level.own_transfer(), |column, row| {
-                        counted[row * element.nx as usize + column]
-                    });
+                let corners = &field.corners[at];
+                let weight = |x, y, xi, eta| corners.weight(x, y, xi, eta, deformed);
+                let moments = normal_matrix::partial_moments(&level.reference, element, level.own_transfer(), weight);
                 (at, moments)
             })
             .collect())

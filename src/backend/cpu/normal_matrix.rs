@@ -1,9 +1,10 @@
 //! Moments of the reference gradient per element, from which the normal matrices are made (THEORY 2):
 //! 27 sums instead of the 36 entries (see [`ElementMoments`]).
 
-use super::residual::{ElementPixels, Reference, chunk, total};
+use super::residual::{Reference, chunk, total};
 use crate::backend::ElementMoments;
 use crate::isa::{mul_add, multiversioned};
+use crate::mesh::ElementPixels;
 
 multiversioned! {
     /// Moments of the elements from `first` on; the coupling with the transfer only when asked for.
@@ -20,9 +21,13 @@ fn element_moments_body<const FMA: bool, const L: usize>(
 ) {
     for (k, moments) in moments.iter_mut().enumerate() {
         let element = &reference.elements[first + k];
+        if element.n_runs > 0 {
+            *moments = partial_moments(reference, element, with_transfer, |_, _, _, _| 1.0);
+            continue;
+        }
         *moments = one_element::<FMA, L>(reference, element);
         if with_transfer {
-            moments.transfer = transfer_coupling(reference, element, |_, _| 1.0);
+            moments.transfer = transfer_coupling(reference, element, |_, _, _, _| 1.0);
         }
     }
 }
@@ -84,11 +89,11 @@ fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
     [zero - 2.0 * one + two, one - two, two]
 }
 
-/// `sum psi_a grad f` times f and times 1, each pixel by its weight (column, row).
+/// `sum psi_a grad f` times f and times 1, each pixel by its weight (of column, row, xi, eta).
 fn transfer_coupling(
     reference: &Reference,
     element: &ElementPixels,
-    weight: impl Fn(usize, usize) -> f32,
+    weight: impl Fn(i32, i32, f32, f32) -> f32,
 ) -> [[f64; 8]; 2] {
     let mut sums = [[0.0; 8]; 2];
     for_each_pixel(reference, element, weight, |weight, psi, f, gradient| {
@@ -100,13 +105,13 @@ fn transfer_coupling(
     sums
 }
 
-/// Moments with a weight per pixel (column, row), in plain f64 loops: for the few elements that a frame has
-/// moved partly out of the image.
+/// Moments with a weight per pixel (of column, row, xi, eta), in plain f64 loops: for elements whose pixels are
+/// no rectangle, and the few that a frame has moved partly out of the image.
 pub(super) fn partial_moments(
     reference: &Reference,
     element: &ElementPixels,
     with_transfer: bool,
-    weight: impl Fn(usize, usize) -> f32,
+    weight: impl Fn(i32, i32, f32, f32) -> f32,
 ) -> ElementMoments {
     let mut moments = ElementMoments::default();
     for_each_pixel(reference, element, &weight, |weight, psi, f, [fx, fy]| {
@@ -132,17 +137,14 @@ pub(super) fn partial_moments(
 fn for_each_pixel(
     reference: &Reference,
     element: &ElementPixels,
-    weight: impl Fn(usize, usize) -> f32,
+    weight: impl Fn(i32, i32, f32, f32) -> f32,
     mut visit: impl FnMut(f64, [f64; 4], f64, [f64; 2]),
 ) {
-    for row in 0..element.ny as usize {
-        let eta = f64::from(element.eta0) + row as f64 * f64::from(element.deta);
-        for column in 0..element.nx as usize {
-            let xi = f64::from(element.xi0) + column as f64 * f64::from(element.dxi);
-            let at = reference.f.at(element.x as isize + column as isize, element.y as isize + row as isize);
-            let gradient = [f64::from(reference.fx.data()[at]), f64::from(reference.fy.data()[at])];
-            let weight = f64::from(weight(column, row));
-            visit(weight, crate::mesh::shape_functions(xi, eta), f64::from(reference.f.data()[at]), gradient);
-        }
-    }
+    reference.map.for_each(element, |x, y, xi, eta| {
+        let at = reference.f.at(x as isize, y as isize);
+        let gradient = [f64::from(reference.fx.data()[at]), f64::from(reference.fy.data()[at])];
+        let weight = f64::from(weight(x, y, xi, eta));
+        let psi = crate::mesh::shape_functions(f64::from(xi), f64::from(eta));
+        visit(weight, psi, f64::from(reference.f.data()[at]), gradient);
+    });
 }

@@ -11,9 +11,11 @@
 //! rows of a chunk of columns, and the weights in xi come once, at the end.
 
 use super::plane::{BORDER, Plane, View};
-use super::sample::{interpolate, load, next_taps, place, prefetch, sample_row, weight};
+use super::sample::{interpolate, load, next_taps, place, prefetch, sample_lanes, sample_row, weight};
 use super::spline::Spline;
 use crate::isa::{Isa, Path, mul_add, multiversioned};
+use crate::mesh::{ElementPixels, PixelMap};
+use std::sync::Arc;
 
 /// A reference image at one scale with its elements.
 #[derive(Debug)]
@@ -21,20 +23,10 @@ pub(super) struct Reference {
     pub f: Plane,
     pub fx: Plane,
     pub fy: Plane,
+    /// The pixels of each element; none for those left out.
     pub elements: Vec<ElementPixels>,
-}
-
-/// The pixels of one element and their local coordinates: pixel column k is at `xi0 + k dxi`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ElementPixels {
-    pub x: i32,
-    pub y: i32,
-    pub nx: u16,
-    pub ny: u16,
-    pub xi0: f32,
-    pub dxi: f32,
-    pub eta0: f32,
-    pub deta: f32,
+    /// The runs of those that are no rectangle.
+    pub map: Arc<PixelMap>,
 }
 
 /// The displacement of an element's corners: whole pixels plus the rest, in the order of its nodes.
@@ -56,6 +48,29 @@ impl Corners {
             x: displacement.map(|u| (u[0] - whole[0]) as f32),
             y: displacement.map(|u| (u[1] - whole[1]) as f32),
         }
+    }
+}
+
+impl Corners {
+    /// Displacement (less the whole offset) at lanes anywhere in the element.
+    #[inline(always)]
+    fn displacement<const FMA: bool, const L: usize>(&self, xi: &[f32; L], eta: &[f32; L]) -> [[f32; L]; 2] {
+        [&self.x, &self.y].map(|c| {
+            let (across, down, twist) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
+            let mut u = [0.0; L];
+            for i in 0..L {
+                let slope = mul_add::<FMA>(eta[i], twist, across);
+                u[i] = mul_add::<FMA>(xi[i], slope, mul_add::<FMA>(eta[i], down, c[0]));
+            }
+            u
+        })
+    }
+
+    /// How much the pixel in column `x` and row `y`, at (xi, eta) of the element, counts in the deformed image.
+    pub fn weight(&self, x: i32, y: i32, xi: f32, eta: f32, deformed: &Plane) -> f32 {
+        let [[ux], [uy]] = self.displacement::<false, 1>(&[xi], &[eta]);
+        let ((px, tx), (py, ty)) = (place(x + self.whole[0], ux), place(y + self.whole[1], uy));
+        weight(px, tx, deformed.width) * weight(py, ty, deformed.height)
     }
 }
 
@@ -100,6 +115,7 @@ fn row_displacement<const FMA: bool, const L: usize>(corners: &Corners, xi: &[f3
 /// Everything a kernel call needs besides the elements themselves.
 pub(super) struct Pass<'a> {
     elements: &'a [ElementPixels],
+    map: &'a PixelMap,
     f: View<'a>,
     fx: View<'a>,
     fy: View<'a>,
@@ -111,6 +127,7 @@ impl<'a> Pass<'a> {
     pub fn new(isa: Isa, reference: &'a Reference, deformed: &'a Plane) -> Self {
         Self {
             elements: &reference.elements,
+            map: &reference.map,
             f: reference.f.view(),
             fx: reference.fx.view(),
             fy: reference.fy.view(),
@@ -123,7 +140,7 @@ impl<'a> Pass<'a> {
 multiversioned! {
     /// Sums of the elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them.
     pub(super) fn residual_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], sums: &mut [ElementSums], spline: S,
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
     ) => residual_sums_body
 }
 
@@ -132,13 +149,18 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     pass: &Pass<'_>,
     first: usize,
     corners: &[Corners],
-    transfer: &[(f32, f32)],
+    transfer: &mut [(f32, f32)],
     sums: &mut [ElementSums],
+    scratch: &mut Scratch,
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
-        *sums = element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k]);
+        *sums = if element.n_runs > 0 {
+            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], false, scratch)
+        } else {
+            element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k])
+        };
     }
 }
 
@@ -389,7 +411,11 @@ fn residual_sums_own_transfer_body<const FMA: bool, S: Spline<K>, const K: usize
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
-        *sums = own_transfer_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], scratch);
+        *sums = if element.n_runs > 0 {
+            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], true, scratch)
+        } else {
+            own_transfer_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], scratch)
+        };
     }
 }
 
@@ -441,13 +467,8 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             scratch.counted[at..at + L].copy_from_slice(&counted);
         }
     }
-    let [n, sf, sg, sgg, sfg] = moments;
-    let (variance, covariance) = (n * sgg - sg * sg, n * sfg - sf * sg);
-    // A flat element has no contrast to fit: keep the gain of 1.
-    let gain = if variance > 0.0 && covariance > 0.0 { covariance / variance } else { 1.0 };
-    let offset = if n > 0.0 { (sf - gain * sg) / n } else { 0.0 };
-    *transfer = (gain as f32, offset as f32);
-    sums.n = n as f32;
+    *transfer = fitted(&moments);
+    sums.n = moments[0] as f32;
     for part in 0..chunks {
         let (_, xi, _) = chunk::<L>(element, part * L);
         let mut acc = Accumulators::<L>::new();
@@ -464,21 +485,97 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
     sums
 }
 
-/// How much each pixel of an element counts in the deformed image: calls `visit(column, row, weight)`.
-pub(super) fn visit_pixels(
+/// Gain and offset that bring g closest to f, from the sums `[n, f, g, gg, fg]`.
+#[inline(always)]
+fn fitted(&[n, sf, sg, sgg, sfg]: &[f64; 5]) -> (f32, f32) {
+    let (variance, covariance) = (n * sgg - sg * sg, n * sfg - sf * sg);
+    // A flat element has no contrast to fit: keep the gain of 1.
+    let gain = if variance > 0.0 && covariance > 0.0 { covariance / variance } else { 1.0 };
+    let offset = if n > 0.0 { (sf - gain * sg) / n } else { 0.0 };
+    (gain as f32, offset as f32)
+}
+
+/// Sums of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any
+/// shape. With `own` its gain and offset are fitted first, into `transfer`.
+#[inline(always)]
+fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
     element: &ElementPixels,
     corners: &Corners,
-    deformed: &Plane,
-    mut visit: impl FnMut(usize, usize, f32),
-) {
-    for row in 0..element.ny as usize {
-        let eta = element.eta0 + row as f32 * element.deta;
-        let ((ax, dx), (ay, dy)) = (along_row(&corners.x, eta), along_row(&corners.y, eta));
-        for column in 0..element.nx as usize {
-            let xi = element.xi0 + column as f32 * element.dxi;
-            let (px, tx) = place(element.x + column as i32 + corners.whole[0], xi * dx + ax);
-            let (py, ty) = place(element.y + row as i32 + corners.whole[1], xi * dy + ay);
-            visit(column, row, weight(px, tx, deformed.width) * weight(py, ty, deformed.height));
+    transfer: &mut (f32, f32),
+    own: bool,
+    scratch: &mut Scratch,
+) -> ElementSums {
+    let Pass { map, f, fx, fy, deformed, scalar, .. } = *pass;
+    let runs = map.runs_of(element);
+    let chunks: usize = runs.iter().map(|run| (run.n as usize).div_ceil(L)).sum();
+    scratch.g.resize(chunks * L, 0.0);
+    scratch.counted.resize(chunks * L, 0.0);
+    let parts = || runs.iter().flat_map(|run| (0..run.n as usize).step_by(L).map(move |column| (run, column)));
+    // [n, f, g, gg, fg] over the counted pixels.
+    let mut moments = [0.0f64; 5];
+    let mut sums = ElementSums::default();
+    for (part, (run, column)) in parts().enumerate() {
+        let lanes = (run.n as usize - column).min(L);
+        let [x, y] = [run.x + column as i32, run.y];
+        let local = run.at as usize + column;
+        let (xi, eta) = (load::<L>(&map.xi, local), load::<L>(&map.eta, local));
+        let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
+        let to = [x + corners.whole[0], y + corners.whole[1]];
+        let row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+        let f = load::<L>(f.data, f.at(x as isize, y as isize));
+        let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
+        let mut counted = [0.0; L];
+        for i in 0..lanes {
+            counted[i] = if row.all_counted { 1.0 } else { row.counted[i] };
+            let lost = 1.0 - counted[i];
+            sums.f_lost += lost * f[i];
+            sums.ff_lost += lost * f[i] * f[i];
+        }
+        for i in 0..L {
+            let (w, wg) = (counted[i], counted[i] * row.g[i]);
+            sf[i] = w * f[i];
+            sg[i] = wg;
+            sgg[i] = wg * row.g[i];
+            sfg[i] = wg * f[i];
+        }
+        for (moment, lanes) in moments.iter_mut().zip([&counted, &sf, &sg, &sgg, &sfg]) {
+            *moment += f64::from(total(lanes));
+        }
+        let at = part * L;
+        scratch.g[at..at + L].copy_from_slice(&row.g);
+        scratch.counted[at..at + L].copy_from_slice(&counted);
+    }
+    if own {
+        *transfer = fitted(&moments);
+    }
+    let (gain, offset) = *transfer;
+    let mut b = [[0.0f32; L]; 8];
+    let mut rr = [0.0f32; L];
+    for (part, (run, column)) in parts().enumerate() {
+        let at = f.at((run.x + column as i32) as isize, run.y as isize);
+        let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
+        let (g, counted) = (load::<L>(&scratch.g, part * L), load::<L>(&scratch.counted, part * L));
+        let local = run.at as usize + column;
+        let (xi, eta) = (load::<L>(&map.xi, local), load::<L>(&map.eta, local));
+        for i in 0..L {
+            let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
+            let r = counted[i] * difference;
+            rr[i] = mul_add::<FMA>(r, difference, rr[i]);
+            let (rx, ry) = (r * fx[i], r * fy[i]);
+            let (far, near) = (xi[i] * eta[i], 1.0 - eta[i]);
+            let psi = [near - xi[i] * near, xi[i] * near, far, eta[i] - far];
+            for a in 0..4 {
+                b[2 * a][i] = mul_add::<FMA>(psi[a], rx, b[2 * a][i]);
+                b[2 * a + 1][i] = mul_add::<FMA>(psi[a], ry, b[2 * a + 1][i]);
+            }
         }
     }
+    for (sum, lanes) in sums.b.iter_mut().zip(&b) {
+        *sum = total(lanes);
+    }
+    sums.rr = total(&rr);
+    sums.n = moments[0] as f32;
+    [sums.g, sums.gg, sums.fg] = [2, 3, 4].map(|k| moments[k] as f32);
+    sums
 }

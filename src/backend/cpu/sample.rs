@@ -63,8 +63,16 @@ pub(super) struct Row<const L: usize> {
     pub all_counted: bool,
 }
 
+/// Where the lanes of a row land: whether all of them inside the image, and the range of their floors, along x
+/// relative to their own columns.
+struct Landing {
+    all_inside: bool,
+    shift_x: (i32, i32),
+    y: (i32, i32),
+}
+
 /// Interpolates the row of `lanes` pixels from column `x`, row `y`, with displacements (less the whole
-/// offset, which `x` and `y` already contain) `ux`, `uy`.
+/// offset, which `x` and `y` already contain) `ux`, `uy` that are affine along the row.
 #[inline(always)]
 pub(super) fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,
@@ -74,7 +82,6 @@ pub(super) fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L:
     ux: &[f32; L],
     uy: &[f32; L],
 ) -> Row<L> {
-    let before = (K / 2 - 1) as isize;
     let (first_x, last_x) = (place(x, ux[0]), place(x + lanes as i32 - 1, ux[lanes - 1]));
     let (first_y, last_y) = (place(y, uy[0]), place(y, uy[lanes - 1]));
     // u is affine along the row: if both ends are inside, all lanes are, and floors lie between the ends'.
@@ -83,8 +90,47 @@ pub(super) fn sample_row<const FMA: bool, S: Spline<K>, const K: usize, const L:
         && inside(first_y.0, first_y.1, c.height)
         && inside(last_y.0, last_y.1, c.height);
     let shift_ends = (first_x.0 - x, last_x.0 - x - (lanes as i32 - 1));
-    let (sx0, sx1) = (shift_ends.0.min(shift_ends.1), shift_ends.0.max(shift_ends.1));
-    let (y0, y1) = (first_y.0.min(last_y.0), first_y.0.max(last_y.0));
+    let landing = Landing {
+        all_inside,
+        shift_x: (shift_ends.0.min(shift_ends.1), shift_ends.0.max(shift_ends.1)),
+        y: (first_y.0.min(last_y.0), first_y.0.max(last_y.0)),
+    };
+    sample::<FMA, S, K, L>(c, scalar, [x, y], lanes, ux, uy, &landing)
+}
+
+/// As [`sample_row`] for displacements that run along the row as they like.
+#[inline(always)]
+pub(super) fn sample_lanes<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    scalar: bool,
+    [x, y]: [i32; 2],
+    lanes: usize,
+    ux: &[f32; L],
+    uy: &[f32; L],
+) -> Row<L> {
+    let mut landing = Landing { all_inside: true, shift_x: (i32::MAX, i32::MIN), y: (i32::MAX, i32::MIN) };
+    for i in 0..lanes {
+        let (at_x, at_y) = (place(x + i as i32, ux[i]), place(y, uy[i]));
+        landing.all_inside &= inside(at_x.0, at_x.1, c.width) && inside(at_y.0, at_y.1, c.height);
+        let shift = at_x.0 - x - i as i32;
+        landing.shift_x = (landing.shift_x.0.min(shift), landing.shift_x.1.max(shift));
+        landing.y = (landing.y.0.min(at_y.0), landing.y.1.max(at_y.0));
+    }
+    sample::<FMA, S, K, L>(c, scalar, [x, y], lanes, ux, uy, &landing)
+}
+
+#[inline(always)]
+fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    scalar: bool,
+    [x, y]: [i32; 2],
+    lanes: usize,
+    ux: &[f32; L],
+    uy: &[f32; L],
+    landing: &Landing,
+) -> Row<L> {
+    let before = (K / 2 - 1) as isize;
+    let Landing { all_inside, shift_x: (sx0, sx1), y: (y0, y1) } = *landing;
     let combinations = (sx1 - sx0 + 1) * (y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
     if !scalar && all_inside && combinations <= 6 {

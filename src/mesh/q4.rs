@@ -1,0 +1,598 @@
+//! Q4 meshes of one or more zones.
+
+use super::grid::{Grid, local_coordinates, shape_functions};
+use super::pixel_set::{PixelSet, ZonePixels, zone_pixels};
+use super::pixels::{self, PixelMap};
+use super::{MeshError, Roi, Zone, ZoneElements};
+use crate::units::{Length, Px};
+use std::collections::HashMap;
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// An element of which less than this share of its pixels lies inside its zone is left out of the mesh.
+pub const ELEMENT_SHARE: f64 = 0.5;
+
+/// How the elements of a zone are arranged.
+#[derive(Debug, Clone, PartialEq)]
+enum Layout {
+    /// A whole grid.
+    Whole(Grid),
+    /// Some elements of a grid: their number within the zone by column and row, [`NONE`] where there is none.
+    Part { grid: Grid, element_at: Vec<u32> },
+    /// No grid.
+    Free(Bins),
+}
+
+const NONE: u32 = u32::MAX;
+
+/// Which elements of a zone without grid lie where: lists by square of a coarse raster.
+#[derive(Debug, Clone, PartialEq)]
+struct Bins {
+    origin: [f64; 2],
+    size: f64,
+    columns: usize,
+    lists: Vec<Vec<u32>>,
+}
+
+impl Bins {
+    fn new(nodes: &[[f64; 2]], elements: &[[u32; 4]], first_node: usize) -> Self {
+        let corner = |k: usize, pick: fn(f64, f64) -> f64, start: f64| nodes.iter().map(|p| p[k]).fold(start, pick);
+        let low = [corner(0, f64::min, f64::INFINITY), corner(1, f64::min, f64::INFINITY)];
+        let high = [corner(0, f64::max, f64::NEG_INFINITY), corner(1, f64::max, f64::NEG_INFINITY)];
+        let area = (high[0] - low[0]) * (high[1] - low[1]);
+        let size = (area / elements.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+        let count = |k: usize| (((high[k] - low[k]) / size).floor() as usize + 1).min(1 << 15);
+        let (columns, rows) = (count(0), count(1));
+        let mut bins = Self { origin: low, size, columns, lists: vec![Vec::new(); columns * rows] };
+        for (element, corners) in elements.iter().enumerate() {
+            let of = |k: usize, pick: fn(f64, f64) -> f64, start: f64| {
+                corners.iter().map(|&node| nodes[node as usize - first_node][k]).fold(start, pick)
+            };
+            let from = bins.square([of(0, f64::min, f64::INFINITY), of(1, f64::min, f64::INFINITY)]);
+            let to = bins.square([of(0, f64::max, f64::NEG_INFINITY), of(1, f64::max, f64::NEG_INFINITY)]);
+            for row in from[1]..=to[1] {
+                for column in from[0]..=to[0] {
+                    bins.lists[row * columns + column].push(element as u32);
+                }
+            }
+        }
+        bins
+    }
+
+    fn square(&self, p: [f64; 2]) -> [usize; 2] {
+        let rows = self.lists.len() / self.columns;
+        let at = |k: usize, n: usize| (((p[k] - self.origin[k]) / self.size).max(0.0) as usize).min(n - 1);
+        [at(0, self.columns), at(1, rows)]
+    }
+}
+
+/// A Q4 mesh; no node is shared between zones. A triangle is an element whose last two nodes are the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh<U: Length> {
+    zones: Vec<String>,
+    layouts: Vec<Layout>,
+    nodes: Vec<[f64; 2]>,
+    elements: Vec<[u32; 4]>,
+    node_zone: Vec<u32>,
+    element_zone: Vec<u32>,
+    /// Where each zone's nodes and elements begin; one more entry closes the last.
+    first_node: Vec<usize>,
+    first_element: Vec<usize>,
+    unit: PhantomData<U>,
+}
+
+/// A mesh with the pixels that its elements are measured with.
+#[derive(Debug, Clone)]
+pub struct PixelMesh {
+    /// The mesh.
+    pub mesh: Arc<Mesh<Px>>,
+    /// The pixels of each zone that are summed over.
+    pub zone_pixels: Vec<PixelSet>,
+    /// The pixels of each element.
+    pub pixels: Arc<PixelMap>,
+}
+
+impl PixelMesh {
+    /// Lays elements of `size` px on `zones` of an image of `width` x `height` px.
+    ///
+    /// A rectangle holds as many whole elements as fit. Other regions are covered: an element keeps those of
+    /// its pixels that lie inside, and is left out when they are less than `share` of all its pixels (the
+    /// guard does not count there). A zone with elements of its own keeps them all.
+    ///
+    /// # Errors
+    /// An element size outside 4..=128, a share outside 0..=1, a region that is none, lies outside the
+    /// image, holds no element or overlaps another, wrong elements, and two zones of one name.
+    pub fn on_zones(zones: &[Zone], size: usize, share: f64, image: [usize; 2]) -> Result<Self, MeshError> {
+        if !(4..=128).contains(&size) {
+            return Err(MeshError::ElementSize { size });
+        }
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(MeshError::ElementShare { share });
+        }
+        if zones.is_empty() {
+            return Err(MeshError::NoZone);
+        }
+        let mut parts: Vec<Part> = Vec::with_capacity(zones.len());
+        let mut zone_sets = Vec::with_capacity(zones.len());
+        for (at, zone) in zones.iter().enumerate() {
+            if zones[..at].iter().any(|other| other.name == zone.name) {
+                return Err(MeshError::SameName { name: zone.name.clone() });
+            }
+            let (part, pixels) = match &zone.elements {
+                Some(elements) => own_elements(zone, elements, image)?,
+                None => lattice(zone, size, share, image)?,
+            };
+            if pixels.guarded.bounds().is_none() {
+                let guard = match &zone.guard {
+                    super::Guard::All(guard) => *guard,
+                    super::Guard::Sides(guards) => guards.iter().fold(0.0, |a, b| f64::max(a, *b)),
+                };
+                return Err(MeshError::Guard { zone: zone.name.clone(), guard });
+            }
+            let rectangles = |k: usize| zones[k].is_rectangle() && zone.is_rectangle();
+            if let Some(other) = (0..at).find(|&k| rectangles(k) && overlap(&parts[k], &part)) {
+                let (first, second) = (zones[other].name.clone(), zone.name.clone());
+                return Err(MeshError::Overlap { first, second });
+            }
+            parts.push(part);
+            zone_sets.push(pixels.guarded);
+        }
+        let mesh = Mesh::of_parts(parts);
+        let pixels = PixelMap::new(&mesh, &zone_sets, image);
+        // Rectangles have been compared by their grids, elements in the guard of another zone included.
+        if zones.len() > 1
+            && !zones.iter().all(Zone::is_rectangle)
+            && let Some([first, second]) = pixels::shared(&mesh, &pixels, image)
+        {
+            let name = |zone: usize| zones[zone].name.clone();
+            return Err(MeshError::Overlap { first: name(first), second: name(second) });
+        }
+        Ok(Self { mesh: Arc::new(mesh), zone_pixels: zone_sets, pixels: Arc::new(pixels) })
+    }
+
+    /// The mesh on the image of half the size; `None` when nothing of a zone would be left. Each zone keeps
+    /// its extent, with elements at least `size` px of that image where it is that large. Zones that are no
+    /// whole grid get the elements of a grid that hold enough pixels.
+    pub fn halved(&self, size: usize, image: [usize; 2]) -> Option<Self> {
+        // The share of pixels that an element of a coarse level must hold: it only prepares the next one.
+        const COARSE_SHARE: f64 = 0.25;
+        let coarser = |x: f64| 0.5 * (x - 0.5);
+        let mut parts = Vec::with_capacity(self.mesh.layouts.len());
+        let mut zone_pixels = Vec::with_capacity(self.mesh.layouts.len());
+        for (zone, layout) in self.mesh.layouts.iter().enumerate() {
+            let Roi { x0, y0, x1, y1 } = self.mesh.bounds(zone);
+            let (width, height) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+            let count = |length: f64| ((length / size as f64).floor() as usize).max(1);
+            let (nx, ny) = (count(width), count(height));
+            let (hx, hy) = (width / nx as f64, height / ny as f64);
+            let grid = Grid { x0: coarser(x0), y0: coarser(y0), hx, hy, nx, ny, first_node: 0, first_element: 0 };
+            let halved = self.zone_pixels[zone].halved();
+            let name = self.mesh.zones[zone].clone();
+            let part = match layout {
+                Layout::Whole(_) => Part::whole(name, grid),
+                _ => {
+                    let cells: Vec<bool> = pixels::cells(&grid, image)
+                        .map(|cell| halved.count(cell.bounds) as f64 >= COARSE_SHARE * hx * hy)
+                        .collect();
+                    if !cells.contains(&true) {
+                        return None;
+                    }
+                    Part::of_cells(name, grid, &cells)
+                }
+            };
+            halved.bounds()?;
+            parts.push(part);
+            zone_pixels.push(halved);
+        }
+        let mesh = Mesh::of_parts(parts);
+        let pixels = PixelMap::new(&mesh, &zone_pixels, image);
+        Some(Self { mesh: Arc::new(mesh), zone_pixels, pixels: Arc::new(pixels) })
+    }
+}
+
+/// Nodes and elements of one zone, numbered from 0, before they get their place in the mesh.
+#[derive(Debug)]
+struct Part {
+    name: String,
+    nodes: Vec<[f64; 2]>,
+    elements: Vec<[u32; 4]>,
+    /// The grid they lie on, with the element at each of its cells.
+    grid: Option<(Grid, Vec<u32>)>,
+}
+
+impl Part {
+    fn whole(name: String, grid: Grid) -> Self {
+        Self::of_cells(name, grid, &vec![true; grid.n_elements()])
+    }
+
+    /// The elements of a grid where `kept` holds.
+    fn of_cells(name: String, grid: Grid, kept: &[bool]) -> Self {
+        let columns = grid.nx + 1;
+        let mut node_at = vec![NONE; grid.n_nodes()];
+        let corners = |cell: usize| {
+            let (i, j) = (cell % grid.nx, cell / grid.nx);
+            [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| j * columns + i)
+        };
+        for cell in (0..kept.len()).filter(|&cell| kept[cell]) {
+            for at in corners(cell) {
+                node_at[at] = 0;
+            }
+        }
+        // Nodes row by row, as in a whole grid.
+        let mut nodes = Vec::new();
+        for at in 0..node_at.len() {
+            if node_at[at] != NONE {
+                node_at[at] = nodes.len() as u32;
+                nodes.push(grid.position(at % columns, at / columns));
+            }
+        }
+        let mut elements = Vec::new();
+        let mut element_at = vec![NONE; kept.len()];
+        for cell in (0..kept.len()).filter(|&cell| kept[cell]) {
+            element_at[cell] = elements.len() as u32;
+            elements.push(corners(cell).map(|at| node_at[at]));
+        }
+        Self { name, nodes, elements, grid: Some((grid, element_at)) }
+    }
+}
+
+/// The grid of a zone and its pixels.
+fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(Part, ZonePixels), MeshError> {
+    let pixels = zone_pixels(zone, image, None)?;
+    let roi = zone.bounds(image[0], image[1])?;
+    let h = size as f64;
+    let name = zone.name.clone();
+    if zone.is_rectangle() {
+        let (width, height) = (roi.x1 - roi.x0, roi.y1 - roi.y0);
+        let (nx, ny) = ((width / h).floor() as usize, (height / h).floor() as usize);
+        if nx == 0 || ny == 0 {
+            return Err(MeshError::TooSmall { zone: name, width, height, size });
+        }
+        let grid = Grid { x0: roi.x0, y0: roi.y0, hx: h, hy: h, nx, ny, first_node: 0, first_element: 0 };
+        return Ok((Part::whole(name, grid), pixels));
+    }
+    let [left, top, right, bottom] = pixels.all.bounds().ok_or_else(|| MeshError::Empty { zone: name.clone() })?;
+    let (x0, y0) = if zone.roi.is_some() { (roi.x0, roi.y0) } else { (left as f64, top as f64) };
+    // Elements that cover the region, the last ones beyond its edge as far as they keep their share.
+    let count = |from: f64, to: usize| (((to as f64 - from) / h).ceil() as usize).max(1);
+    let (nx, ny) = (count(x0, right), count(y0, bottom));
+    let grid = Grid { x0, y0, hx: h, hy: h, nx, ny, first_node: 0, first_element: 0 };
+    let enough = share * h * h;
+    let kept: Vec<bool> =
+        pixels::cells(&grid, image).map(|cell| pixels.all.count(cell.bounds) as f64 >= enough).collect();
+    if !kept.contains(&true) {
+        return Err(MeshError::NoElement { zone: name, size, percent: 100.0 * share });
+    }
+    Ok((Part::of_cells(name, grid, &kept), pixels))
+}
+
+/// The elements of a zone that brings its own.
+fn own_elements(zone: &Zone, own: &ZoneElements, image: [usize; 2]) -> Result<(Part, ZonePixels), MeshError> {
+    let elements = checked(&zone.name, own)?;
+    let (width, height) = (image[0] as f64, image[1] as f64);
+    let outside = |p: &[f64; 2]| p[0] < -0.5 || p[1] < -0.5 || p[0] > width || p[1] > height;
+    if let Some(node) = own.nodes.iter().position(outside) {
+        let [x, y] = own.nodes[node];
+        return Err(MeshError::BadNode { zone: zone.name.clone(), node, x, y });
+    }
+    let covered = pixels::covered(&own.nodes, &elements, image);
+    let pixels = zone_pixels(zone, image, Some(covered))?;
+    Ok((Part { name: zone.name.clone(), nodes: own.nodes.clone(), elements, grid: None }, pixels))
+}
+
+/// The elements, each turned so that its corners go from x to y; refused when they are none.
+fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, MeshError> {
+    let name = || zone.to_owned();
+    if own.elements.is_empty() {
+        return Err(MeshError::NoElements { zone: name() });
+    }
+    let n_nodes = own.nodes.len();
+    let mut used = vec![false; n_nodes];
+    let mut elements = Vec::with_capacity(own.elements.len());
+    for (element, corners) in own.elements.iter().enumerate() {
+        if let Some(&node) = corners.iter().find(|&&node| node as usize >= n_nodes) {
+            return Err(MeshError::MissingNode { zone: name(), element, node, n_nodes });
+        }
+        let at = |corners: [u32; 4]| corners.map(|node| own.nodes[node as usize]);
+        let sides = if corners[2] == corners[3] { 3 } else { 4 };
+        // Twice the area of the corner at k: all of one sign in a convex shape.
+        let turn = |p: [[f64; 2]; 4], k: usize| {
+            let (a, b, c) = (p[k], p[(k + 1) % sides], p[(k + 2) % sides]);
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+        };
+        let convex = |p: [[f64; 2]; 4]| (0..sides).all(|k| turn(p, k) > 0.0);
+        let [a, b, c, d] = *corners;
+        let reversed = if sides == 3 { [a, c, b, b] } else { [a, d, c, b] };
+        let right = [*corners, reversed].into_iter().find(|&corners| convex(at(corners)));
+        let Some(right) = right else {
+            let mean = |k: usize| at(*corners)[..sides].iter().map(|p| p[k]).sum::<f64>() / sides as f64;
+            return Err(MeshError::BadElement { zone: name(), element, x: mean(0), y: mean(1) });
+        };
+        right.iter().for_each(|&node| used[node as usize] = true);
+        elements.push(right);
+    }
+    let bad = |node: usize| !used[node] || !own.nodes[node].iter().all(|v| v.is_finite());
+    if let Some(node) = (0..n_nodes).find(|&node| bad(node)) {
+        let [x, y] = own.nodes[node];
+        return Err(MeshError::BadNode { zone: name(), node, x, y });
+    }
+    Ok(elements)
+}
+
+/// Whether the grids of two rectangles overlap.
+fn overlap(a: &Part, b: &Part) -> bool {
+    let bounds = |part: &Part| part.grid.as_ref().map(|(grid, _)| grid.bounds());
+    bounds(a).zip(bounds(b)).is_some_and(|(a, b)| a.x0 < b.x1 && b.x0 < a.x1 && a.y0 < b.y1 && b.y0 < a.y1)
+}
+
+impl Mesh<Px> {
+    /// The mesh of square elements of `size` px on `zones` of an image of `width` x `height` px: on a
+    /// rectangle the first node at (x0, y0), nodes every `size`, as many whole elements as fit before (x1, y1).
+    /// See [`PixelMesh::on_zones`], which also gives the pixels.
+    ///
+    /// ```
+    /// use quadrille::mesh::{Mesh, Roi, Zone};
+    /// let roi = Roi { x0: 8.0, y0: 8.0, x1: 59.0, y1: 40.0 };
+    /// let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+    /// assert_eq!((mesh.n_elements(), mesh.n_nodes()), (6, 12)); // 3 x 2 elements
+    /// assert_eq!(mesh.nodes()[11], [56.0, 40.0]);
+    /// ```
+    ///
+    /// # Errors
+    /// Those of [`PixelMesh::on_zones`].
+    pub fn on_zones(zones: &[Zone], size: usize, width: usize, height: usize) -> Result<Self, MeshError> {
+        let laid = PixelMesh::on_zones(zones, size, ELEMENT_SHARE, [width, height])?;
+        Ok(Arc::unwrap_or_clone(laid.mesh))
+    }
+}
+
+impl<U: Length> Mesh<U> {
+    /// The mesh of one whole grid per zone; node and element numbers are given here.
+    ///
+    /// # Panics
+    /// When names and grids differ in number.
+    pub fn from_grids(zones: Vec<String>, grids: Vec<Grid>) -> Self {
+        assert_eq!(zones.len(), grids.len(), "one name per grid");
+        Self::of_parts(zones.into_iter().zip(grids).map(|(name, grid)| Part::whole(name, grid)).collect())
+    }
+
+    /// The mesh of zones whose elements are given; each is turned so that its corners go from x to y.
+    ///
+    /// # Errors
+    /// No zone, two of one name, and elements that are none.
+    pub fn from_zones(zones: Vec<ZoneElements>) -> Result<Self, MeshError> {
+        if zones.is_empty() {
+            return Err(MeshError::NoZone);
+        }
+        let mut parts: Vec<Part> = Vec::with_capacity(zones.len());
+        for zone in zones {
+            if parts.iter().any(|other| other.name == zone.name) {
+                return Err(MeshError::SameName { name: zone.name });
+            }
+            let elements = checked(&zone.name, &zone)?;
+            parts.push(Part { name: zone.name, nodes: zone.nodes, elements, grid: None });
+        }
+        Ok(Self::of_parts(parts))
+    }
+
+    fn of_parts(parts: Vec<Part>) -> Self {
+        let mut mesh = Self {
+            zones: Vec::new(),
+            layouts: Vec::new(),
+            nodes: Vec::new(),
+            elements: Vec::new(),
+            node_zone: Vec::new(),
+            element_zone: Vec::new(),
+            first_node: vec![0],
+            first_element: vec![0],
+            unit: PhantomData,
+        };
+        for (zone, part) in parts.into_iter().enumerate() {
+            let (first_node, first_element) = (mesh.nodes.len(), mesh.elements.len());
+            mesh.elements.extend(part.elements.iter().map(|nodes| nodes.map(|node| node + first_node as u32)));
+            let layout = match part.grid {
+                Some((grid, element_at)) => {
+                    let grid = Grid { first_node, first_element, ..grid };
+                    if element_at.contains(&NONE) { Layout::Part { grid, element_at } } else { Layout::Whole(grid) }
+                }
+                None => Layout::Free(Bins::new(&part.nodes, &part.elements, 0)),
+            };
+            mesh.nodes.extend(part.nodes);
+            mesh.zones.push(part.name);
+            mesh.layouts.push(layout);
+            mesh.node_zone.resize(mesh.nodes.len(), zone as u32);
+            mesh.element_zone.resize(mesh.elements.len(), zone as u32);
+            mesh.first_node.push(mesh.nodes.len());
+            mesh.first_element.push(mesh.elements.len());
+        }
+        mesh
+    }
+
+    /// Zone names, in the order of their numbers.
+    pub fn zones(&self) -> &[String] {
+        &self.zones
+    }
+
+    /// The grid that the elements of a zone lie on, all of it or part of it; `None` for a zone without.
+    pub fn grid(&self, zone: usize) -> Option<&Grid> {
+        match &self.layouts[zone] {
+            Layout::Whole(grid) | Layout::Part { grid, .. } => Some(grid),
+            Layout::Free(_) => None,
+        }
+    }
+
+    /// The grid of a zone that holds all of its elements: nodes and elements are then numbered row by row.
+    pub fn whole_grid(&self, zone: usize) -> Option<&Grid> {
+        match &self.layouts[zone] {
+            Layout::Whole(grid) => Some(grid),
+            _ => None,
+        }
+    }
+
+    /// Node positions, in `U`.
+    pub fn nodes(&self) -> &[[f64; 2]] {
+        &self.nodes
+    }
+
+    /// The four nodes of each element, in the order (0,0), (1,0), (1,1), (0,1) of the local coordinates; of
+    /// a triangle the last two are the same.
+    pub fn elements(&self) -> &[[u32; 4]] {
+        &self.elements
+    }
+
+    /// Zone number of each node.
+    pub fn node_zone(&self) -> &[u32] {
+        &self.node_zone
+    }
+
+    /// Zone number of each element.
+    pub fn element_zone(&self) -> &[u32] {
+        &self.element_zone
+    }
+
+    /// Number of nodes.
+    pub fn n_nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Number of elements.
+    pub fn n_elements(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Numbers of the nodes of one zone.
+    pub fn zone_nodes(&self, zone: usize) -> Range<usize> {
+        self.first_node[zone]..self.first_node[zone + 1]
+    }
+
+    /// Numbers of the elements of one zone.
+    pub fn zone_elements(&self, zone: usize) -> Range<usize> {
+        self.first_element[zone]..self.first_element[zone + 1]
+    }
+
+    /// Positions of the corners of an element.
+    pub fn corners(&self, element: usize) -> [[f64; 2]; 4] {
+        self.elements[element].map(|node| self.nodes[node as usize])
+    }
+
+    /// Square root of the mean area of the elements.
+    pub fn element_size(&self) -> f64 {
+        let area = |element: usize| {
+            let [a, b, c, d] = self.corners(element);
+            0.5 * ((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])).abs()
+        };
+        let all: f64 = (0..self.n_elements()).map(area).sum();
+        (all / self.n_elements().max(1) as f64).sqrt()
+    }
+
+    /// The rectangle around a zone: that of its grid, or of its nodes.
+    pub fn bounds(&self, zone: usize) -> Roi {
+        if let Some(grid) = self.grid(zone) {
+            return grid.bounds();
+        }
+        let nodes = &self.nodes[self.zone_nodes(zone)];
+        let low = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
+        let high = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
+        Roi { x0: low(0), y0: low(1), x1: high(0), y1: high(1) }
+    }
+
+    /// The element of `zone` that holds the point, and the local coordinates (0..1) there; `None` outside.
+    ///
+    /// ```
+    /// use quadrille::mesh::{Mesh, Roi, Zone};
+    /// let roi = Roi { x0: 8.0, y0: 8.0, x1: 40.0, y1: 40.0 };
+    /// let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+    /// assert_eq!(mesh.locate(0, 28.0, 12.0), Some((1, 0.25, 0.25)));
+    /// assert_eq!(mesh.locate(0, 4.0, 12.0), None);
+    /// ```
+    pub fn locate(&self, zone: usize, x: f64, y: f64) -> Option<(usize, f64, f64)> {
+        let within = |xi: f64, eta: f64| (0.0..=1.0).contains(&xi) && (0.0..=1.0).contains(&eta);
+        let (grid, at) = match &self.layouts[zone] {
+            Layout::Whole(grid) => (grid, None),
+            Layout::Part { grid, element_at } => (grid, Some(element_at)),
+            Layout::Free(bins) => {
+                let [column, row] = bins.square([x, y]);
+                // On the border of an element round-off decides: a point there belongs to it.
+                let near = |v: f64| (-1e-9..=1.0 + 1e-9).contains(&v);
+                return bins.lists[row * bins.columns + column].iter().find_map(|&element| {
+                    let element = self.first_element[zone] + element as usize;
+                    let [xi, eta] = local_coordinates(self.corners(element), [x, y])?;
+                    (near(xi) && near(eta)).then(|| (element, xi.clamp(0.0, 1.0), eta.clamp(0.0, 1.0)))
+                });
+            }
+        };
+        let ([i, j], [xi, eta]) = grid.cell(x, y);
+        if !within(xi, eta) {
+            return None;
+        }
+        let Some(element_at) = at else {
+            return Some((self.first_element[zone] + j * grid.nx + i, xi, eta));
+        };
+        // A point on a line of the grid belongs to the cells on both sides: one of them may be there.
+        let sides = |k: usize, s: f64| if s == 0.0 && k > 0 { vec![(k, s), (k - 1, 1.0)] } else { vec![(k, s)] };
+        let cells =
+            sides(j, eta).into_iter().flat_map(|(j, eta)| sides(i, xi).into_iter().map(move |(i, xi)| (i, j, xi, eta)));
+        for (i, j, xi, eta) in cells {
+            let element = element_at[j * grid.nx + i];
+            if element != NONE {
+                return Some((self.first_element[zone] + element as usize, xi, eta));
+            }
+        }
+        None
+    }
+
+    /// As [`Mesh::locate`], over all zones.
+    pub fn find(&self, x: f64, y: f64) -> Option<(usize, f64, f64)> {
+        (0..self.zones.len()).find_map(|zone| self.locate(zone, x, y))
+    }
+
+    /// The element of `zone` that holds the point or is next to it, with local coordinates that go beyond
+    /// 0..1 outside, by one element at most: the field is extrapolated linearly, not wildly.
+    pub(crate) fn nearest(&self, zone: usize, x: f64, y: f64) -> (usize, f64, f64) {
+        if let Some(found) = self.locate(zone, x, y) {
+            return found;
+        }
+        if let Layout::Whole(grid) = &self.layouts[zone] {
+            let ([i, j], [xi, eta]) = grid.cell(x, y);
+            return (self.first_element[zone] + j * grid.nx + i, xi, eta);
+        }
+        let distance = |element: usize| {
+            let corners = self.corners(element);
+            let centre = |k: usize| corners.iter().map(|p| 0.25 * p[k]).sum::<f64>();
+            (centre(0) - x).powi(2) + (centre(1) - y).powi(2)
+        };
+        let elements = self.zone_elements(zone);
+        let nearest = elements.min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
+        let regular = self.grid(zone).is_some();
+        match local_coordinates(self.corners(nearest), [x, y]) {
+            Some([xi, eta]) if regular => (nearest, xi.clamp(-1.0, 2.0), eta.clamp(-1.0, 2.0)),
+            Some([xi, eta]) => (nearest, xi.clamp(0.0, 1.0), eta.clamp(0.0, 1.0)),
+            None => (nearest, 0.5, 0.5),
+        }
+    }
+
+    /// The field with the nodal values `values` at the point of an element.
+    pub fn interpolate(&self, values: &[[f64; 2]], (element, xi, eta): (usize, f64, f64)) -> [f64; 2] {
+        let mut u = [0.0; 2];
+        for (&node, psi) in self.elements[element].iter().zip(shape_functions(xi, eta)) {
+            for c in 0..2 {
+                u[c] += psi * values[node as usize][c];
+            }
+        }
+        u
+    }
+
+    /// The edges of the elements of one zone that belong to one element alone, each as its two nodes in the
+    /// order of the element's corners: with y down the inside lies to the right of the way from the first to
+    /// the second.
+    pub fn boundary(&self, zone: usize) -> Vec<[u32; 2]> {
+        let elements = &self.elements[self.zone_elements(zone)];
+        let edges = || elements.iter().flat_map(|n| (0..4).map(|k| [n[k], n[(k + 1) % 4]])).filter(|[a, b]| a != b);
+        let mut count: HashMap<[u32; 2], u32> = HashMap::new();
+        for [a, b] in edges() {
+            *count.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+        edges().filter(|[a, b]| count[&[*a.min(b), *a.max(b)]] == 1).collect()
+    }
+}
