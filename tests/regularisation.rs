@@ -10,7 +10,9 @@ use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{CorrelationError, Correlator, Options, Regularisation};
 use quadrille::field::Status;
 use quadrille::imaging::Image;
-use quadrille::linalg::{BlockMatrix, Cholesky, ElementMatrix, Pattern, Solver, dissection, nested_dissection, spread};
+use quadrille::linalg::{
+    BlockMatrix, Cholesky, ElementMatrix, Pattern, Solver, dissection, nested_dissection, selected_inverse, spread,
+};
 use quadrille::mesh::{Mesh, Zone, ZoneElements};
 use quadrille::synth::{Affine, Motion, Rotation, Sinusoids, Texture, Translation, inverse_at, render};
 use quadrille::units::Px;
@@ -211,7 +213,8 @@ fn measured_noise_has_the_gain_of_the_theory() {
 #[test]
 fn the_penalty_is_zero_on_rigid_motions_and_for_the_equilibrium_gap_on_affine_fields() {
     let mesh = mesh(9, 7, 16);
-    let fields: [(&str, fn([f64; 2]) -> [f64; 2]); 4] = [
+    type Field = fn([f64; 2]) -> [f64; 2];
+    let fields: [(&str, Field); 4] = [
         ("translation", |_| [3.0, -2.0]),
         ("rotation", |[x, y]| [-0.01 * y, 0.01 * x]),
         ("stretch", |[x, y]| [0.01 * x, -0.004 * y]),
@@ -332,14 +335,12 @@ fn three_nodes_with_texture_determine_an_affine_field_everywhere() {
     let found = solver.solve(data.multiply(&exact));
     // Round-off times the condition, about (8 elements)^4 times that of a bare stiffness.
     assert!(largest_difference(&found, &exact) < 1e-7, "{}", largest_difference(&found, &exact));
-    // One node less, and a rotation is free.
-    let mut too_little = BlockMatrix::zero(data.pattern());
-    too_little.add_square(&[0], &[[1.0, 0.0, 0.0, 1.0]], 1.0);
-    let penalty = Arc::new(tikhonov(64.0).penalty(&mesh, &[1.0]).unwrap());
-    let order: Vec<usize> = (0..mesh.n_nodes()).collect();
-    // For Tikhonov one node determines all, and none does not.
-    assert!(Solver::regularised(too_little, penalty.clone(), &order).is_ok());
-    assert!(Cholesky::new(&BlockMatrix::zero(data.pattern()), &order).is_err());
+    // A gradient that is penalised too needs one node.
+    let mut one_node = BlockMatrix::zero(data.pattern());
+    one_node.add_square(&[5], &[[1.0, 0.0, 0.0, 1.0]], 1.0);
+    let solver = self::solver(&one_node, &mesh, tikhonov(64.0), 1.0);
+    let shifted = solver.solve(one_node.multiply(&vec![[2.0, -1.0]; mesh.n_nodes()]));
+    assert!(largest_difference(&shifted, &vec![[2.0, -1.0]; mesh.n_nodes()]) < 1e-9);
 }
 
 #[track_caller]
@@ -541,17 +542,23 @@ fn variances_and_degrees_of_freedom_are_those_of_the_dense_inverse() {
     let [width, height] = mesh.nodes()[mesh.n_nodes() - 1].map(|x| x as usize);
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
     let image = picture(&REST, &float(width, height));
-    let matrices = plain::normal_matrices(&image, &mesh);
-    let data = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-    let trace: f64 = (0..mesh.n_nodes()).map(|node| data.diagonal(node)).map(|[xx, _, yy]| xx + yy).sum();
-    let gradient = 0.5 * trace / (4.0 / 9.0 * 256.0 * mesh.n_nodes() as f64);
-    // The steps that the correlation takes for these lengths.
-    for (regularisation, steps) in
-        [(tikhonov(32.0), 5), (tikhonov(96.0), 7), (equilibrium_gap(32.0), 5), (equilibrium_gap(64.0), 9)]
-    {
+    // One half all but blank: there the influence of a load does not fade.
+    let half = changed(&image, |x, _, grey| if x < 128 { grey } else { 100.0 + 0.01 * grey });
+    let all = [
+        (&image, tikhonov(32.0)),
+        (&image, tikhonov(96.0)),
+        (&image, equilibrium_gap(64.0)),
+        (&half, tikhonov(64.0)),
+        (&half, equilibrium_gap(160.0)),
+    ];
+    for (image, regularisation) in all {
+        let data = BlockMatrix::assemble(&pattern, mesh.elements(), &plain::normal_matrices(image, &mesh));
+        let trace: f64 = (0..mesh.n_nodes()).map(|node| data.diagonal(node)).map(|[xx, _, yy]| xx + yy).sum();
+        let gradient = 0.5 * trace / (4.0 / 9.0 * 256.0 * mesh.n_nodes() as f64);
         let solver = solver(&data, &mesh, regularisation, gradient);
-        let found =
-            spread(solver.cholesky().unwrap(), solver.data(), &data.pattern().colours(0..mesh.n_nodes(), steps));
+        let penalty = solver.penalty().unwrap();
+        let order = dissection(penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
+        let found = spread(&data, penalty, &order).unwrap();
         let inverse = Dense::of(solver.matrix()).inverse();
         let dense = Dense::of(&data);
         let n = dense.n;
@@ -569,10 +576,10 @@ fn variances_and_degrees_of_freedom_are_those_of_the_dense_inverse() {
             let twice: f64 = (0..n).map(|k| hat[unknown][k] * hat[k][unknown]).sum();
             freedom += 2.0 * hat[unknown][unknown] - twice;
         }
-        // What is promised; what leaks has random signs.
-        assert!(worst <= 0.01, "{regularisation:?}: {worst} of a standard uncertainty");
+        // The central difference is exact to 1e-4 of a variance.
+        assert!(worst <= 1e-4, "{regularisation:?}: {worst} of a standard uncertainty");
         let got: f64 = found.freedom.iter().sum();
-        assert!((got / freedom - 1.0).abs() <= 0.01, "{regularisation:?}: {got} degrees of freedom, not {freedom}");
+        assert!((got / freedom - 1.0).abs() <= 1e-3, "{regularisation:?}: {got} degrees of freedom, not {freedom}");
     }
 }
 
@@ -658,7 +665,7 @@ fn dissection_is_a_permutation_that_fills_in_less_than_one_line_at_a_time() {
     }
     let (mesh, nx) = (mesh(40, 40, 8), 41);
     let mut sum = equilibrium_gap(40.0).penalty(&mesh, &[1.0]).unwrap();
-    sum.add(&ideal_matrix(&mesh, 8));
+    sum.add(&ideal_matrix(&mesh, 8), 1.0);
     let [two_lines, one_line] = [dissection(sum.pattern(), mesh.nodes(), 0..mesh.n_nodes()), nested_dissection(nx, nx)]
         .map(|order| Cholesky::new(&sum, &order).unwrap().n_values());
     // A line of nodes does not separate what is coupled over two.
@@ -669,21 +676,37 @@ fn dissection_is_a_permutation_that_fills_in_less_than_one_line_at_a_time() {
 }
 
 #[test]
-fn several_right_hand_sides_are_solved_as_each_alone() {
-    let mesh = mesh(9, 12, 8);
-    let data = ideal_matrix(&mesh, 8);
-    let order: Vec<usize> = (0..mesh.n_nodes()).collect();
-    let factor = Cholesky::new(&data, &order).unwrap();
-    let n = mesh.n_nodes();
-    let all: Vec<[f64; 2]> = (0..3 * n).map(|k| [(k as f64).sin(), (k as f64 * 0.7).cos()]).collect();
-    let mut together = all.clone();
-    factor.solve_all(&mut together);
-    for (alone, together) in all.chunks(n).zip(together.chunks(n)) {
-        let mut alone = alone.to_vec();
-        factor.solve(&mut alone);
-        // Round-off.
-        assert!(largest_difference(&alone, together) <= 1e-13 * largest(&alone));
+fn a_selected_inverse_is_that_of_the_dense_one() {
+    for (nx, ny) in [(1, 1), (7, 1), (2, 9), (13, 12)] {
+        let mesh = mesh(nx, ny, 8);
+        let mut sum = equilibrium_gap(40.0).penalty(&mesh, &[1.0]).unwrap();
+        sum.add(&ideal_matrix(&mesh, 8), 1.0);
+        let dense = Dense::of(&sum).inverse();
+        let narrow = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+        for pattern in [sum.pattern(), &narrow] {
+            for order in [dissection(sum.pattern(), mesh.nodes(), 0..mesh.n_nodes()), (0..mesh.n_nodes()).collect()] {
+                let got = Dense::of(&selected_inverse(&sum, &order, pattern).unwrap());
+                let largest = dense.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+                let n = got.n;
+                let mut n_compared = 0;
+                for (k, got) in got.values.into_iter().enumerate().filter(|(_, got)| *got != 0.0) {
+                    let want = dense[k % n][k / n];
+                    // Round-off times the condition, 1e3.
+                    assert!((got - want).abs() <= 1e-11 * largest, "{nx} x {ny}: {got} {want}");
+                    n_compared += 1;
+                }
+                // Between x and y some are zero by symmetry, the two others of a block are not.
+                assert!(n_compared >= 2 * pattern.n_blocks(), "{nx} x {ny}: {n_compared}");
+            }
+        }
     }
+    // Without a factor there is no inverse.
+    let mesh = mesh(3, 3, 8);
+    let zero = BlockMatrix::zero(&Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements())));
+    let order: Vec<usize> = (0..mesh.n_nodes()).collect();
+    assert!(selected_inverse(&zero, &order, zero.pattern()).is_err());
+    assert!(spread(&zero, &zero, &order).is_err());
+    assert!(Solver::regularised(zero.clone(), Arc::new(zero), &order).is_err());
 }
 
 #[test]

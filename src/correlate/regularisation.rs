@@ -2,7 +2,7 @@
 
 use super::error::CorrelationError;
 use crate::field::RegularisationKind;
-use crate::linalg::{BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, dissection};
+use crate::linalg::{BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, Spread, dissection, spread};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::f64::consts::{PI, TAU};
@@ -140,29 +140,13 @@ impl Regularisation {
             }
         }
     }
-
-    /// Distance, px, beyond which a load moves a node by so little that probing does not see it: the tails of the
-    /// longest waves that are held, `exp(-2 pi r / L)` for Tikhonov and `exp(-sqrt(2) pi r / L')` with the
-    /// longitudinal length `L'` for the equilibrium gap, below 0.5 % with their slowly varying factors.
-    fn reach_px(self) -> f64 {
-        match self {
-            Self::None => 0.0,
-            Self::Tikhonov { cutoff_px } => 1.1 * cutoff_px,
-            Self::EquilibriumGap { cutoff_px, poisson } => 1.2 * cutoff_px * (2.0 / (1.0 - poisson)).sqrt(),
-        }
-    }
 }
-
-/// The distance of loads in probing, in steps from node to node. The lower limit is that of a matrix without
-/// regularisation, the upper one bounds the work: beyond, what leaks costs up to 5 % of a standard uncertainty.
-const STEPS: std::ops::RangeInclusive<usize> = 5..=24;
 
 /// The penalty of one level, ready to be added to any matrix of its data.
 #[derive(Debug)]
 pub(super) struct Regulariser {
     penalty: Arc<BlockMatrix>,
     order: Vec<usize>,
-    steps: usize,
 }
 
 /// What the penalty is scaled to: the normal matrix of the level.
@@ -192,9 +176,7 @@ impl Regulariser {
         let gradient = mean_square_gradient(mesh, texture);
         let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
         let order = dissection(penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
-        let steps = (regularisation.reach_px() / mesh.element_size()).ceil() as usize;
-        let steps = steps.clamp(*STEPS.start(), *STEPS.end());
-        Some(Self { penalty: Arc::new(penalty), order, steps })
+        Some(Self { penalty: Arc::new(penalty), order })
     }
 
     /// The solver of the data's matrix with the penalty. Nodes that are not kept must be out of both.
@@ -202,9 +184,9 @@ impl Regulariser {
         Solver::regularised(data, self.penalty.clone(), &self.order)
     }
 
-    /// Colours of the nodes for probing the covariance.
-    pub fn colours(&self, pattern: &Pattern) -> Vec<u32> {
-        pattern.colours(0..pattern.n_nodes(), self.steps)
+    /// Variances and degrees of freedom of the solution with the data's matrix.
+    pub fn spread(&self, data: &BlockMatrix) -> Result<Spread, NotPositiveDefinite> {
+        spread(data, &self.penalty, &self.order)
     }
 }
 

@@ -5,15 +5,18 @@ use super::regularisation::Regulariser;
 use crate::backend::{GreyTransfer, PixelSums};
 use crate::imaging::Interpolation;
 use crate::isa::Isa;
-use crate::linalg::{Pattern, Solver, Spread, inverse_diagonal, spread};
+use crate::linalg::{Pattern, Solver, Spread, inverse_diagonal};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
 /// Diagonal of `M^-1`, or with regularisation of `A^-1 M A^-1`, per node, and the degrees of freedom that each
 /// takes.
 pub(super) fn spread_of(isa: Isa, mesh: &Mesh<Px>, solver: &Solver, regulariser: Option<&Regulariser>) -> Spread {
-    if let (Some(factor), Some(regulariser), Some(_)) = (solver.cholesky(), regulariser, solver.penalty()) {
-        return spread(factor, solver.data(), &regulariser.colours(solver.data().pattern()));
+    // A solver without penalty is that of a frame which the regularisation could not hold.
+    if let (Some(regulariser), Some(_)) = (regulariser, solver.penalty())
+        && let Ok(spread) = regulariser.spread(solver.data())
+    {
+        return spread;
     }
     let variance = inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh, solver.matrix().pattern()));
     Spread { variance, freedom: vec![2.0; mesh.n_nodes()] }

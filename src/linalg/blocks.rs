@@ -238,18 +238,26 @@ impl BlockMatrix {
         }
     }
 
-    /// Adds a matrix of the same nodes whose pattern lies within that of `self`.
+    /// The matrix of the blocks `block(row, column)`.
+    pub(super) fn from_blocks(pattern: &Arc<Pattern>, block: impl Fn(usize, usize) -> [f64; 4]) -> Self {
+        let rows = 0..pattern.n_nodes();
+        let places = rows.flat_map(|row| pattern.neighbours(row).iter().map(move |&column| (row, column as usize)));
+        let blocks = places.map(|(row, column)| block(row, column)).collect();
+        Self { pattern: pattern.clone(), blocks }
+    }
+
+    /// Adds `scale` times a matrix of the same nodes whose pattern lies within that of `self`.
     ///
     /// # Panics
     /// When it does not.
-    pub fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self, scale: f64) {
         for node in 0..other.pattern.n_nodes() {
             for (block, &column) in other.blocks[other.pattern.row(node)].iter().zip(other.pattern.neighbours(node)) {
                 let Some(at) = self.pattern.place(node, column) else {
                     panic!("the pattern does not couple the nodes {node} and {column}")
                 };
                 for (sum, value) in self.blocks[at].iter_mut().zip(block) {
-                    *sum += value;
+                    *sum += scale * value;
                 }
             }
         }

@@ -58,7 +58,7 @@ pub fn inverse_diagonal(isa: Isa, matrix: &BlockMatrix, jacobi: &BlockJacobi, co
 }
 
 /// A fixed random sign per node (hash of its number).
-pub(super) fn sign(node: usize) -> f32 {
+fn sign(node: usize) -> f32 {
     let hash = (node as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     if (hash ^ (hash >> 29)) >> 40 & 1 == 0 { 1.0 } else { -1.0 }
 }

@@ -5,6 +5,7 @@ mod cholesky;
 mod conjugate_gradients;
 mod dissection;
 mod inverse_diagonal;
+mod selected_inverse;
 mod solver;
 mod spread;
 
@@ -13,5 +14,6 @@ pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dissection::{dissection, nested_dissection};
 pub use inverse_diagonal::inverse_diagonal;
+pub use selected_inverse::selected_inverse;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
 pub use spread::{Spread, spread};

@@ -99,7 +99,7 @@ impl Solver {
         order: &[usize],
     ) -> Result<Self, NotPositiveDefinite> {
         let mut sum = BlockMatrix::clone(&penalty);
-        sum.add(&data);
+        sum.add(&data, 1.0);
         let factor = Some(Cholesky::new(&sum, order)?);
         let solver = Self::iterative(sum).with_factor(factor);
         Ok(Self { regularised: Some(Regularised { data, penalty }), ..solver })
@@ -113,11 +113,6 @@ impl Solver {
     /// The penalty, if the matrix is regularised.
     pub fn penalty(&self) -> Option<&BlockMatrix> {
         self.regularised.as_ref().map(|parts| &*parts.penalty)
-    }
-
-    /// The factor, if there is one.
-    pub fn cholesky(&self) -> Option<&Cholesky> {
-        self.factor.as_ref()
     }
 
     /// The correction of `displacement` for the right-hand side `rhs` of the data. A penalty acts on the whole
