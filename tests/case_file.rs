@@ -1,6 +1,6 @@
 //! Case files: read, written, and what is said about wrong ones.
 
-use quadrille::field::{Brightness, StartFrom, UnknownChoice};
+use quadrille::field::{Brightness, RegularisationKind, StartFrom, UnknownChoice};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
     CaseCorrelation, CaseError, CaseFile, CaseImages, CaseZone, parse_case, read_case, write_case,
