@@ -1,7 +1,7 @@
 """Reads a .vtu file with meshio and prints what it holds as JSON, for tests/exports.rs.
 
     python3 scripts/check_vtu.py FILE.vtu     the mesh and its data as JSON
-                                              (a float as the integer of its 64 bits: JSON readers round)
+                                              (a float as the integer of its bits: JSON readers round)
     python3 scripts/check_vtu.py --available  exit status 0 when meshio can be imported
 """
 
@@ -11,7 +11,8 @@ import sys
 
 def exact(values):
     """Nested lists of integers; floats as their bits."""
-    return (values.view("u8") if values.dtype == "f8" else values).tolist()
+    bits = {"f4": "u4", "f8": "u8"}.get(values.dtype.str[1:])
+    return (values.view(bits) if bits else values).tolist()
 
 
 def main() -> int:

@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 /// is four standard deviations and more.
 const ROUNDED: f64 = 0.02;
 
-const PX_HEADER: &str = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px";
+const PX_HEADER: &str = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px,exx,eyy,exy";
 const MM_HEADER: &str = "x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm";
 
 /// A table without its comments, which name files and versions.
@@ -78,7 +78,7 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
     assert_keys(
         &summary,
         "quadrille device threads units reference n_nodes n_elements n_levels solver tolerance_px seconds_reference \
-         seconds_total nodes_left_out counts frames",
+         seconds_total nodes_left_out nodes_held counts frames",
     );
     assert_eq!(summary["quadrille"], env!("CARGO_PKG_VERSION"));
     assert_eq!(summary["threads"], 1);
@@ -137,7 +137,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
     desk.correlate(
         "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 12 --interpolation quintic --tolerance 1e-3 \
          --max-iterations 30 --brightness element --start cold --noise 1.5 --drop-textureless --pixel-size 0.002 \
-         --export csv --threads 2 --output out ref.png a.png b.png",
+         --strain hencky --export csv --threads 2 --output out ref.png a.png b.png",
     )
     .fine();
     let case = run_toml(&desk, "out");
@@ -150,6 +150,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         start = "cold"
         noise = 1.5
         regularisation = "none"
+        strain = "hencky"
         drop_textureless = true
     };
     assert_eq!(case["correlation"].as_table(), Some(&options));
@@ -627,7 +628,7 @@ fn overwrite_removes_the_files_of_the_old_run_and_nothing_else() {
 fn a_new_run_that_fails_leaves_the_old_results_as_they_are() {
     let desk = Desk::with_series();
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png")).fine();
-    let files = || desk.files("out").iter().map(|name| desk.bytes(&format!("out/{name}"))).collect::<Vec<_>>();
+    let files = || desk.all_files("out").iter().map(|name| desk.bytes(&format!("out/{name}"))).collect::<Vec<_>>();
     let before = files();
     desk.write("broken.png", "no image");
     desk.image("black.png", &Image::new(WIDTH, HEIGHT, Pixels::U8(vec![0; WIDTH * HEIGHT])).unwrap());

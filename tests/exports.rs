@@ -1,6 +1,6 @@
 //! What quadrille writes for other programs reads back as it was.
 
-use quadrille::field::{Measurement, Status};
+use quadrille::field::{Measurement, Status, Strain, StrainDefinition, StrainField};
 use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
 use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -34,9 +34,16 @@ fn two_zones() -> Measurement<Px> {
     measurement
 }
 
+/// Its strains, with one more that is not known.
+fn strains() -> StrainField {
+    let mut strains = StrainField::of(&two_zones(), StrainDefinition::GreenLagrange);
+    strains.nodes[1] = None;
+    strains
+}
+
 fn table(header: &[String], pixel_size: Option<PixelSize>) -> String {
     let mut out = Vec::new();
-    write_displacements(&mut out, header, &two_zones(), pixel_size).unwrap();
+    write_displacements(&mut out, header, &two_zones(), Some(&strains()), pixel_size).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -52,12 +59,15 @@ fn a_table_of_displacements_reads_back_to_the_same_bits() {
             assert_eq!(row.zone, measurement.mesh.zones()[measurement.mesh.node_zone()[row.node] as usize]);
             assert_eq!(row.px.position, measurement.mesh.nodes()[row.node]);
             assert_eq!(row.px.displacement, measurement.displacement[row.node]);
-            assert_eq!(row.px.sigma, measurement.sigma[row.node]);
+            assert_eq!(row.px.sigma.map(|v| v as f32), measurement.sigma[row.node].map(|v| v as f32));
+            let strain = |Strain(e)| e.map(|e: f64| e as f32);
+            assert_eq!(row.strain.map(strain), strains().nodes[row.node].map(strain));
             assert_eq!(row.mm.is_some(), pixel_size.is_some());
             if let Some(mm) = row.mm {
                 assert_eq!(mm.position, row.px.position.map(|v| size.mm_from_px(v)));
                 assert_eq!(mm.displacement, row.px.displacement.map(|v| size.mm_from_px(v)));
-                assert_eq!(mm.sigma, row.px.sigma.map(|v| size.mm_from_px(v)));
+                let in_mm = |v: f64| size.mm_from_px(f64::from(v as f32)) as f32;
+                assert_eq!(mm.sigma.map(|v| v as f32), row.px.sigma.map(in_mm));
             }
         }
     }
@@ -67,11 +77,22 @@ fn a_table_of_displacements_reads_back_to_the_same_bits() {
 fn a_table_begins_with_its_comments_and_the_names_of_its_columns() {
     let text = table(&["quadrille 0.1.0".into(), "two\nlines".into()], PixelSize::new(0.002));
     let mut lines = text.lines().skip_while(|line| line.starts_with('#'));
-    let px = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px";
+    let px = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px,exx,eyy,exy";
     assert_eq!(lines.next().unwrap(), format!("{px},x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm"));
     assert!(text.starts_with("# quadrille 0.1.0\n# two\n# lines\n# status: iteration_limit\n"), "{text}");
     assert!(text.contains("y down") && text.contains("# 1 px = 0.002 mm"), "{text}");
     assert!(lines.next().unwrap().starts_with("0,\"upper, \"\"left\"\"\",0.5,2.0,"), "{text}");
+    for wanted in ["# strain: green-lagrange", "tensor shear", "length scale of a strain: 16 px"] {
+        assert!(text.contains(wanted), "'{wanted}' is missing in {text}");
+    }
+    let unknown = lines.next().unwrap().split(',').filter(|cell| cell.is_empty()).count();
+    assert_eq!(unknown, 3, "the strain of node 1 is not known: {text}");
+    // Without strains there are no such columns, and the same lines but for them.
+    let mut out = Vec::new();
+    write_displacements(&mut out, &[], &two_zones(), None, None).unwrap();
+    let plain = String::from_utf8(out).unwrap();
+    assert!(plain.contains("sigma_uy_px\n") && !plain.contains("strain"), "{plain}");
+    assert!(read_displacements(plain.as_bytes()).unwrap().iter().all(|row| row.strain.is_none()));
 }
 
 #[test]
@@ -121,14 +142,14 @@ impl Write for Disk {
 fn a_full_disk_is_an_error_however_late_it_fills() {
     let measurement = two_zones();
     let mut vtu = Vec::new();
-    write_vtu(&mut vtu, "", &measurement, 255.0).unwrap();
+    write_vtu(&mut vtu, "", &measurement, Some(&strains()), 255.0).unwrap();
     for room in [0, 100, vtu.len() - 1] {
-        let error = write_vtu(Disk { room }, "", &measurement, 255.0).unwrap_err();
+        let error = write_vtu(Disk { room }, "", &measurement, Some(&strains()), 255.0).unwrap_err();
         assert!(matches!(error, VtkError::Write(_)), "{room}: {error:?}");
     }
     let bytes = table(&[], None).len();
     for room in [0, 100, bytes - 1] {
-        let error = write_displacements(Disk { room }, &[], &measurement, None).unwrap_err();
+        let error = write_displacements(Disk { room }, &[], &measurement, Some(&strains()), None).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{room}");
     }
 }
@@ -136,7 +157,7 @@ fn a_full_disk_is_an_error_however_late_it_fills() {
 #[test]
 fn residuals_in_per_cent_of_nothing_are_refused() {
     for range in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let error = write_vtu(Vec::new(), "", &two_zones(), range).unwrap_err();
+        let error = write_vtu(Vec::new(), "", &two_zones(), None, range).unwrap_err();
         assert!(matches!(error, VtkError::DynamicRange { .. }), "{range}");
     }
 }
@@ -144,14 +165,19 @@ fn residuals_in_per_cent_of_nothing_are_refused() {
 #[test]
 fn the_head_of_a_grid_names_status_units_and_zones() {
     let mut out = Vec::new();
-    write_vtu(&mut out, "frame 3 --- of\u{1}7 -->", &two_zones(), 255.0).unwrap();
+    write_vtu(&mut out, "frame 3 --- of\u{1}7 -->", &two_zones(), Some(&strains()), 255.0).unwrap();
     let text = String::from_utf8(out).unwrap();
     let (start, end) = (text.find("<!--").unwrap() + 4, text.find("-->").unwrap());
     let head = &text[start..end];
     assert!(!head.contains("--") && !head.contains('\u{1}'), "{head}");
-    for wanted in
-        ["frame 3 - - - of 7", "status: iteration_limit", "y down", "1 = lower - - ü <&>", "of 255 grey levels"]
-    {
+    for wanted in [
+        "frame 3 - - - of 7",
+        "status: iteration_limit",
+        "y down",
+        "1 = lower - - ü <&>",
+        "of 255 grey levels",
+        "strain: green-lagrange",
+    ] {
         assert!(head.contains(wanted), "'{wanted}' is missing in {head}");
     }
     assert!(text[end..].starts_with("-->\n<VTKFile"));
@@ -188,31 +214,42 @@ fn a_grid_reads_back_in_meshio_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.vtu");
     let measurement = two_zones();
-    write_vtu(std::fs::File::create(&path).unwrap(), "frame 3", &measurement, 255.0).unwrap();
+    write_vtu(std::fs::File::create(&path).unwrap(), "frame 3", &measurement, Some(&strains()), 255.0).unwrap();
     let output = Command::new(python).arg(script).arg(&path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
 
     let mesh = &measurement.mesh;
     let bits = |values: &[f64]| json!(values.iter().map(|v| v.to_bits()).collect::<Vec<_>>());
+    let short_bits = |values: &[f64]| json!(values.iter().map(|&v| (v as f32).to_bits()).collect::<Vec<_>>());
     let spatial =
         |pairs: &[[f64; 2]]| json!(pairs.iter().map(|v| [v[0], v[1], 0.0].map(f64::to_bits)).collect::<Vec<_>>());
-    let kept = |pairs: &[[f64; 2]]| {
-        let kept = pairs.iter().zip(&measurement.measured).map(|(&v, &measured)| if measured { v } else { [0.0; 2] });
-        spatial(&kept.collect::<Vec<_>>())
+    let kept = |pairs: &[[f64; 2]]| -> Vec<[f64; 2]> {
+        let all = pairs.iter().zip(&measurement.measured);
+        all.map(|(&v, &measured)| if measured { v } else { [0.0; 2] }).collect()
+    };
+    let short_spatial = |pairs: Vec<[f64; 2]>| {
+        json!(pairs.iter().map(|v| [v[0], v[1], 0.0].map(|v| (v as f32).to_bits())).collect::<Vec<_>>())
+    };
+    let strain_bits = |strains: &[Option<Strain>]| {
+        let of = |strain: &Option<Strain>| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32));
+        json!(strains.iter().map(|strain| of(strain).map(f32::to_bits)).collect::<Vec<_>>())
     };
     assert_eq!(read["cell_type"], "quad");
     assert_eq!(read["points"], spatial(mesh.nodes()));
     assert_eq!(read["cells"], json!(mesh.elements()));
     assert_eq!(read["type_of_cells"], "int64"); // meshio makes unsigned ones float64, no longer an index
     let (point, cell) = (&read["point_data"], &read["cell_data"]);
-    assert_eq!(point["displacement_px"], kept(&measurement.displacement));
-    assert_eq!(point["sigma_px"], kept(&measurement.sigma));
+    assert_eq!(point["displacement_px"], spatial(&kept(&measurement.displacement)));
+    assert_eq!(point["sigma_px"], short_spatial(kept(&measurement.sigma)));
+    assert_eq!(point["strain_node"], strain_bits(&strains().nodes));
+    assert_eq!(cell["strain_element"], strain_bits(&strains().elements));
     assert_eq!(point["measured"], json!(measurement.measured.iter().map(|&m| u8::from(m)).collect::<Vec<_>>()));
     assert_eq!(read["type_of_measured"], "uint8");
-    let percent: Vec<f64> = measurement.element_residual.iter().map(|r| 100.0 * r / 255.0).collect();
-    assert_eq!(cell["residual_grey"], bits(&measurement.element_residual));
-    assert_eq!(cell["residual_percent"], bits(&percent));
+    let residual = measurement.element_residual.iter().map(|&r| f64::from(r as f32));
+    let percent: Vec<f64> = residual.map(|r| 100.0 * r / 255.0).collect();
+    assert_eq!(cell["residual_grey"], short_bits(&measurement.element_residual));
+    assert_eq!(cell["residual_percent"], short_bits(&percent));
     assert_eq!(cell["zone"], json!(mesh.element_zone()));
     assert_eq!(read["field_data"]["converged"], json!([0]));
     assert_eq!(read["field_data"]["dynamic_range_grey"], bits(&[255.0]));

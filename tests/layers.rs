@@ -28,7 +28,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 9] = [
+const HOMES: [Home; 12] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -37,6 +37,9 @@ const HOMES: [Home; 9] = [
     },
     Home { what: "the crate image", named_by: |s, at| s.names_crate(at, "image"), places: &["io/", "report/"] },
     Home { what: "the crate tiff", named_by: |s, at| s.names_crate(at, "tiff"), places: &["io/"] },
+    Home { what: "the crate zarrs", named_by: |s, at| s.names_crate(at, "zarrs"), places: &["io/store/"] },
+    Home { what: "the crate zip", named_by: |s, at| s.names_crate(at, "zip"), places: &["io/npz.rs"] },
+    Home { what: "the crate npyz", named_by: |s, at| s.names_crate(at, "npyz"), places: &["io/npz.rs"] },
     Home { what: "the crate plotters", named_by: |s, at| s.names_crate(at, "plotters"), places: &["report/"] },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },

@@ -1,6 +1,7 @@
 //! The command line, as the user types it.
 
-use crate::field::{Brightness, RegularisationKind, StartFrom};
+use super::frames::Frames;
+use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -21,6 +22,10 @@ pub struct Cli {
 pub enum Command {
     /// Measure displacement fields: one reference image, any number of deformed ones.
     Correlate(CorrelateArgs),
+    /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
+    Export(ExportArgs),
+    /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
+    Probe(ProbeArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
     /// Make an example series, correlate it and compare the result with the truth.
@@ -37,14 +42,14 @@ pub enum Device {
     Cpu,
 }
 
-/// A table of values per frame that is written.
+/// A table of values per frame that is written beside the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Export {
     /// DIR/csv/NNNNNN.csv: one row per measured node.
     Csv,
     /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
     Vtu,
-    /// Nothing but run.toml and summary.json.
+    /// Nothing beside run.toml, summary.json and fields.zarr.
     None,
 }
 
@@ -118,9 +123,13 @@ pub struct CorrelateArgs {
     /// Millimetres per pixel: adds columns in mm to the CSV files.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pixel_size: Option<f64>,
-    /// What to write per frame. Default csv,vtu (or what the run.toml given as --case wrote).
+    /// What to write per frame beside the store DIR/fields.zarr. Default csv,vtu up to 1000 frames and none
+    /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
     #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
     pub export: Option<Vec<Export>>,
+    /// Definition of the strains. Default green-lagrange.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
     /// Where the pixel work is done.
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,
@@ -137,6 +146,111 @@ pub struct CorrelateArgs {
     /// One line for every frame.
     #[arg(long, short)]
     pub verbose: bool,
+}
+
+/// What `quadrille export` makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// DIR/csv/NNNNNN.csv: one row per measured node.
+    Csv,
+    /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
+    Vtu,
+    /// DIR/fields.npz for numpy.load; with --split DIR/npz/NNNNNN.npz.
+    Npz,
+    /// DIR/fields.mat for MATLAB and scipy.io.loadmat; with --split DIR/mat/NNNNNN.mat.
+    Mat,
+}
+
+/// Arguments of `quadrille export`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Tables and ParaView files of a long series, every frame from 100 to 200:\n    \
+    quadrille export out --to csv,vtu --frames 100-200\n  \
+    One file for MATLAB, in another folder:\n    \
+    quadrille export out --to mat --output for-matlab\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be done.")]
+pub struct ExportArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// What to make.
+    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
+    pub to: Vec<Target>,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// Folder for the files; made when it is not there. Default: DIR.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// npz and mat: a file for each frame instead of one for all.
+    #[arg(long)]
+    pub split: bool,
+    /// Replace files that are there already.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille probe`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    A point and an extensometer over all frames, beside the load recorded with each image:\n    \
+    quadrille probe out --point 512,300 --extensometer 100,400,900,400 --load load.csv\n  \
+    Opening and sliding along a joint, the rotation of the specimen taken off:\n    \
+    quadrille probe out --opening upper,lower --remove-rigid all\n\n\
+    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, openings.csv, openings_mean.csv and\n\
+    rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[opening]],\n\
+    [load] and [quantities] of a case file say the same.\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be done.")]
+pub struct ProbeArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// A case file (TOML) that says what to draw. Flags of a kind replace its sections of that kind. Default,
+    /// without any flag: the case of the run.
+    #[arg(long, value_name = "FILE")]
+    pub case: Option<PathBuf>,
+    /// A point, px: displacement and strain with their uncertainty. Repeat it for several.
+    #[arg(long, value_name = "x,y", value_parser = pair, allow_hyphen_values = true)]
+    pub point: Vec<[f64; 2]>,
+    /// A line, px: the same at points along it. Repeat it for several.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub line: Vec<[f64; 4]>,
+    /// Distance of the points of lines, px. Default: a quarter of the element size.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub step: Option<f64>,
+    /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub extensometer: Vec<[f64; 4]>,
+    /// Average extensometers over gauge lines of this length across their ends, px. Default 0: points.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub width: Option<f64>,
+    /// Opening and sliding between two zones along their facing edges; for a horizontal joint the upper zone
+    /// first. Repeat it for several.
+    #[arg(long, value_name = "upper,lower", value_parser = two_zones)]
+    pub opening: Vec<[String; 2]>,
+    /// Take the rigid motion off before, of all nodes together or of each zone.
+    #[arg(long, value_name = "all|zone")]
+    pub remove_rigid: Option<RemoveRigid>,
+    /// Definition of the strains. Default: that of the run.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
+    /// What other instruments recorded (CSV, a row per image): joined to every row.
+    #[arg(long, value_name = "FILE")]
+    pub load: Option<PathBuf>,
+    /// Folder for `quantities/`. Default: DIR.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// A displacement field that `quadrille synth` can make.
@@ -261,6 +375,16 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
 
 fn rectangle(text: &str) -> Result<[f64; 4], String> {
     numbers(text)
+}
+
+fn two_zones(text: &str) -> Result<[String; 2], String> {
+    let [plus, minus] = text
+        .split(',')
+        .map(str::trim)
+        .collect::<Vec<_>>()
+        .try_into()
+        .map_err(|names: Vec<_>| format!("'{text}' names {} zones instead of two: upper,lower", names.len()))?;
+    Ok([plus.to_owned(), minus.to_owned()])
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {

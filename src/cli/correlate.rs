@@ -1,18 +1,20 @@
 //! `quadrille correlate`.
 
 use super::args::CorrelateArgs;
-use super::plan::Plan;
+use super::plan::{MANY, Plan};
 use super::progress::{Progress, Talk};
-use super::run_folder::RunFolder;
+use super::run_folder::{About, RunFolder};
 use super::{Outcome, Result, absolute, chain, plural, pool};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
-use crate::field::Status;
+use crate::field::{Status, StrainField};
 use crate::io::case::write_case;
 use crate::io::images::{Loaded, ReadError, read_image};
-use crate::mesh::MeshError;
+use crate::io::store::{STORE, StoreHeader, StoreWriter};
+use crate::mesh::{Mesh, MeshError};
 use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, units};
+use crate::units::Px;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -110,15 +112,35 @@ pub(super) fn run_series(
     };
     let mut record = Record::new(plan, &correlator, &zones, loaded.sha256, pool.current_num_threads());
     folder.write_case(&record.case())?;
+    let header = StoreHeader {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        mesh: mesh.clone(),
+        image_size_px: [width, height],
+        reference: vec![plan.reference.display().to_string()],
+        reference_sha256: vec![record.reference_sha256.clone()],
+        frames: plan.deformed.iter().map(|path| path.display().to_string()).collect(),
+        pixel_size: plan.pixel_size,
+        range_grey: correlator.grey_range(),
+        element_size_px: element_size_px(mesh, plan.options.element_size),
+        strain: plan.strain,
+        case: record.without_images(),
+    };
+    let store = folder.store(&header)?;
+    let about = About::new(header)?;
+    if plan.store_only {
+        progress.say(&format!(
+            "more than {MANY} frames: fields go to {STORE} alone; `quadrille export` makes tables of them, \
+             or --export csv,vtu during the run"
+        ));
+    }
 
     let written = std::thread::scope(|scope| -> Result<()> {
         let (decoded_in, decoded) = sync_channel(AHEAD);
         scope.spawn(move || decode_all(&plan.deformed, plan.page, &decoded_in));
         let (finished, to_write) = sync_channel(BEHIND);
-        let writer = scope.spawn({
-            let range = correlator.grey_range();
-            move || write_all(plan, folder, range, &to_write)
-        });
+        let (store, about) = (&store, &about);
+        let writer = scope.spawn(move || write_all(plan, folder, store, about, &to_write));
         let mut tracker = Tracker::new(&correlator);
         let mut last_summary = Instant::now();
         for Decoded { number, path, loaded, seconds } in decoded {
@@ -127,9 +149,7 @@ pub(super) fn run_series(
             if let Some(result) = &result {
                 look(number, result);
             }
-            if let Some(result) = result
-                && finished.send(ToWrite { number, frame: frame.clone(), result }).is_err()
-            {
+            if finished.send(ToWrite { number, file: frame.file.clone(), result }).is_err() {
                 break; // the writer has stopped; its error says why
             }
             summary.frames.push(frame);
@@ -148,11 +168,19 @@ pub(super) fn run_series(
     summary.seconds_total = begin.elapsed().as_secs_f64();
     // Also when writing has failed: what is known is kept where it can be.
     let closed = folder.write_case(&record.case()).and_then(|()| folder.write_summary(&summary));
+    let closed = closed.and_then(|()| Ok(store.finish(record.sha256())?));
     written?;
     closed?;
     progress.finish(&summary.frames, summary.seconds_total);
     progress.say(&format!("results in {}", folder.path().display()));
     Ok(summary)
+}
+
+/// Size of the elements: the one asked for, or what the mesh of a file has.
+fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
+    let (size, asked) = (mesh.element_size(), asked as f64);
+    // Grids that start at a fraction of a pixel miss it in the last digits.
+    if (size - asked).abs() < 1e-9 * asked { asked } else { size }
 }
 
 /// Why the reference cannot be prepared; its file is named when the fault may be in it.
@@ -218,26 +246,40 @@ fn one_frame<B: Backend>(
     }
 }
 
-/// A frame on its way to the disk.
+/// A frame on its way to the disk; without a result when it could not be read.
 struct ToWrite {
     number: usize,
-    frame: FrameSummary,
-    result: Correlation,
+    file: String,
+    result: Option<Correlation>,
 }
 
-fn write_all(plan: &Plan, folder: &RunFolder, range: f64, frames: &Receiver<ToWrite>) -> Result<()> {
+fn write_all(
+    plan: &Plan,
+    folder: &RunFolder,
+    store: &StoreWriter,
+    about: &About,
+    frames: &Receiver<ToWrite>,
+) -> Result<()> {
     let mut in_series = Vec::new();
-    for ToWrite { number, frame, result } in frames {
+    for ToWrite { number, file, result } in frames {
+        let Some(Correlation { measurement, .. }) = result else {
+            store.mark(number, Status::Unreadable)?;
+            continue;
+        };
         // A diverged field is no measurement: its numbers are not spread.
-        if result.measurement.status == Status::Diverged {
+        if !measurement.status.has_field() {
+            store.mark(number, measurement.status)?;
             continue;
         }
+        // The length is the one that the store says, to the last digit.
+        let length_px = about.element_size_px();
+        let strain = StrainField { length_px, ..StrainField::of(&measurement, plan.strain) };
+        store.write(number, &measurement, &strain)?;
         if plan.csv {
-            folder.write_csv(number, &header(plan, &frame), &result.measurement, plan.pixel_size)?;
+            folder.write_csv(number, about, &file, &measurement, &strain)?;
         }
         if plan.vtu {
-            let title = format!("quadrille {}, frame {number}: {}", env!("CARGO_PKG_VERSION"), frame.file);
-            folder.write_vtu(number, &title, &result.measurement, range)?;
+            folder.write_vtu(number, about, &file, &measurement, &strain)?;
             in_series.push(number);
             if in_series.len() % 100 == 0 {
                 folder.write_series(&in_series)?;
@@ -248,32 +290,6 @@ fn write_all(plan: &Plan, folder: &RunFolder, range: f64, frames: &Receiver<ToWr
         folder.write_series(&in_series)?;
     }
     Ok(())
-}
-
-/// The comment lines of a CSV file.
-fn header(plan: &Plan, frame: &FrameSummary) -> Vec<String> {
-    let options = &plan.options;
-    vec![
-        format!("quadrille {}: displacement of the nodes, global Q4 image correlation", env!("CARGO_PKG_VERSION")),
-        format!("frame {}: {}", frame.number, frame.file),
-        format!("reference: {}", plan.reference.display()),
-        format!(
-            "elements of {} px, {} interpolation, brightness per {}, tolerance {:e} px, cpu ({})",
-            options.element_size,
-            options.interpolation.name(),
-            options.brightness,
-            options.tolerance_px,
-            plan.isa
-        ),
-        match options.regularisation.cutoff_px() {
-            Some(cutoff_px) => format!("regularisation {}, cut-off {cutoff_px} px", options.regularisation.kind()),
-            None => "no regularisation".to_owned(),
-        },
-        match options.noise {
-            Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
-            None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
-        },
-    ]
 }
 
 /// What `run.toml` tells beside the options.
@@ -305,6 +321,16 @@ impl Record {
             units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into(),
         );
         Self { case: plan.resolved(zones), about, reference_sha256, images: Vec::new() }
+    }
+
+    /// The case file with the record of the run but for its images: the store names them beside it.
+    fn without_images(&self) -> String {
+        write_case(&crate::io::case::CaseFile { run: Some(self.about.clone()), ..self.case.clone() })
+    }
+
+    /// Of each deformed image that was come to.
+    fn sha256(&self) -> Vec<Option<String>> {
+        self.images.iter().map(|(_, sha256)| sha256.clone()).collect()
     }
 
     /// The case file with the record of the run.

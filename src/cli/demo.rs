@@ -8,7 +8,7 @@ use super::run_folder::RunFolder;
 use super::synth::write_series;
 use super::{Outcome, Result, pool};
 use crate::correlate::{Correlation, Options};
-use crate::field::{Measurement, Status};
+use crate::field::{Measurement, Status, StrainDefinition};
 use crate::io::case::{CaseZone, read_case};
 use crate::io::images::read_image;
 use crate::isa::Isa;
@@ -125,8 +125,10 @@ fn plan(images: &Path) -> Plan {
         zones: vec![zone("upper", UPPER), zone("lower", LOWER)],
         options: Options { element_size: ELEMENT as usize, ..Options::default() },
         isa: Isa::detect(),
+        strain: StrainDefinition::default(),
         csv: true,
         vtu: true,
+        store_only: false,
     }
 }
 

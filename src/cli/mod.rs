@@ -3,8 +3,12 @@
 mod args;
 mod correlate;
 mod demo;
+mod export;
+mod frames;
 mod plan;
+mod probe;
 mod progress;
+mod quantities;
 mod run_folder;
 mod synth;
 
@@ -40,6 +44,8 @@ pub fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
+        args::Command::Export(args) => export::run(&args),
+        args::Command::Probe(args) => probe::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
     };

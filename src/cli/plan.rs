@@ -3,7 +3,7 @@
 use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute};
 use crate::correlate::{Options, Regularisation};
-use crate::field::RegularisationKind;
+use crate::field::{RegularisationKind, StrainDefinition};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseZone, read_case};
 use crate::io::series::expand_series;
 use crate::isa::Isa;
@@ -11,6 +11,9 @@ use crate::mesh::{Roi, Zone};
 use crate::units::PixelSize;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
+
+/// From more frames than these only the store is written, unless tables are asked for.
+pub(super) const MANY: usize = 1000;
 
 /// What a run will do, every choice made.
 #[derive(Debug, Clone)]
@@ -22,8 +25,11 @@ pub(super) struct Plan {
     pub zones: Vec<CaseZone>,
     pub options: Options,
     pub isa: Isa,
+    pub strain: StrainDefinition,
     pub csv: bool,
     pub vtu: bool,
+    /// No tables, because there are many frames and nobody asked for them.
+    pub store_only: bool,
 }
 
 impl Plan {
@@ -71,12 +77,17 @@ impl Plan {
             })?,
             None => recorded_isa.unwrap_or_else(Isa::detect),
         };
+        let mut store_only = false;
         let export = match &args.export {
             Some(export) => export.clone(),
             None => match recorded("export") {
                 Some(toml::Value::Array(names)) => {
                     let named = |name: &toml::Value| Export::from_str(name.as_str()?, true).ok();
                     names.iter().filter_map(named).collect()
+                }
+                _ if deformed.len() > MANY => {
+                    store_only = true;
+                    Vec::new()
                 }
                 _ => vec![Export::Csv, Export::Vtu],
             },
@@ -92,8 +103,10 @@ impl Plan {
             zones,
             options,
             isa,
+            strain: args.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
+            store_only,
         })
     }
 
@@ -136,6 +149,7 @@ impl Plan {
                     Regularisation::EquilibriumGap { poisson, .. } => Some(poisson),
                     _ => None,
                 },
+                strain: Some(self.strain),
                 drop_textureless: Some(self.options.drop_textureless),
             },
             zones: zones

@@ -1,9 +1,11 @@
 //! The folder of a run: what it holds, and how it is replaced.
 
 use super::{Result, chain};
-use crate::field::Measurement;
+use crate::field::{Measurement, StrainField};
+use crate::io::case::{CaseFile, parse_case};
+use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
 use crate::io::{csv, vtk};
-use crate::units::{PixelSize, Px};
+use crate::units::Px;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -27,7 +29,7 @@ impl RunFolder {
         let trial = path.join(".quadrille-trial");
         fs::write(&trial, b"").map_err(cannot)?;
         fs::remove_file(&trial).map_err(cannot)?;
-        let holds_run = [CASE, SUMMARY].iter().any(|name| path.join(name).exists());
+        let holds_run = [CASE, SUMMARY, STORE].iter().any(|name| path.join(name).exists());
         if holds_run && !overwrite {
             let path = path.display();
             return Err(format!("{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite").into());
@@ -35,11 +37,22 @@ impl RunFolder {
         Ok(Self(path.to_owned()))
     }
 
+    /// The folder `path`, made when it is not there, for files that are made again from a store.
+    pub fn for_export(path: &Path) -> Result<Self> {
+        fs::create_dir_all(path).map_err(|error| {
+            format!("{}: cannot be written ({error}); choose another --output folder", path.display())
+        })?;
+        Ok(Self(path.to_owned()))
+    }
+
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
-        for name in [CASE, SUMMARY, SERIES] {
+        // First: while it is there, the folder shows that a run was here.
+        for name in [SERIES, SUMMARY] {
             remove(&self.0.join(name))?;
         }
+        remove_store(&self.0.join(STORE))?;
+        remove(&self.0.join(CASE))?;
         for kind in ["csv", "vtu"] {
             let Ok(entries) = fs::read_dir(self.0.join(kind)) else { continue };
             for entry in entries.flatten() {
@@ -53,10 +66,20 @@ impl RunFolder {
         }
         for (kind, wanted) in [("csv", csv), ("vtu", vtu)] {
             if wanted {
-                fs::create_dir_all(self.0.join(kind)).map_err(|e| failed(&self.0.join(kind), &e))?;
+                self.make(kind)?;
             }
         }
         Ok(())
+    }
+
+    /// Makes the folder `name` in this one.
+    pub fn make(&self, name: &str) -> Result<()> {
+        fs::create_dir_all(self.0.join(name)).map_err(|e| failed(&self.0.join(name), &e))
+    }
+
+    /// Makes the store of the run.
+    pub fn store(&self, header: &StoreHeader) -> Result<StoreWriter> {
+        Ok(StoreWriter::create(&self.0.join(STORE), header)?)
     }
 
     /// The folder.
@@ -82,16 +105,28 @@ impl RunFolder {
     pub fn write_csv(
         &self,
         number: usize,
-        header: &[String],
+        about: &About,
+        file: &str,
         field: &Measurement<Px>,
-        size: Option<PixelSize>,
+        strain: &StrainField,
     ) -> Result<()> {
-        self.write(&format!("csv/{number:06}.csv"), |out| csv::write_displacements(out, header, field, size))
+        let head = about.table_head(number, file);
+        self.write(&format!("csv/{number:06}.csv"), |out| {
+            csv::write_displacements(out, &head, field, Some(strain), about.header.pixel_size)
+        })
     }
 
-    pub fn write_vtu(&self, number: usize, title: &str, field: &Measurement<Px>, range: f64) -> Result<()> {
+    pub fn write_vtu(
+        &self,
+        number: usize,
+        about: &About,
+        file: &str,
+        field: &Measurement<Px>,
+        strain: &StrainField,
+    ) -> Result<()> {
+        let title = format!("quadrille {}, frame {number}: {file}", about.header.quadrille);
         self.write(&format!("vtu/{number:06}.vtu"), |out| {
-            vtk::write_vtu(out, title, field, range).map_err(std::io::Error::other)
+            vtk::write_vtu(out, &title, field, Some(strain), about.header.range_grey).map_err(std::io::Error::other)
         })
     }
 
@@ -101,7 +136,7 @@ impl RunFolder {
     }
 
     /// Writes under another name and renames, so that a file is there whole or not at all.
-    fn write(&self, name: &str, content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
+    pub fn write(&self, name: &str, content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
         let path = self.0.join(name);
         let unfinished = self.0.join(format!("{name}.part"));
         let write = || -> std::io::Result<()> {
@@ -114,6 +149,50 @@ impl RunFolder {
             let _ = fs::remove_file(&unfinished); // what is left of it helps nobody
             failed(&path, &error)
         })
+    }
+}
+
+/// What the files of every frame say about their run; the same from a run and from its store.
+#[derive(Debug, Clone)]
+pub(super) struct About {
+    header: StoreHeader,
+    case: CaseFile,
+}
+
+impl About {
+    pub fn new(header: StoreHeader) -> Result<Self> {
+        let case = parse_case(&header.case, Path::new(STORE))?;
+        Ok(Self { header, case })
+    }
+
+    /// Size of the elements, px.
+    pub fn element_size_px(&self) -> f64 {
+        self.header.element_size_px
+    }
+
+    /// The comment lines of a table.
+    fn table_head(&self, number: usize, file: &str) -> Vec<String> {
+        let options = &self.case.correlation;
+        let named = [
+            options.interpolation.map(|interpolation| format!("{} interpolation", interpolation.name())),
+            options.brightness.map(|brightness| format!("brightness per {brightness}")),
+            options.tolerance_px.map(|tolerance| format!("tolerance {tolerance:e} px")),
+        ];
+        let named: String = named.into_iter().flatten().map(|text| format!("{text}, ")).collect();
+        vec![
+            format!("quadrille {}: displacement of the nodes, global Q4 image correlation", self.header.quadrille),
+            format!("frame {number}: {file}"),
+            format!("reference: {}", self.header.reference.join(", ")),
+            format!("elements of {} px, {named}{}", self.header.element_size_px, self.header.device),
+            match (options.regularisation, options.cutoff_px) {
+                (Some(kind), Some(cutoff_px)) => format!("regularisation {kind}, cut-off {cutoff_px} px"),
+                _ => "no regularisation".to_owned(),
+            },
+            match options.noise {
+                Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
+                None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
+            },
+        ]
     }
 }
 

@@ -35,6 +35,26 @@ impl Status {
         }
     }
 
+    /// The status with this [`code`](Self::code).
+    ///
+    /// ```
+    /// use quadrille::field::Status;
+    /// assert_eq!(Status::from_code(Status::LeftImage.code()), Some(Status::LeftImage));
+    /// assert_eq!(Status::from_code(255), None);
+    /// ```
+    pub fn from_code(code: u8) -> Option<Self> {
+        let all = [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable];
+        all.into_iter().find(|status| status.code() == code)
+    }
+
+    /// Whether a frame that ended so has a field that may be shown: a diverged one is no measurement.
+    pub fn has_field(self) -> bool {
+        match self {
+            Status::Converged | Status::IterationLimit | Status::LeftImage => true,
+            Status::Diverged | Status::Unreadable => false,
+        }
+    }
+
     /// Name used in files.
     pub fn name(self) -> &'static str {
         match self {

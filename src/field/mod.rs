@@ -1,10 +1,19 @@
-//! What a correlation gives: displacement fields with their uncertainty, and rigid motions; and the
+//! What a correlation gives: displacement fields with their uncertainty, strains and rigid motions; and the
 //! choices it is run with.
 
 mod measurement;
 mod options;
+mod quantities;
 mod rigid;
+mod strain;
 
 pub use measurement::{Measurement, Status};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice};
+pub use quantities::{
+    Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,
+    PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
+};
 pub use rigid::RigidMotion;
+pub use strain::{
+    ELEMENT_NOISE, NODE_NOISE, Strain, StrainDefinition, StrainField, element_strain_sigma, node_strain_sigma,
+};

@@ -1,6 +1,6 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, RegularisationKind, StartFrom};
+use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use serde::de::{self, SeqAccess, Visitor};
@@ -10,6 +10,11 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
+
+mod quantities;
+pub use quantities::{
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+};
 
 /// A case file; what it does not say is `None` and left to the command line and the defaults.
 ///
@@ -35,6 +40,24 @@ pub struct CaseFile {
     /// The sections `[[zone]]`, in order.
     #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<CaseZone>,
+    /// The section `[quantities]`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub quantities: CaseQuantityOptions,
+    /// The section `[load]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<CaseLoad>,
+    /// The sections `[[probe]]`, in order.
+    #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
+    pub probes: Vec<CaseProbe>,
+    /// The sections `[[line]]`, in order.
+    #[serde(rename = "line", default, skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<CaseLine>,
+    /// The sections `[[extensometer]]`, in order.
+    #[serde(rename = "extensometer", default, skip_serializing_if = "Vec::is_empty")]
+    pub extensometers: Vec<CaseExtensometer>,
+    /// The sections `[[opening]]`, in order.
+    #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
+    pub openings: Vec<CaseOpening>,
     /// The section `[run]`: how a finished run came about. Ignored when a case is run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<toml::Table>,
@@ -44,6 +67,25 @@ impl CaseFile {
     /// `name` of this case file as a path: relative names start at the folder of the case file.
     pub fn resolve(&self, name: &str) -> PathBuf {
         self.base.join(name)
+    }
+
+    /// What this case draws from the fields, with the load file as a path that starts at the current folder.
+    pub fn drawn(&self) -> CaseQuantities {
+        let load = |load: &CaseLoad| CaseLoad { file: self.resolve(&load.file).display().to_string() };
+        CaseQuantities {
+            options: self.quantities.clone(),
+            load: self.load.as_ref().map(load),
+            probes: self.probes.clone(),
+            lines: self.lines.clone(),
+            extensometers: self.extensometers.clone(),
+            openings: self.openings.clone(),
+        }
+    }
+
+    /// This case with other quantities.
+    pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
+        let CaseQuantities { options, load, probes, lines, extensometers, openings } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, openings, ..self }
     }
 }
 
@@ -99,6 +141,9 @@ pub struct CaseCorrelation {
     /// Poisson's ratio in the equilibrium gap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub poisson: Option<f64>,
+    /// Definition of the strains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<StrainDefinition>,
     /// Whether nodes without texture are left out instead of refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_textureless: Option<bool>,
@@ -220,7 +265,10 @@ fn explained(error: &toml::de::Error, text: &str, path: &Path) -> CaseError {
         (Some(_), Some((what, expected))) if what.starts_with("unknown key") => {
             format!("{what} {section}; expected {expected}")
         }
-        (Some(found), _) => format!("`{}` {section}: {wrong}", found.name),
+        (Some(found), _) => {
+            let wrong = wrong.replace("[[..]]", &format!("[[{}]]", found.name)).replace(" in double brackets", "");
+            format!("`{}` {section}: {wrong}", found.name)
+        }
         // A key that is there twice: the text at the error is the key.
         (None, _) if wrong == "duplicate key" => {
             let name = error.span().and_then(|span| text.get(span)).unwrap_or("");
@@ -239,6 +287,9 @@ fn plain(message: &str) -> String {
     }
     if let Some(unknown) = message.strip_prefix("unknown variant ") {
         return format!("unknown word {unknown}");
+    }
+    if let Some(missing) = message.strip_prefix("missing field ") {
+        return format!("the key {missing} is missing");
     }
     if message == "wanted string or table" {
         return "expected a word in quotes".to_owned();
@@ -270,13 +321,22 @@ fn plain(message: &str) -> String {
         "f64" => "a number",
         "a boolean" => "true or false",
         "a string" | "string or table" => "a text in quotes",
-        "a sequence" => "sections [[zone]]",
-        "struct CaseZone" => "a section [[zone]]",
-        "struct CaseImages" | "struct CaseCorrelation" | "a map" => "a section",
+        "a sequence" => "sections in double brackets [[..]]",
+        "struct CaseZone"
+        | "struct CaseProbe"
+        | "struct CaseLine"
+        | "struct CaseExtensometer"
+        | "struct CaseOpening" => "a section in double brackets [[..]]",
+        "struct CaseImages" | "struct CaseCorrelation" | "struct CaseLoad" | "struct CaseQuantityOptions" | "a map" => {
+            "a section"
+        }
         other => other,
     };
     format!("is {found}, expected {expected}")
 }
+
+/// Sections that may be there several times.
+const LISTS: [&str; 5] = ["zone", "probe", "line", "extensometer", "opening"];
 
 /// A key of the file and the sections above it.
 struct Located {
@@ -292,7 +352,7 @@ impl Located {
     fn section(&self) -> String {
         match self.above.as_slice() {
             [] => "at the top level".to_owned(),
-            [zone] if zone == "zone" => "in [[zone]]".to_owned(),
+            [list] if LISTS.contains(&list.as_str()) => format!("in [[{list}]]"),
             above => format!("in [{}]", above.join(".")),
         }
     }

@@ -1,11 +1,12 @@
 //! Displacement fields as tables of comma-separated values.
 
-use crate::field::Measurement;
+use crate::field::{Measurement, Strain, StrainField};
 use crate::units::{PixelSize, Px};
 use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
 use std::io::{self, Read, Write};
 use thiserror::Error;
 
+const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
 const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MM_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"];
 
@@ -57,10 +58,6 @@ impl NodeValues {
     fn from_columns(v: [f64; 6]) -> Self {
         Self { position: [v[0], v[1]], displacement: [v[2], v[3]], sigma: [v[4], v[5]] }
     }
-
-    fn columns(&self) -> [f64; 6] {
-        [self.position[0], self.position[1], self.displacement[0], self.displacement[1], self.sigma[0], self.sigma[1]]
-    }
 }
 
 /// One row of a table of displacements: a measured node.
@@ -72,16 +69,19 @@ pub struct DisplacementRow {
     pub zone: String,
     /// The values in pixels.
     pub px: NodeValues,
+    /// The strain, when the table has it and it is known at this node.
+    pub strain: Option<Strain>,
     /// The values in millimetres, when the table was written with a pixel size.
     pub mm: Option<NodeValues>,
 }
 
 /// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
 ///
-/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, and with a `pixel_size`
-/// the same six in mm. Numbers are the shortest that read back to the same bits. The frame is that of
-/// the image in both units: x to the right, **y down**. Nodes are numbered from 0; one that was not
-/// measured has no row.
+/// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
+/// `exx,eyy,exy` (without dimension; empty where it is not known), and with a `pixel_size` the six in px again
+/// in mm. Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
+/// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
+/// **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
 /// ```
 /// # use quadrille::{field::{Measurement, Status}, mesh::{Mesh, Roi, Zone}};
@@ -91,7 +91,7 @@ pub struct DisplacementRow {
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
 /// #     element_residual: vec![1.5] };
 /// let mut table = Vec::new();
-/// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None).unwrap();
+/// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None, None).unwrap();
 /// let table = String::from_utf8(table).unwrap();
 /// assert!(table.starts_with("# frame 7\n") && table.ends_with("3,all,16.0,16.0,0.1,-2.0,0.01,0.01\n"));
 /// ```
@@ -102,6 +102,7 @@ pub fn write_displacements<W: Write>(
     mut out: W,
     header: &[String],
     measurement: &Measurement<Px>,
+    strain: Option<&StrainField>,
     pixel_size: Option<PixelSize>,
 ) -> io::Result<()> {
     for line in header.iter().flat_map(|text| text.split(['\n', '\r'])) {
@@ -113,25 +114,42 @@ pub fn write_displacements<W: Write>(
         "# lengths in px: x to the right, y down, origin at the centre of the top-left pixel of the reference image"
     )?;
     writeln!(out, "# u leads from the reference to the deformed image; sigma is its standard uncertainty")?;
+    if let Some(strain) = strain {
+        for line in strain.definition.describe(strain.length_px) {
+            writeln!(out, "# {line}")?;
+        }
+    }
     if let Some(size) = pixel_size {
         writeln!(out, "# 1 px = {:?} mm; the columns in mm have the same frame, y down", size.mm_per_px())?;
     }
     let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
+    let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
     let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
-    table.write_record(["node", "zone"].iter().chain(&PX_COLUMNS).chain(mm_columns))?;
+    table.write_record(["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(mm_columns))?;
     let mesh = &measurement.mesh;
-    for (node, &position) in mesh.nodes().iter().enumerate() {
+    for (node, &[x, y]) in mesh.nodes().iter().enumerate() {
         if !measurement.measured[node] {
             continue;
         }
         let zone = mesh.zones()[mesh.node_zone()[node] as usize].as_str();
-        let values =
-            NodeValues { position, displacement: measurement.displacement[node], sigma: measurement.sigma[node] };
-        let px = values.columns();
+        let [ux, uy] = measurement.displacement[node];
+        // As the store holds it: the table of a stored frame is that of the run, to the last digit.
+        let sigma = measurement.sigma[node].map(|v| v as f32);
+        let px = ([x, y, ux, uy], sigma);
+        let mm = pixel_size.map(|size| {
+            let mm = |v| size.mm_from_px(v);
+            ([x, y, ux, uy].map(mm), sigma.map(|v| mm(f64::from(v)) as f32))
+        });
+        let strain = strain.map(|field| match field.nodes[node] {
+            Some(Strain(e)) => e.map(|e| Some(e as f32)),
+            None => [None; 3],
+        });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
-        match pixel_size {
-            Some(size) => table.serialize((node, zone, px, px.map(|v| size.mm_from_px(v))))?,
-            None => table.serialize((node, zone, px))?,
+        match (strain, mm) {
+            (None, None) => table.serialize((node, zone, px))?,
+            (Some(strain), None) => table.serialize((node, zone, px, strain))?,
+            (None, Some(mm)) => table.serialize((node, zone, px, mm))?,
+            (Some(strain), Some(mm)) => table.serialize((node, zone, px, strain, mm))?,
         }
     }
     table.flush()
@@ -151,17 +169,22 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     };
     let (node, zone) = (find("node")?, find("zone")?);
     let find_all =
-        |names: [&'static str; 6]| -> Result<Vec<Column>, CsvError> { names.into_iter().map(find).collect() };
-    let px = find_all(PX_COLUMNS)?;
-    let mm = if header.iter().any(|column| MM_COLUMNS.contains(&column)) { Some(find_all(MM_COLUMNS)?) } else { None };
+        |names: &[&'static str]| -> Result<Vec<Column>, CsvError> { names.iter().copied().map(find).collect() };
+    // A group of columns is there as a whole or not at all.
+    let find_group = |names: &[&'static str]| {
+        header.iter().any(|column| names.contains(&column)).then(|| find_all(names)).transpose()
+    };
+    let px = find_all(&PX_COLUMNS)?;
+    let (strain, mm) = (find_group(&STRAIN_COLUMNS)?, find_group(&MM_COLUMNS)?);
     let mut rows = Vec::new();
     for record in table.records() {
         let record = record.map_err(row_error)?;
         rows.push(DisplacementRow {
             node: node.parse(&record)?,
             zone: zone.text(&record).to_owned(),
-            px: values(&px, &record)?,
-            mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?,
+            px: NodeValues::from_columns(values(&px, &record)?),
+            strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
+            mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?.map(NodeValues::from_columns),
         });
     }
     Ok(rows)
@@ -187,15 +210,23 @@ impl Column {
     }
 }
 
-fn values(columns: &[Column], record: &StringRecord) -> Result<NodeValues, CsvError> {
-    let mut numbers = [0.0f64; 6];
+fn values<const N: usize>(columns: &[Column], record: &StringRecord) -> Result<[f64; N], CsvError> {
+    let mut numbers = [0.0f64; N];
     for (number, column) in numbers.iter_mut().zip(columns) {
         *number = column.parse(record)?;
         if !number.is_finite() {
             return Err(column.no_number(record));
         }
     }
-    Ok(NodeValues::from_columns(numbers))
+    Ok(numbers)
+}
+
+/// `None` where all cells are empty.
+fn strain_of(columns: &[Column], record: &StringRecord) -> Result<Option<Strain>, CsvError> {
+    if columns.iter().all(|column| column.text(record).is_empty()) {
+        return Ok(None);
+    }
+    values(columns, record).map(|e| Some(Strain(e)))
 }
 
 fn row_error(error: ::csv::Error) -> CsvError {

@@ -1,8 +1,14 @@
-//! Files: images, series of images, case files, tables and VTK.
+//! Files: images, series of images, case files, load files, the store of a run, tables, VTK, NumPy and MATLAB.
 
+pub mod arrays;
 pub mod case;
 pub mod csv;
 pub mod images;
+pub mod load;
+pub mod mat;
+pub mod npz;
+pub mod quantities;
 pub mod series;
+pub mod store;
 mod tiff;
 pub mod vtk;

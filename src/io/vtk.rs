@@ -1,6 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
-use crate::field::{Measurement, Status};
+use crate::field::{Measurement, Status, Strain, StrainField};
 use crate::units::Px;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -34,7 +34,8 @@ pub enum VtkError {
 /// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
 /// with displacement zero, so threshold on `measured`. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
-/// and `zone`, numbered from 0. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
+/// and `zone`, numbered from 0. With a `strain`, `strain_node` and `strain_element`: three components exx,
+/// eyy, exy without dimension, NaN where they are not known. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
 /// and `dynamic_range_grey`. A comment at
 /// the head holds `title`, status, units and zone names.
 ///
@@ -44,6 +45,7 @@ pub fn write_vtu<W: Write>(
     mut out: W,
     title: &str,
     measurement: &Measurement<Px>,
+    strain: Option<&StrainField>,
     dynamic_range: f64,
 ) -> Result<(), VtkError> {
     if !(dynamic_range > 0.0 && dynamic_range.is_finite()) {
@@ -56,10 +58,12 @@ pub fn write_vtu<W: Write>(
         kept.map(|[x, y]| [x, y, 0.0]).collect()
     };
     let points: Vec<[f64; 3]> = mesh.nodes().iter().map(|&[x, y]| [x, y, 0.0]).collect();
-    let (displacement, sigma) = (spatial(&measurement.displacement), spatial(&measurement.sigma));
+    let displacement = spatial(&measurement.displacement);
+    // Single precision as in the store: the file of a stored frame is that of the run, to the last bit.
+    let sigma: Vec<[f32; 3]> = spatial(&measurement.sigma).into_iter().map(|v| v.map(|v| v as f32)).collect();
     let measured: Vec<u8> = measured().map(u8::from).collect();
-    let residual = &measurement.element_residual;
-    let residual_percent: Vec<f64> = residual.iter().map(|r| 100.0 * r / dynamic_range).collect();
+    let residual: Vec<f32> = measurement.element_residual.iter().map(|&r| r as f32).collect();
+    let residual_percent: Vec<f32> = residual.iter().map(|&r| (100.0 * f64::from(r) / dynamic_range) as f32).collect();
     let zone: Vec<i32> = mesh.element_zone().iter().map(|&zone| zone as i32).collect();
     // Signed, as VTK itself does: meshio turns unsigned node numbers into floats.
     let connectivity: Vec<i64> = mesh.elements().iter().flatten().map(|&node| i64::from(node)).collect();
@@ -69,7 +73,7 @@ pub fn write_vtu<W: Write>(
 
     let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    let comment = format!("\n{}\n", comment(title, measurement, dynamic_range));
+    let comment = format!("\n{}\n", comment(title, measurement, strain, dynamic_range));
     xml.write_event(Event::Comment(BytesText::from_escaped(comment)))?;
     let file = xml.create_element("VTKFile").with_attributes([
         ("type", "UnstructuredGrid"),
@@ -89,12 +93,14 @@ pub fn write_vtu<W: Write>(
                 inside(xml, "PointData", &[], |xml| {
                     vectors(xml, "displacement_px", &displacement)?;
                     vectors(xml, "sigma_px", &sigma)?;
-                    scalars(xml, "measured", &measured)
+                    scalars(xml, "measured", &measured)?;
+                    strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))
                 })?;
                 inside(xml, "CellData", &[], |xml| {
-                    scalars(xml, "residual_grey", residual)?;
+                    scalars(xml, "residual_grey", &residual)?;
                     scalars(xml, "residual_percent", &residual_percent)?;
-                    scalars(xml, "zone", &zone)
+                    scalars(xml, "zone", &zone)?;
+                    strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))
                 })?;
                 inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
                 inside(xml, "Cells", &[], |xml| {
@@ -142,14 +148,27 @@ macro_rules! scalar {
     )* };
 }
 
-scalar!(u8 => "UInt8", i32 => "Int32", i64 => "Int64", f64 => "Float64");
+scalar!(u8 => "UInt8", i32 => "Int32", i64 => "Int64", f32 => "Float32", f64 => "Float64");
 
 fn scalars<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, values: &[T]) -> io::Result<()> {
     data_array(xml, name, &[], values)
 }
 
-fn vectors<W: Write>(xml: &mut Writer<W>, name: &str, values: &[[f64; 3]]) -> io::Result<()> {
+fn vectors<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, values: &[[T; 3]]) -> io::Result<()> {
     data_array(xml, name, &[("NumberOfComponents", "3")], values.as_flattened())
+}
+
+fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<Strain>]) -> io::Result<()> {
+    let values: Vec<[f32; 3]> =
+        values.iter().map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect();
+    let names = ["exx", "eyy", "exy"];
+    let attributes = [
+        ("NumberOfComponents", "3"),
+        ("ComponentName0", names[0]),
+        ("ComponentName1", names[1]),
+        ("ComponentName2", names[2]),
+    ];
+    data_array(xml, name, &attributes, values.as_flattened())
 }
 
 fn one_value<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, value: &[T; 1]) -> io::Result<()> {
@@ -174,10 +193,10 @@ fn data_array<W: Write, T: Scalar>(
 }
 
 /// The text of the head comment; without `--`, which XML forbids there, and without control characters.
-fn comment(title: &str, measurement: &Measurement<Px>, dynamic_range: f64) -> String {
+fn comment(title: &str, measurement: &Measurement<Px>, strain: Option<&StrainField>, dynamic_range: f64) -> String {
     let zones = measurement.mesh.zones().iter().enumerate();
     let zones: Vec<String> = zones.map(|(number, name)| format!("{number} = {name}")).collect();
-    let lines = [
+    let mut lines = vec![
         title.to_owned(),
         format!("status: {}", measurement.status.name()),
         "lengths in px of the reference image: x to the right, y down, z = 0".to_owned(),
@@ -188,6 +207,7 @@ fn comment(title: &str, measurement: &Measurement<Px>, dynamic_range: f64) -> St
         ),
         format!("zones: {}", zones.join(", ")),
     ];
+    lines.extend(strain.iter().flat_map(|strain| strain.definition.describe(strain.length_px)));
     let mut text = String::new();
     for character in lines.join("\n").chars() {
         if character == '-' && text.ends_with('-') {

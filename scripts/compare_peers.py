@@ -1,0 +1,248 @@
+#!/usr/bin/env python3
+"""Runs quadrille, pyxel-dic and pyvale on the same image pairs, one after the other in one run.
+
+    scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--json FILE]
+
+Installs pyxel-dic and pyvale from PyPI into .venv-peers (once), builds quadrille when it is not there, makes
+the pairs with `quadrille synth` (8 bit, exact field known), and prints a table: wall time of a cold pair, its
+ratio, error of the field, peak memory, versions.
+
+What is timed, for each code alone in a process of its own, images in memory: everything from two arrays (or decoded images)
+to the displacement field, nothing known of the motion. quadrille: preparation of the reference and the
+frame with its uncertainty (`seconds_reference` + `seconds` of summary.json). pyxel-dic: mesh, integration points,
+MultiscaleInit and Correlate (global Q4, as quadrille). pyvale: calculate_2d with subsets of 17 px every 16 px,
+its Gaussian prefilter off, its result file included (it has no other output). The median over the repetitions
+counts; the first one, which compiles or warms up, does not.
+
+Error: root mean square over both components of measured less exact displacement, at the points of the
+element corners (quadrille, pyxel-dic) or subset centres (pyvale) 32 px and more from the border, and of the field between them (bilinear).
+"""
+
+import argparse
+import csv
+import importlib.metadata
+import json
+import os
+import pathlib
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv-peers"
+ELEMENT = 16
+BORDER = 32
+
+
+def install():
+    python = VENV / "bin" / "python"
+    probe = "import pyxel, pyvale.dic"
+    if python.exists() and subprocess.run([python, "-c", probe], capture_output=True).returncode == 0:
+        return python
+    print("installing pyxel-dic and pyvale into", VENV.name, file=sys.stderr)
+    subprocess.run([sys.executable, "-m", "venv", "--clear", VENV], check=True)
+    subprocess.run([python, "-m", "pip", "install", "--quiet", "pyxel-dic", "pyvale"], check=True)
+    return python
+
+
+def program():
+    path = ROOT / "target" / "release" / "quadrille"
+    subprocess.run(["cargo", "build", "--release", "--locked", "--quiet"], cwd=ROOT, check=True)
+    return path
+
+
+def pair_of(quadrille, folder, size):
+    """Reference and deformed image of the accuracy field: sinusoids, 0.5 % stretch, 0.2 degrees."""
+    where = folder / f"pair{size}"
+    subprocess.run([quadrille, "synth", "accuracy", "--size", f"{size}x{size}", "--grid", "4", "--output", where],
+                   check=True, capture_output=True)
+    return where
+
+
+def columns(file, *names):
+    """Columns of one of quadrille's tables, whose comments begin with #."""
+    import numpy as np
+
+    rows = csv.DictReader(line for line in open(file, encoding="utf8") if not line.startswith("#"))
+    return np.array([[float(row[name]) for name in names] for row in rows]).T
+
+
+# --- one code in one process: prints a JSON object -----------------------------------------------------
+
+
+def run_quadrille(where, size, threads, repeat):
+    quadrille = ROOT / "target" / "release" / "quadrille"
+    low, high = ELEMENT, size - ELEMENT
+    times = []
+    with tempfile.TemporaryDirectory() as out:
+        command = [quadrille, "correlate", where / "000000.tif", where / "000001.tif", "--roi",
+                   f"{low},{low},{high},{high}", "--element-size", str(ELEMENT), "--threads", str(threads),
+                   "--output", out, "--overwrite", "--export", "csv", "--start", "cold", "--quiet"]
+        for _ in range(repeat):
+            subprocess.run(command, check=True)
+            summary = json.load(open(pathlib.Path(out) / "summary.json"))
+            times.append(summary["seconds_reference"] + summary["frames"][0]["seconds"])
+        x, y, u, v = columns(pathlib.Path(out) / "csv" / "000001.csv", "x_px", "y_px", "ux_px", "uy_px")
+    import numpy as np
+
+    points, field = np.c_[x, y], np.c_[u, v]
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    return times, points, field, memory, summary["quadrille"]
+
+
+def load(where):
+    import numpy as np
+    from PIL import Image
+
+    return [np.array(Image.open(where / name)) for name in ("000000.tif", "000001.tif")]
+
+
+def run_pyxel(where, size, threads, repeat):
+    import contextlib
+    import io
+
+    import numpy as np
+    import pyxel
+
+    reference, deformed = load(where)
+    times = []
+    for _ in range(repeat):
+        begin = time.perf_counter()
+        with contextlib.redirect_stdout(io.StringIO()):
+            images = []
+            for pixels in (reference, deformed):
+                image = pyxel.Image("")
+                image.pix = pixels.astype(np.float64)
+                images.append(image)
+            f, g = images
+            low, high = ELEMENT, size - ELEMENT
+            mesh, camera = pyxel.MeshFromROI(np.array([[low, low], [high, high]]), ELEMENT, typel=3)
+            mesh.Connectivity()
+            mesh.DICIntegration(camera)
+            start = pyxel.MultiscaleInit(f, g, mesh, camera, scales=[3, 2, 1], disp=False)
+            found, _ = pyxel.Correlate(f, g, mesh, camera, U0=start, disp=False)
+            u, v = camera.P(mesh.n[:, 0], mesh.n[:, 1])
+            nodes = np.c_[u, v]
+            moved = mesh.n + found[mesh.conn]
+            u, v = camera.P(moved[:, 0], moved[:, 1])
+            field = np.c_[u, v] - nodes
+        times.append(time.perf_counter() - begin)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return times, nodes, field, memory, importlib.metadata.version("pyxel-dic")
+
+
+def run_pyvale(where, size, threads, repeat):
+    import numpy as np
+    import pyvale.dic
+
+    reference, deformed = load(where)
+    mask = np.zeros(reference.shape, dtype=bool)
+    mask[ELEMENT : size - ELEMENT, ELEMENT : size - ELEMENT] = True
+    times = []
+    with tempfile.TemporaryDirectory() as out:
+        for _ in range(repeat):
+            begin = time.perf_counter()
+            pyvale.dic.calculate_2d(reference, deformed, mask, [size // 2, size // 2], subset_size=17,
+                                    subset_step=ELEMENT, num_threads=threads, image_filter_kernel=1,
+                                    output_basepath=out, print_level=0)
+            times.append(time.perf_counter() - begin)
+        files = sorted(pathlib.Path(out).glob("*.csv"))
+        x, y, u, v = columns(files[-1], "subset_x", "subset_y", "disp_u", "disp_v")
+    points, field = np.c_[x, y], np.c_[u, v]
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return times, points, field, memory, importlib.metadata.version("pyvale")
+
+
+CODES = {"quadrille": run_quadrille, "pyxel-dic": run_pyxel, "pyvale": run_pyvale}
+
+
+def one(code, where, size, threads, repeat):
+    """Runs one code and scores it; this is the inner process."""
+    import numpy as np
+    from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
+
+    where = pathlib.Path(where)
+    times, points, field, memory, version = CODES[code](where, size, threads, repeat + 1)
+    x, y, u, v = columns(where / "exact" / "000001.csv", "x_px", "y_px", "ux_px", "uy_px")
+    at, truth = np.c_[x, y], np.c_[u, v]
+    xs, ys = np.unique(at[:, 0]), np.unique(at[:, 1])
+    order = np.lexsort((at[:, 0], at[:, 1]))
+    grids = [RegularGridInterpolator((ys, xs), truth[order, c].reshape(len(ys), len(xs)), method="cubic")
+             for c in range(2)]
+    exact_at = lambda p: np.c_[[grid(p[:, ::-1]) for grid in grids]].T
+    good = np.isfinite(field).all(axis=1)
+    points, field = points[good], field[good]
+    inside = lambda p: ((p >= BORDER) & (p <= size - 1 - BORDER)).all(axis=1)
+    rms = lambda e: float(np.sqrt((e**2).mean()))
+    node = rms(field[inside(points)] - exact_at(points[inside(points)]))
+    # Bilinear between the points, which form a regular grid; triangles would favour nobody else.
+    px, py = np.unique(points[:, 0].round(6)), np.unique(points[:, 1].round(6))
+    if len(px) * len(py) == len(points):
+        order = np.lexsort((points[:, 0], points[:, 1]))
+        between = [RegularGridInterpolator((py, px), field[order, c].reshape(len(py), len(px))) for c in range(2)]
+        found_at = lambda p: np.c_[[grid(p[:, ::-1]) for grid in between]].T
+    else:
+        linear = LinearNDInterpolator(points, field)
+        found_at = linear
+    some = at[inside(at)]
+    some = some[(some[:, 0] >= px[0]) & (some[:, 0] <= px[-1]) & (some[:, 1] >= py[0]) & (some[:, 1] <= py[-1])]
+    errors = found_at(some) - exact_at(some)
+    errors = errors[np.isfinite(errors).all(axis=1)]
+    print("RESULT" + json.dumps({
+        "version": version, "seconds": times[1:], "node_rms_px": node, "field_rms_px": rms(errors),
+        "points": len(points), "memory_mib": memory / 1024,
+    }))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", default="512,1024,2048")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--json", type=pathlib.Path)
+    parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one:
+        code, where, size, threads, repeat = arguments.one
+        return one(code, where, int(size), int(threads), int(repeat))
+
+    python, quadrille = install(), program()
+    threads = str(arguments.threads)
+    environment = dict(os.environ)
+    environment.update({name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")})
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        for size in (int(size) for size in arguments.sizes.split(",")):
+            where = pair_of(quadrille, pathlib.Path(folder), size)
+            for code in CODES:
+                # pyxel's time grows with the third power of the side: fewer repetitions there.
+                repeat = arguments.repeat if code != "pyxel-dic" else max(1, min(arguments.repeat, 3 * 512 // size))
+                inner = [python, __file__, "--one", code, where, str(size), threads, str(repeat)]
+                ran = subprocess.run(inner, env=environment, capture_output=True, text=True)
+                line = next((l for l in ran.stdout.splitlines() if l.startswith("RESULT")), None)
+                if line is None:
+                    print(f"{code} at {size}: failed\n{ran.stderr[-1500:]}", file=sys.stderr)
+                    continue
+                result = {"code": code, "size": size, **json.loads(line.removeprefix("RESULT"))}
+                result["median_seconds"] = statistics.median(result["seconds"])
+                results.append(result)
+                print(f"{code} at {size}: {result['median_seconds']:.4g} s", file=sys.stderr)
+    print(f"cold pair, 8 bit, {ELEMENT} px elements or steps, {threads} threads, {time.strftime('%Y-%m-%d')}, "
+          f"{os.cpu_count()} cores")
+    print("| image | code | version | s, median (min to max) | times quadrille | node rms px | field rms px | MiB |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    own = {r["size"]: r["median_seconds"] for r in results if r["code"] == "quadrille"}
+    for r in results:
+        ratio = r["median_seconds"] / own.get(r["size"], float("nan"))
+        r["ratio"] = ratio
+        print(f"| {r['size']}² | {r['code']} | {r['version']} | {r['median_seconds']:.4g} ({min(r['seconds']):.4g} to "
+              f"{max(r['seconds']):.4g}) | {ratio:.3g} | {r['node_rms_px']:.4f} | {r['field_rms_px']:.4f} | {r['memory_mib']:.0f} |")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,243 @@
+//! `quadrille export`.
+
+use super::args::{ExportArgs, Target};
+use super::run_folder::{About, RunFolder};
+use super::{Outcome, Result, plural};
+use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
+use crate::io::mat::MatWriter;
+use crate::io::npz::NpzWriter;
+use crate::io::store::{Place, Store, Variable};
+use crate::units::PixelSize;
+use std::io::{self, Seek, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How often a long export says how far it is.
+const EVERY: Duration = Duration::from_secs(10);
+
+/// Runs the command.
+pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
+    let store = Store::open(&args.run)?;
+    let wanted = args.frames.numbers(store.n_frames())?;
+    let mut numbers = Vec::with_capacity(wanted.len());
+    let mut without_field = 0;
+    for &number in &wanted {
+        match store.status(number)? {
+            Some(status) if status.has_field() => numbers.push(number),
+            status => {
+                without_field += 1;
+                if args.frames.are_named() && !args.quiet {
+                    let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
+                    eprintln!("frame {number} has no field: {status}");
+                }
+            }
+        }
+        if args.frames.is_last() && !numbers.is_empty() {
+            break;
+        }
+    }
+    if numbers.is_empty() {
+        let path = store.path().display();
+        return Err(format!("{path}: none of {} has a field; see summary.json", plural(wanted.len(), "frame")).into());
+    }
+    let about = About::new(store.header().clone())?;
+    let output = args.output.as_deref().unwrap_or(&args.run);
+    let mut targets = args.to.clone();
+    targets.dedup();
+    if !args.overwrite {
+        refuse_to_replace(args, output, &targets, &numbers)?;
+    }
+    if targets.contains(&Target::Mat) && !args.split {
+        check::<MatWriter<Vec<u8>>>(&store, &numbers, false)?;
+    }
+    let folder = RunFolder::for_export(output)?;
+    let mut ticker = Ticker { quiet: args.quiet, last: Instant::now() };
+    for target in &targets {
+        match target {
+            Target::Csv | Target::Vtu => by_frame(*target, &store, &about, &folder, &numbers, &mut ticker)?,
+            Target::Npz | Target::Mat => arrays(*target, &store, &folder, &numbers, args.split, &mut ticker)?,
+        }
+    }
+    if !args.quiet {
+        let left_out = match without_field {
+            n if n > 0 && !args.frames.are_named() && !args.frames.is_last() => {
+                format!(" ({} without a field left out)", plural(n, "frame"))
+            }
+            _ => String::new(),
+        };
+        eprintln!("{} exported to {}{left_out}", plural(numbers.len(), "frame"), output.display());
+    }
+    let complete = without_field == 0 || !args.frames.are_named();
+    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Says now and then how far a long export is.
+struct Ticker {
+    quiet: bool,
+    last: Instant,
+}
+
+impl Ticker {
+    fn tick(&mut self, what: &str, done: usize, total: usize) {
+        if !self.quiet && self.last.elapsed() > EVERY {
+            self.last = Instant::now();
+            eprintln!("{what}: {done} of {total}");
+        }
+    }
+}
+
+fn ending(target: Target) -> &'static str {
+    match target {
+        Target::Csv => "csv",
+        Target::Vtu => "vtu",
+        Target::Npz => "npz",
+        Target::Mat => "mat",
+    }
+}
+
+/// The file of a frame, or of the whole series.
+fn name(target: Target, number: Option<usize>) -> String {
+    let kind = ending(target);
+    number.map_or_else(|| format!("fields.{kind}"), |number| format!("{kind}/{number:06}.{kind}"))
+}
+
+fn refuse_to_replace(args: &ExportArgs, output: &Path, targets: &[Target], numbers: &[usize]) -> Result<()> {
+    for &target in targets {
+        let single = matches!(target, Target::Npz | Target::Mat) && !args.split;
+        let names: Vec<String> = match single {
+            true => vec![name(target, None)],
+            false => numbers.iter().map(|&number| name(target, Some(number))).collect(),
+        };
+        if let Some(there) = names.iter().map(|name| output.join(name)).find(|path| path.exists()) {
+            let there = there.display();
+            return Err(
+                format!("{there}: is there already; replace it with --overwrite, or choose another --output").into()
+            );
+        }
+    }
+    Ok(())
+}
+
+fn by_frame(
+    target: Target,
+    store: &Store,
+    about: &About,
+    folder: &RunFolder,
+    numbers: &[usize],
+    ticker: &mut Ticker,
+) -> Result<()> {
+    folder.make(ending(target))?;
+    for (done, &number) in numbers.iter().enumerate() {
+        // Both are there: the status was looked at.
+        let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+        match target {
+            Target::Csv => folder.write_csv(number, about, &frame.file, &frame.measurement, &strain)?,
+            _ => folder.write_vtu(number, about, &frame.file, &frame.measurement, &strain)?,
+        }
+        ticker.tick(ending(target), done + 1, numbers.len());
+    }
+    if target == Target::Vtu {
+        let mut in_order = numbers.to_vec();
+        in_order.sort_unstable();
+        folder.write_series(&in_order)?;
+    }
+    Ok(())
+}
+
+fn arrays(
+    target: Target,
+    store: &Store,
+    folder: &RunFolder,
+    numbers: &[usize],
+    split: bool,
+    ticker: &mut Ticker,
+) -> Result<()> {
+    if split {
+        folder.make(ending(target))?;
+    }
+    let files: Vec<(String, &[usize])> = match split {
+        true => numbers.chunks(1).map(|one| (name(target, Some(one[0])), one)).collect(),
+        false => vec![(name(target, None), numbers)],
+    };
+    let n_files = files.len();
+    for (done, (name, numbers)) in files.into_iter().enumerate() {
+        folder.write(&name, |out| {
+            let written = match target {
+                Target::Mat => mat(&mut *out, store, numbers, split, ticker),
+                _ => npz(&mut *out, store, numbers, split, ticker),
+            };
+            written.map_err(io::Error::other)
+        })?;
+        ticker.tick(ending(target), done + 1, n_files);
+    }
+    Ok(())
+}
+
+fn mat<W: Write>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+    let mut file = MatWriter::new(out, &format!("quadrille {}", store.header().quadrille))?;
+    fill(&mut file, store, numbers, split, ticker)?;
+    file.finish()?;
+    Ok(())
+}
+
+fn npz<W: Write + Seek>(out: W, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+    let mut file = NpzWriter::new(out);
+    fill(&mut file, store, numbers, split, ticker)?;
+    file.finish()?.flush()?;
+    Ok(())
+}
+
+fn shape(store: &Store, variable: Variable, numbers: &[usize], split: bool) -> Shape {
+    let rows = match variable.place() {
+        Place::Nodes => store.mesh().n_nodes(),
+        Place::Elements => store.mesh().n_elements(),
+    };
+    let frames = (!split).then_some(numbers.len());
+    Shape { frames, rows, components: variable.n_components() }
+}
+
+/// Whether all arrays fit, before the first is written.
+fn check<F: ArrayFile>(store: &Store, numbers: &[usize], split: bool) -> std::result::Result<(), ArrayFileError> {
+    Variable::ALL
+        .into_iter()
+        .try_for_each(|variable| F::check(variable.name(), variable.number(), shape(store, variable, numbers, split)))
+}
+
+/// Writes what all frames share, then array by array the frames.
+fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: bool, ticker: &mut Ticker) -> Result<()> {
+    let header = store.header();
+    let mesh = store.mesh();
+    let counted = |numbers: &[u32]| Values::U32(numbers.iter().map(|number| number + F::FIRST).collect());
+    file.texts("about", &header.about())?;
+    file.texts("run_toml", &header.case.lines().map(str::to_owned).collect::<Vec<_>>())?;
+    file.texts("reference_file", &header.reference)?;
+    let size = header.image_size_px.map(|n| n as f64);
+    file.table("image_size_px", 2, &Values::F64(size.to_vec()))?;
+    if let Some(size) = header.pixel_size.map(PixelSize::mm_per_px) {
+        file.table("pixel_size_mm", 1, &Values::F64(vec![size]))?;
+    }
+    file.table("range_grey", 1, &Values::F64(vec![header.range_grey]))?;
+    file.table("element_size_px", 1, &Values::F64(vec![header.element_size_px]))?;
+    file.texts("zone_name", mesh.zones())?;
+    file.table("node_position_px", 2, &Values::F64(mesh.nodes().as_flattened().to_vec()))?;
+    file.table("node_zone", 1, &counted(mesh.node_zone()))?;
+    file.table("element_nodes", 4, &counted(mesh.elements().as_flattened()))?;
+    file.table("element_zone", 1, &counted(mesh.element_zone()))?;
+    file.table("frame", 1, &Values::U32(numbers.iter().map(|&number| number as u32).collect()))?;
+    let files: Vec<String> = numbers.iter().map(|&number| header.frames[number - 1].clone()).collect();
+    file.texts("frame_file", &files)?;
+    let mut codes = Vec::with_capacity(numbers.len());
+    for &number in numbers {
+        codes.extend(store.status(number)?.map(|status| status.code()));
+    }
+    file.table("status", 1, &Values::U8(codes))?;
+    for variable in Variable::ALL {
+        file.begin(variable.name(), variable.number(), shape(store, variable, numbers, split))?;
+        for (done, &number) in numbers.iter().enumerate() {
+            let values = store.values(number, variable)?;
+            file.block(&values.ok_or_else(|| format!("frame {number} has changed during the export"))?)?;
+            ticker.tick(variable.name(), done + 1, numbers.len());
+        }
+    }
+    Ok(())
+}

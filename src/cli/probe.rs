@@ -1,0 +1,139 @@
+//! `quadrille probe`.
+
+use super::args::ProbeArgs;
+use super::quantities::{FOLDER, Fields, Frame, is_regularised, load, resolve, write};
+use super::{Outcome, Result, plural};
+use crate::field::{FrameQuantities, StrainDefinition};
+use crate::io::case::{
+    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
+};
+use crate::io::quantities::QuantitySummary;
+use crate::io::store::Store;
+use std::path::Path;
+
+/// Runs the command.
+pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
+    let store = Store::open(&args.run)?;
+    let asked = asked(args, &store)?;
+    if asked.is_empty() {
+        return Err(
+            "nothing is asked for; give --point, --line, --extensometer, --opening or --remove-rigid, or a --case \
+                    file with [[probe]], [[line]], [[extensometer]] or [[opening]]"
+                .into(),
+        );
+    }
+    let numbers = args.frames.numbers(store.n_frames())?;
+    let has_field = |number: usize| store.status(number).map(|status| status.is_some_and(|status| status.has_field()));
+    let mut wanted = Vec::with_capacity(numbers.len());
+    let mut n_fields = 0;
+    for number in numbers {
+        let field = has_field(number)?;
+        n_fields += usize::from(field);
+        if field || !args.frames.is_last() {
+            wanted.push(number);
+        }
+        if field && args.frames.is_last() {
+            break;
+        }
+    }
+    if n_fields == 0 {
+        return Err(
+            format!("{}: none of the frames asked for has a field; see summary.json", args.run.display()).into()
+        );
+    }
+    wanted.sort_unstable();
+    let n = wanted.len();
+    let output = args.output.as_deref().unwrap_or(&args.run);
+    let summary = write_of_store(&store, &asked, args.strain, &wanted, output, |_, _| ())?;
+    if !args.quiet {
+        summary.notes.iter().for_each(|note| eprintln!("{note}"));
+        eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
+    }
+    let complete = n_fields == n || !args.frames.are_named();
+    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Draws what is `asked` for from the frames `numbers` of a store into `output/quantities`; each frame is shown to
+/// `look`. For `quadrille probe`, and for `quadrille correlate` when a series is done.
+pub(super) fn write_of_store(
+    store: &Store,
+    asked: &CaseQuantities,
+    strain: Option<StrainDefinition>,
+    numbers: &[usize],
+    output: &Path,
+    look: impl FnMut(usize, &FrameQuantities),
+) -> Result<QuantitySummary> {
+    let header = store.header();
+    let quantities = resolve(asked, strain.unwrap_or(header.strain), store.mesh())?;
+    let load = load(asked, store.n_frames())?;
+    let mut lines = vec![
+        format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),
+        format!("fields by quadrille {}, {}", header.quadrille, header.device),
+        format!("reference: {}", header.reference.join(", ")),
+    ];
+    if let Some(load) = &asked.load {
+        lines.push(format!("load file: {}", load.file));
+    }
+    let fields = Fields {
+        header: &lines,
+        pixel_size: header.pixel_size,
+        element_size_px: header.element_size_px,
+        regularised: is_regularised(&header.case),
+    };
+    let frames = numbers.iter().map(|&number| -> Result<Frame> {
+        let status = store.status(number)?;
+        let field = match status.is_some_and(|status| status.has_field()) {
+            true => store.frame(number)?.map(|frame| frame.measurement),
+            false => None,
+        };
+        Ok((number, status, field))
+    });
+    write(output, &quantities, &load, fields, frames, look)
+}
+
+/// What flags and case file ask for together. Without a case file, and when no flag asks for anything, what the case
+/// of the run asks for.
+fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
+    let of_run = || parse_case(&store.header().case, Path::new("run.toml")).map(|case| case.drawn());
+    let by_flags = !(args.point.is_empty()
+        && args.line.is_empty()
+        && args.extensometer.is_empty()
+        && args.opening.is_empty()
+        && args.remove_rigid.is_none());
+    let mut asked = match &args.case {
+        Some(case) => read_case(case)?.drawn(),
+        None if by_flags => CaseQuantities { load: of_run()?.load, ..CaseQuantities::default() },
+        None => of_run()?,
+    };
+    // Flags of a kind take the place of the file's sections of that kind.
+    if !args.point.is_empty() {
+        asked.probes = args.point.iter().map(|&point| CaseProbe { name: None, point }).collect();
+    }
+    if !args.line.is_empty() {
+        let line = |&[x0, y0, x1, y1]: &[f64; 4]| CaseLine { name: None, from: [x0, y0], to: [x1, y1], step_px: None };
+        asked.lines = args.line.iter().map(line).collect();
+    }
+    if let Some(step) = args.step {
+        asked.lines.iter_mut().for_each(|line| line.step_px = Some(step));
+    }
+    if !args.extensometer.is_empty() {
+        let gauge = |&[x0, y0, x1, y1]: &[f64; 4]| CaseExtensometer {
+            name: None,
+            from: [x0, y0],
+            to: [x1, y1],
+            width_px: None,
+        };
+        asked.extensometers = args.extensometer.iter().map(gauge).collect();
+    }
+    if let Some(width) = args.width {
+        asked.extensometers.iter_mut().for_each(|gauge| gauge.width_px = Some(width));
+    }
+    if !args.opening.is_empty() {
+        asked.openings = args.opening.iter().map(|zones| CaseOpening { name: None, zones: zones.clone() }).collect();
+    }
+    asked.options.remove_rigid = args.remove_rigid.or(asked.options.remove_rigid);
+    if let Some(load) = &args.load {
+        asked.load = Some(CaseLoad { file: load.display().to_string() });
+    }
+    Ok(asked)
+}

@@ -1,0 +1,143 @@
+//! Quantities of a series: from what is asked for to the tables in `DIR/quantities`.
+
+use super::{Result, chain};
+use crate::field::{
+    Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
+};
+use crate::io::case::CaseQuantities;
+use crate::io::load::{LoadTable, read_load};
+use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
+use crate::mesh::Mesh;
+use crate::units::{PixelSize, Px};
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
+
+/// Name of the folder of the tables.
+pub(super) const FOLDER: &str = "quantities";
+
+/// What is asked for, on a mesh.
+///
+/// # Errors
+/// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
+/// while the motion of each zone is removed.
+pub(super) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
+    let named =
+        |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
+    let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
+    for (at, probe) in asked.probes.iter().enumerate() {
+        let name = named(&probe.name, "point", at);
+        if let Some(value) = probe.point.iter().find(|value| !value.is_finite()) {
+            return Err(format!("{name}: a coordinate is {value}; give a finite number").into());
+        }
+        quantities.points.push((name, probe.point));
+    }
+    for (at, line) in asked.lines.iter().enumerate() {
+        let name = named(&line.name, "line", at);
+        let step = line.step_px.unwrap_or(0.25 * mesh.element_size());
+        let segment = Segment::new(line.from, line.to, step).map_err(|error| format!("{name}: {error}"))?;
+        quantities.lines.push((name, segment));
+    }
+    for (at, gauge) in asked.extensometers.iter().enumerate() {
+        let name = named(&gauge.name, "extensometer", at);
+        let width = gauge.width_px.unwrap_or(0.0);
+        let gauge = Extensometer::new(gauge.from, gauge.to, width).map_err(|error| format!("{name}: {error}"))?;
+        quantities.extensometers.push((name, gauge));
+    }
+    for opening in &asked.openings {
+        let [plus, minus] = &opening.zones;
+        let name = opening.name.clone().unwrap_or_else(|| format!("{plus}-{minus}"));
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) {
+            return Err(format!(
+                "opening '{name}': nothing is left of it when the rigid motion of each zone is removed; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let facing = Facing::between(mesh, plus, minus).map_err(|error| format!("opening '{name}': {error}"))?;
+        quantities.openings.push((name, facing));
+    }
+    fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
+        let twice = (0..list.len()).find(|&k| list[..k].iter().any(|(name, _)| *name == list[k].0));
+        twice.map_or(Ok(()), |k| Err(format!("two {what} are named '{}'; names must differ", list[k].0).into()))
+    }
+    once("points", &quantities.points)?;
+    once("lines", &quantities.lines)?;
+    once("extensometers", &quantities.extensometers)?;
+    once("openings", &quantities.openings)?;
+    Ok(quantities)
+}
+
+/// The load file that is asked for; nothing without one.
+pub(super) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
+    Ok(match &asked.load {
+        Some(load) => read_load(Path::new(&load.file), n_frames)?,
+        None => LoadTable::default(),
+    })
+}
+
+/// What the fields of a run are like.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fields<'a> {
+    /// Lines for the head of every table: program, images, options.
+    pub header: &'a [String],
+    pub pixel_size: Option<PixelSize>,
+    pub element_size_px: f64,
+    /// Whether they were regularised: standard uncertainties are then upper bounds.
+    pub regularised: bool,
+}
+
+/// A frame on its way to the tables: number, status and field, when they exist.
+pub(super) type Frame = (usize, Option<Status>, Option<Measurement<Px>>);
+
+/// Writes the tables of `quantities` into `folder/quantities`, and removes the tables of an earlier call that are not
+/// asked for any more. Each frame is shown to `look` with what was drawn from it.
+///
+/// Under another name and renamed in the end, so that a table is there whole or not at all.
+pub(super) fn write(
+    folder: &Path,
+    quantities: &Quantities,
+    load: &LoadTable,
+    fields: Fields<'_>,
+    frames: impl Iterator<Item = Result<Frame>>,
+    mut look: impl FnMut(usize, &FrameQuantities),
+) -> Result<QuantitySummary> {
+    let folder = folder.join(FOLDER);
+    let failed = |error: std::io::Error| format!("{}: cannot be written: {}", folder.display(), chain(&error));
+    fs::create_dir_all(&folder).map_err(failed)?;
+    let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
+    let write = || -> Result<QuantitySummary> {
+        let open = |name: &str| Ok(BufWriter::new(File::create(unfinished(name))?));
+        let Fields { header, pixel_size, element_size_px, regularised } = fields;
+        let mut tables = QuantityTables::new(quantities, load, pixel_size, regularised, element_size_px, header, open)
+            .map_err(failed)?;
+        for frame in frames {
+            let (number, status, field) = frame?;
+            if let Some(drawn) = tables.frame(number, status, field.as_ref()).map_err(failed)? {
+                look(number, &drawn);
+            }
+        }
+        let summary = tables.finish().map_err(failed)?;
+        for name in QUANTITY_TABLES {
+            let path = folder.join(format!("{name}.csv"));
+            match unfinished(name).exists() {
+                true => fs::rename(unfinished(name), path).map_err(failed)?,
+                false if path.exists() => fs::remove_file(path).map_err(failed)?,
+                false => {}
+            }
+        }
+        Ok(summary)
+    };
+    write().inspect_err(|_| {
+        for name in QUANTITY_TABLES {
+            let _ = fs::remove_file(unfinished(name)); // what is left of them helps nobody
+        }
+    })
+}
+
+/// Whether a `run.toml` tells of regularisation.
+pub(super) fn is_regularised(case: &str) -> bool {
+    let case: toml::Table = case.parse().unwrap_or_default();
+    let kind = case.get("correlation").and_then(|section| section.get("regularisation")).and_then(toml::Value::as_str);
+    kind.is_some_and(|kind| kind != "none")
+}

@@ -1,0 +1,178 @@
+//! What is drawn from every field of a series.
+
+use super::{
+    Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved, Segment, at_point,
+    remove_rigid,
+};
+use crate::field::{Measurement, StrainDefinition};
+use crate::units::Length;
+
+/// The quantities asked for, each with its name.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Quantities {
+    /// How strains are made.
+    pub strain: StrainDefinition,
+    /// The rigid motion that is taken off each field before anything is drawn from it.
+    pub remove_rigid: Option<RemoveRigid>,
+    /// Points.
+    pub points: Vec<(String, [f64; 2])>,
+    /// Lines.
+    pub lines: Vec<(String, Segment)>,
+    /// Extensometers.
+    pub extensometers: Vec<(String, Extensometer)>,
+    /// Openings between two zones.
+    pub openings: Vec<(String, Facing)>,
+}
+
+/// What [`Quantities`] come to in one field, each in the order of its list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameQuantities {
+    /// The rigid motions taken off.
+    pub removed: Vec<RigidRemoved>,
+    /// At the points.
+    pub points: Vec<Option<PointValues>>,
+    /// At the points of each line.
+    pub lines: Vec<Vec<Option<PointValues>>>,
+    /// Of the extensometers.
+    pub extensometers: Vec<Option<Elongation>>,
+    /// Of the openings.
+    pub openings: Vec<OpeningValues>,
+}
+
+/// An opening in one field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OpeningValues {
+    /// At each of its points.
+    pub points: Vec<Option<Jump>>,
+    /// Their mean.
+    pub mean: Option<Jump>,
+}
+
+/// One quantity against another, ready to be drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Whose: `point1`, `upper-lower`.
+    pub name: String,
+    /// What, with its unit where it has one: `ux_px`, `exx`, `opening_px`.
+    pub quantity: String,
+    /// Against what, with its unit: `load_N`, `frame`, `along_px`.
+    pub against: String,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates.
+    pub y: Vec<f64>,
+    /// Standard uncertainty of each ordinate.
+    pub sigma: Vec<f64>,
+}
+
+impl Quantities {
+    /// Whether nothing is asked for.
+    pub fn is_empty(&self) -> bool {
+        self.remove_rigid.is_none()
+            && self.points.is_empty()
+            && self.lines.is_empty()
+            && self.extensometers.is_empty()
+            && self.openings.is_empty()
+    }
+
+    /// Draws them from one field.
+    pub fn draw<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> FrameQuantities {
+        let registered;
+        let (field, removed) = match self.remove_rigid {
+            Some(which) => {
+                let (left, removed) = remove_rigid(field, which);
+                registered = left;
+                (&registered, removed)
+            }
+            None => (field, Vec::new()),
+        };
+        let at = |point: [f64; 2]| at_point(field, noise, self.strain, point);
+        let opening = |facing: &Facing| OpeningValues {
+            points: facing.points().iter().map(|point| point.read(field, noise)).collect(),
+            mean: facing.mean(field, noise),
+        };
+        FrameQuantities {
+            removed,
+            points: self.points.iter().map(|(_, point)| at(*point)).collect(),
+            lines: self.lines.iter().map(|(_, line)| line.points().into_iter().map(|(_, x)| at(x)).collect()).collect(),
+            extensometers: self.extensometers.iter().map(|(_, extensometer)| extensometer.read(field, noise)).collect(),
+            openings: self.openings.iter().map(|(_, facing)| opening(facing)).collect(),
+        }
+    }
+
+    /// Profiles of one frame: displacements and strains along each line, opening and sliding along each joint (part by
+    /// part), against the distance along it. Points without a value are left out, empty profiles as well.
+    pub fn profiles(&self, drawn: &FrameQuantities) -> Vec<Curve> {
+        let mut curves = Vec::new();
+        for ((name, line), values) in self.lines.iter().zip(&drawn.lines) {
+            let places: Vec<f64> = line.points().into_iter().map(|(s, _)| s).collect();
+            for (quantity, value) in PointValues::QUANTITIES {
+                let along = places.iter().zip(values).map(|(&s, at)| (s, at.as_ref().and_then(value)));
+                curves.extend(Curve::new(name, quantity, "along_px", along));
+            }
+        }
+        for ((name, facing), values) in self.openings.iter().zip(&drawn.openings) {
+            let n_parts = facing.points().last().map_or(0, |point| point.part + 1);
+            for part in 0..n_parts {
+                let name = if n_parts == 1 { name.clone() } else { format!("{name}, part {}", part + 1) };
+                for (quantity, value) in Jump::QUANTITIES {
+                    let points = facing.points().iter().zip(&values.points).filter(|(point, _)| point.part == part);
+                    let along = points.map(|(point, jump)| (point.along, jump.as_ref().map(value)));
+                    curves.extend(Curve::new(&name, quantity, "along_px", along));
+                }
+            }
+        }
+        curves
+    }
+}
+
+impl PointValues {
+    /// Its numbers with their names in tables.
+    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> Option<super::Value>); 5] = [
+        ("ux_px", |v| Some(super::Value { value: v.displacement[0], sigma: v.sigma[0] })),
+        ("uy_px", |v| Some(super::Value { value: v.displacement[1], sigma: v.sigma[1] })),
+        ("exx", |v| v.strain_component(0)),
+        ("eyy", |v| v.strain_component(1)),
+        ("exy", |v| v.strain_component(2)),
+    ];
+
+    fn strain_component(&self, k: usize) -> Option<super::Value> {
+        self.strain.map(|(strain, sigma)| super::Value { value: strain.0[k], sigma: sigma[k] })
+    }
+}
+
+impl Jump {
+    /// Its numbers with their names in tables.
+    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> super::Value); 2] =
+        [("opening_px", |jump| jump.opening), ("sliding_px", |jump| jump.sliding)];
+}
+
+impl Elongation {
+    /// Its numbers with their names in tables.
+    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> super::Value); 3] = [
+        ("elongation_px", |e| e.elongation),
+        ("strain_engineering", |e| e.engineering),
+        ("strain_true", |e| e.logarithmic),
+    ];
+}
+
+impl Curve {
+    /// The curve through the points that have a value; `None` without any.
+    pub fn new(
+        name: &str,
+        quantity: &str,
+        against: &str,
+        points: impl Iterator<Item = (f64, Option<super::Value>)>,
+    ) -> Option<Self> {
+        let (name, quantity, against) = (name.to_owned(), quantity.to_owned(), against.to_owned());
+        let mut curve = Self { name, quantity, against, x: Vec::new(), y: Vec::new(), sigma: Vec::new() };
+        for (x, value) in points {
+            if let Some(super::Value { value, sigma }) = value {
+                curve.x.push(x);
+                curve.y.push(value);
+                curve.sigma.push(sigma);
+            }
+        }
+        (!curve.x.is_empty()).then_some(curve)
+    }
+}

@@ -1,0 +1,364 @@
+//! Strains from a displacement field.
+//!
+//! The gradient of the displacement comes from the shape functions of the elements, the strain from
+//! `F = I + grad u`. Everything is `f64`; the shear is that of the tensor, `exy = (du_x/dy + du_y/dx)/2` for
+//! small strains: half the change of a right angle.
+
+use super::{Measurement, UnknownChoice};
+use crate::mesh::Mesh;
+use crate::units::Length;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// How a strain is made of `F = I + grad u`.
+///
+/// A pure rotation has no Green-Lagrange and no Hencky strain. The infinitesimal strain sees it: rotation by `w`
+/// gives `exx = eyy = cos w - 1`, -3.8e-3 at 5 degrees.
+///
+/// ```
+/// use quadrille::field::StrainDefinition;
+/// assert_eq!("hencky".parse(), Ok(StrainDefinition::Hencky));
+/// assert_eq!(StrainDefinition::default().to_string(), "green-lagrange");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StrainDefinition {
+    /// `(grad u + grad u^T)/2`: for small strains and small rotations.
+    Infinitesimal,
+    /// `(F^T F - I)/2`, on the axes of the reference image; the default.
+    #[default]
+    GreenLagrange,
+    /// `ln U = ln(F^T F)/2`, on the axes of the reference image: logarithmic (true) strain.
+    Hencky,
+}
+
+impl StrainDefinition {
+    const ALL: [Self; 3] = [Self::Infinitesimal, Self::GreenLagrange, Self::Hencky];
+
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            StrainDefinition::Infinitesimal => "infinitesimal",
+            StrainDefinition::GreenLagrange => "green-lagrange",
+            StrainDefinition::Hencky => "hencky",
+        }
+    }
+
+    /// Its formula.
+    pub fn formula(self) -> &'static str {
+        match self {
+            StrainDefinition::Infinitesimal => "(grad u + grad u^T)/2",
+            StrainDefinition::GreenLagrange => "(F^T F - I)/2 with F = I + grad u",
+            StrainDefinition::Hencky => "ln U = ln(F^T F)/2 with F = I + grad u",
+        }
+    }
+
+    /// What a file with strains on elements of `length_px` says about them: definition, shear, length
+    /// scale, noise. Without a sign of comment.
+    ///
+    /// ```
+    /// use quadrille::field::StrainDefinition;
+    /// let said = StrainDefinition::Hencky.describe(16.0);
+    /// assert_eq!(said[0], "strain: hencky, ln U = ln(F^T F)/2 with F = I + grad u");
+    /// assert_eq!(said.len(), 4);
+    /// ```
+    pub fn describe(self, length_px: f64) -> Vec<String> {
+        let (element, node) = (ELEMENT_NOISE / length_px, NODE_NOISE / length_px);
+        vec![
+            format!("strain: {}, {}", self.name(), self.formula()),
+            "components exx, eyy, exy, no unit, x to the right, y down; exy is the tensor shear, half the engineering shear"
+                .to_owned(),
+            format!(
+                "length scale of a strain: {length_px} px on elements (their size), {} px on nodes (mean of the elements around)",
+                2.0 * length_px
+            ),
+            format!(
+                "noise of a strain, inside: sigma_exx = {element:.2e} sigma_ux on elements, {node:.2e} sigma_ux on nodes \
+                 (sigma_ux in px of an inner node); eyy likewise with sigma_uy, exy half the root of the sum of both squares; \
+                 more at borders"
+            ),
+        ]
+    }
+
+    /// The strain of the displacement gradient `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`; `None` where the
+    /// field folds (`det F <= 0`) or a number is not finite.
+    ///
+    /// ```
+    /// use quadrille::field::StrainDefinition;
+    /// let stretch = [[0.5, 0.0], [0.0, 0.0]];
+    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().0[0], 0.625); // (1.5^2 - 1)/2
+    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().0[0] - 1.5f64.ln()).abs() < 1e-15);
+    /// ```
+    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<Strain> {
+        let [[xx, xy], [yx, yy]] = gradient;
+        let det = 1.0 + (xx + yy) + (xx * yy - xy * yx);
+        // Written so that NaN is refused as well.
+        if !(det > 0.0 && det.is_finite()) {
+            return None;
+        }
+        // F^T F - I formed without its cancellation: the strain of a tiny gradient keeps all its digits.
+        let green = || {
+            [
+                xx + 0.5 * (xx * xx + yx * yx),
+                yy + 0.5 * (xy * xy + yy * yy),
+                0.5 * (xy + yx) + 0.5 * (xx * xy + yx * yy),
+            ]
+        };
+        let strain = match self {
+            StrainDefinition::Infinitesimal => [xx, yy, 0.5 * (xy + yx)],
+            StrainDefinition::GreenLagrange => green(),
+            StrainDefinition::Hencky => half_log_of_one_plus_twice(green()),
+        };
+        strain.iter().all(|e| e.is_finite()).then_some(Strain(strain))
+    }
+}
+
+/// `ln(I + 2 E)/2` of a symmetric 2x2 matrix `E` = [xx, yy, xy].
+///
+/// With the eigenvalues `1 + m +- d` of `I + 2 E`: the mean of their logarithms on the diagonal, and half
+/// their difference, `atanh(d/(1 + m))`, along the deviator. Neither loses digits when `E` is tiny or isotropic.
+fn half_log_of_one_plus_twice([xx, yy, xy]: [f64; 3]) -> [f64; 3] {
+    let mean = xx + yy;
+    let (deviator, shear) = (xx - yy, 2.0 * xy);
+    let radius = deviator.hypot(shear);
+    let diagonal = 0.25 * (2.0 * mean + (mean - radius) * (mean + radius)).ln_1p();
+    let ratio = radius / (1.0 + mean);
+    let along = if ratio < 1e-9 { 1.0 } else { ratio.atanh() / ratio } / (1.0 + mean);
+    [diagonal + 0.5 * along * deviator, diagonal - 0.5 * along * deviator, 0.5 * along * shear]
+}
+
+impl fmt::Display for StrainDefinition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for StrainDefinition {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        Self::ALL.into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
+            option: "strain",
+            given: word.to_owned(),
+            expected: "infinitesimal, green-lagrange or hencky",
+        })
+    }
+}
+
+/// A strain: `exx`, `eyy`, `exy`, with the **tensor** shear; no unit. x to the right, y down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Strain(
+    /// `exx`, `eyy`, `exy`.
+    pub [f64; 3],
+);
+
+/// `sigma_exx l / sigma_ux` of an element far from the borders, 0.963: see [`element_strain_sigma`].
+pub const ELEMENT_NOISE: f64 = 0.963_433_044_002_285;
+
+/// `sigma_exx l / sigma_ux` of a node far from the borders, 0.681: [`ELEMENT_NOISE`] over the root of 2.
+pub const NODE_NOISE: f64 = 0.681_250_038_633_213_4;
+
+/// Standard uncertainty of the strain (exx, eyy, exy) at the centre of a square element of `length` far from the
+/// borders, from that of an inner node's displacement, in the same unit.
+///
+/// Noise spread evenly makes `Cov = 2 sigma^2/g^2` times the inverse of the mass matrix of the mesh, whose symbol
+/// along each axis is `l (2 + cos t)/3`. With mean values over `t`: the variance of a nodal displacement is
+/// `<3/(2 + cos t)>^2 = 3`, that of the difference of neighbours `<3 (2 - 2 cos t)/(2 + cos t)> = 6 (sqrt 3 - 1)`,
+/// that of the mean of neighbours `<3 (1 + cos t)/(2 (2 + cos t))> = 3/2 (1 - 1/sqrt 3)`, each times its power of
+/// `l`. So
+///
+/// ```text
+/// sigma_exx = sqrt(2) sqrt(6 (sqrt 3 - 1) 3/2 (1 - 1/sqrt 3)) sigma/(l^2 g_x) = 2.36 sigma/(l^2 g_x) = 0.963 sigma_ux/l
+/// ```
+///
+/// and the shear, the mean of two gradients with noise of their own, has `0.963/2 sqrt(sigma_ux^2 + sigma_uy^2)/l`.
+/// Elements at a border have up to twice as much.
+pub fn element_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
+    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| ELEMENT_NOISE * sigma / length)
+}
+
+/// Standard uncertainty of the strain (exx, eyy, exy) at an inner node, from that of its displacement.
+///
+/// As [`element_strain_sigma`], with the central difference over `2 l`: `<3 sin^2 t/(2 + cos t)> = 3 (2 - sqrt 3)`
+/// times `sqrt 3` of the other axis. `1.67 sigma/(l^2 g_x) = 0.681 sigma_ux/l`.
+pub fn node_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
+    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| NODE_NOISE * sigma / length)
+}
+
+/// The strains of a measured field, on its elements and on its nodes.
+#[derive(Debug, Clone)]
+pub struct StrainField {
+    /// How they are made.
+    pub definition: StrainDefinition,
+    /// At the centre of each element; `None` where one of its nodes is not measured or the field folds.
+    pub elements: Vec<Option<Strain>>,
+    /// At each node; `None` where it is not measured, has no element with all nodes measured, or the field folds.
+    pub nodes: Vec<Option<Strain>>,
+    /// Length over which the strain of an element is measured: the root of the mean area of the elements, px
+    /// (in the unit of the mesh). The strains of nodes have twice that.
+    pub length_px: f64,
+}
+
+impl StrainField {
+    /// The strains of `measurement`.
+    ///
+    /// On elements: the gradient of the bilinear field at the centre. On nodes: the mean of the gradients in that
+    /// corner of the elements around it, weighted by their areas (the central difference on a grid). Both are exact
+    /// where the displacement is affine.
+    ///
+    /// ```
+    /// # use quadrille::{field::{Measurement, Status, StrainDefinition, StrainField}, mesh::{Mesh, Roi, Zone}};
+    /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
+    /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+    /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
+    /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
+    /// #     element_residual: vec![1.0; 4], mesh: mesh.into(), displacement };
+    /// let strain = StrainField::of(&measurement, StrainDefinition::GreenLagrange); // stretched by 1 % along x
+    /// assert!((strain.elements[0].unwrap().0[0] - 0.01005).abs() < 1e-12);
+    /// assert_eq!(strain.length_px, 16.0);
+    /// ```
+    pub fn of<U: Length>(measurement: &Measurement<U>, definition: StrainDefinition) -> Self {
+        let mesh = &measurement.mesh;
+        let mut elements = vec![None; mesh.n_elements()];
+        let mut sums = vec![([[0.0; 2]; 2], 0.0); mesh.n_nodes()];
+        for (element, strain) in elements.iter_mut().enumerate() {
+            let geometry = ElementGeometry::new(mesh, element);
+            let nodes = geometry.nodes;
+            if !nodes.iter().all(|&node| measurement.measured[node]) {
+                continue;
+            }
+            let u = nodes.map(|node| measurement.displacement[node]);
+            let gradient = |at: [f64; 2]| geometry.gradients(at).map(|by| gradient_of(&by, &u));
+            *strain = gradient([0.5; 2]).and_then(|gradient| definition.of_gradient(gradient));
+            for (corner, at) in geometry.corners() {
+                let Some(gradient) = gradient(at) else { continue };
+                let (sum, area) = &mut sums[nodes[corner]];
+                for c in 0..2 {
+                    for k in 0..2 {
+                        sum[c][k] += geometry.area * gradient[c][k];
+                    }
+                }
+                *area += geometry.area;
+            }
+        }
+        let nodes = sums.into_iter().map(|(sum, area)| {
+            (area > 0.0).then(|| definition.of_gradient(sum.map(|row| row.map(|g| g / area)))).flatten()
+        });
+        Self { definition, nodes: nodes.collect(), elements, length_px: mesh.element_size() }
+    }
+}
+
+/// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` from the gradients of the shape functions and the nodal values.
+fn gradient_of(by: &[[f64; 2]; 4], u: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
+    [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| by[i][k] * u[i][c]).sum()))
+}
+
+/// The shape of one element: a quadrilateral, or a triangle whose last two nodes are one.
+pub(super) struct ElementGeometry {
+    pub nodes: [usize; 4],
+    /// Positive whatever the sense in which the nodes are numbered.
+    pub area: f64,
+    at: [[f64; 2]; 4],
+}
+
+impl ElementGeometry {
+    pub fn new<U: Length>(mesh: &Mesh<U>, element: usize) -> Self {
+        let nodes = mesh.elements()[element].map(|node| node as usize);
+        let at = mesh.corners(element);
+        let [p, q] = [[0, 2], [1, 3]].map(|[a, b]| [at[b][0] - at[a][0], at[b][1] - at[a][1]]);
+        Self { nodes, at, area: 0.5 * (p[0] * q[1] - p[1] * q[0]).abs() }
+    }
+
+    pub fn is_triangle(&self) -> bool {
+        self.nodes[2] == self.nodes[3]
+    }
+
+    /// Its corners, and the local coordinates at which their gradient is taken.
+    pub fn corners(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        // A triangle has one gradient; in its doubled corner the map of the quadrilateral is singular.
+        let triangle = self.is_triangle();
+        let places = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        places
+            .into_iter()
+            .enumerate()
+            .take(if triangle { 3 } else { 4 })
+            .map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
+    }
+
+    /// Derivatives of (x, y) by (xi, eta), and of the shape functions.
+    fn map(&self, [xi, eta]: [f64; 2]) -> ([[f64; 2]; 2], [[f64; 2]; 4]) {
+        let by_local = [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]];
+        let jacobian = [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| self.at[i][c] * by_local[i][k]).sum()));
+        (jacobian, by_local)
+    }
+
+    /// Determinant of the map from local coordinates (0..1).
+    pub fn jacobian(&self, at: [f64; 2]) -> f64 {
+        let ([[xx, xe], [yx, ye]], _) = self.map(at);
+        xx * ye - xe * yx
+    }
+
+    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
+    pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
+        let ([[xx, xe], [yx, ye]], by_local) = self.map(at);
+        let det = xx * ye - xe * yx;
+        // Relative to the area: units do not matter. NaN is flat as well.
+        if det.is_nan() || det.abs() <= 1e-9 * self.area {
+            return None;
+        }
+        Some(by_local.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean of `value(cos t)` over a period.
+    fn mean(value: impl Fn(f64) -> f64) -> f64 {
+        const N: usize = 64; // the integrands are analytic: the sum converges like 0.268^N
+        (0..N).map(|k| value((std::f64::consts::TAU * k as f64 / N as f64).cos())).sum::<f64>() / N as f64
+    }
+
+    #[test]
+    fn noise_factors_are_the_means_over_the_symbol_of_the_mass_matrix() {
+        let mass = |c: f64| (2.0 + c) / 3.0;
+        let nodal = mean(|c| 1.0 / mass(c));
+        let difference = mean(|c| (2.0 - 2.0 * c) / mass(c));
+        let average = mean(|c| 0.5 * (1.0 + c) / mass(c));
+        let central = mean(|c| (1.0 - c * c) / mass(c));
+        assert!((ELEMENT_NOISE - (difference * average).sqrt() / nodal).abs() < 1e-14);
+        assert!((NODE_NOISE - (central * nodal).sqrt() / nodal).abs() < 1e-14);
+        // The same in terms of the image noise.
+        assert!(((2.0 * difference * average).sqrt() - 2.36).abs() < 0.001);
+        assert!(((2.0 * central * nodal).sqrt() - 1.67).abs() < 0.002);
+    }
+
+    #[test]
+    fn the_logarithm_is_that_of_the_power_series_and_of_the_eigenvalues() {
+        // ln(I + 2E)/2 = E - E^2 + 4/3 E^3 - ...: the next term is below 4e-15 here.
+        let e = [3e-4, -1e-4, 2e-4];
+        let multiply = |a: [f64; 3], b: [f64; 3]| {
+            [a[0] * b[0] + a[2] * b[2], a[2] * b[2] + a[1] * b[1], a[0] * b[2] + a[2] * b[1]]
+        };
+        let (e2, e3) = (multiply(e, e), multiply(multiply(e, e), e));
+        let log = half_log_of_one_plus_twice(e);
+        for k in 0..3 {
+            assert!((log[k] - (e[k] - e2[k] + 4.0 / 3.0 * e3[k])).abs() < 1e-13, "{k}: {log:?}");
+        }
+        // Tiny and isotropic: no digit is lost.
+        assert_eq!(half_log_of_one_plus_twice([1e-20, 1e-20, 0.0]), [1e-20, 1e-20, 0.0]);
+        let [xx, yy, xy] = half_log_of_one_plus_twice([0.0, 0.0, 1e-12]);
+        assert!((xy - 1e-12).abs() < 1e-27 && xx.abs() < 1e-23 && yy.abs() < 1e-23);
+        // Large: principal stretches 3 and 1/2, turned by 30 degrees.
+        let (sin, cos) = 30f64.to_radians().sin_cos();
+        let turned =
+            |a: f64, b: f64| [a * cos * cos + b * sin * sin, a * sin * sin + b * cos * cos, (a - b) * sin * cos];
+        let log = half_log_of_one_plus_twice(turned(4.0, -0.375));
+        let want = turned(3f64.ln(), 0.5f64.ln());
+        for k in 0..3 {
+            assert!((log[k] - want[k]).abs() < 1e-14, "{k}: {log:?}");
+        }
+    }
+}

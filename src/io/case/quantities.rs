@@ -1,0 +1,139 @@
+//! What is drawn from the fields of a case: points, lines, extensometers, openings, and what they are joined with.
+
+use super::is_default;
+use crate::field::RemoveRigid;
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+
+/// The sections of a case file that say which quantities are drawn from the fields.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CaseQuantities {
+    /// The section `[quantities]`.
+    pub options: CaseQuantityOptions,
+    /// The section `[load]`.
+    pub load: Option<CaseLoad>,
+    /// The sections `[[probe]]`.
+    pub probes: Vec<CaseProbe>,
+    /// The sections `[[line]]`.
+    pub lines: Vec<CaseLine>,
+    /// The sections `[[extensometer]]`.
+    pub extensometers: Vec<CaseExtensometer>,
+    /// The sections `[[opening]]`.
+    pub openings: Vec<CaseOpening>,
+}
+
+impl CaseQuantities {
+    /// Whether nothing is asked for. A load file alone asks for nothing.
+    pub fn is_empty(&self) -> bool {
+        let Self { options, load: _, probes, lines, extensometers, openings } = self;
+        is_default(options) && probes.is_empty() && lines.is_empty() && extensometers.is_empty() && openings.is_empty()
+    }
+}
+
+/// How quantities are drawn.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseQuantityOptions {
+    /// The rigid motion that is taken off before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remove_rigid: Option<RemoveRigid>,
+}
+
+/// What other instruments recorded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseLoad {
+    /// The load file: see [`parse_load`](crate::io::load::parse_load).
+    pub file: String,
+}
+
+/// A point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseProbe {
+    /// Its name; `point1`, `point2`, ... without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Where, px of the reference image.
+    #[serde(deserialize_with = "point")]
+    pub point: [f64; 2],
+}
+
+/// A line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseLine {
+    /// Its name; `line1`, `line2`, ... without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Its first point, px.
+    #[serde(deserialize_with = "point")]
+    pub from: [f64; 2],
+    /// Its end, px.
+    #[serde(deserialize_with = "point")]
+    pub to: [f64; 2],
+    /// Distance of its points, px; without, a quarter of the element size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_px: Option<f64>,
+}
+
+/// A virtual extensometer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseExtensometer {
+    /// Its name; `extensometer1`, `extensometer2`, ... without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// One end, px.
+    #[serde(deserialize_with = "point")]
+    pub from: [f64; 2],
+    /// The other end, px.
+    #[serde(deserialize_with = "point")]
+    pub to: [f64; 2],
+    /// Length of the gauge lines across its ends, px; without, 0: points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_px: Option<f64>,
+}
+
+/// An opening between two zones.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseOpening {
+    /// Its name; `upper-lower` from the zones without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The zone `+` and the zone `-`, by name: for a horizontal joint the upper one first.
+    #[serde(deserialize_with = "two_names")]
+    pub zones: [String; 2],
+}
+
+/// Accepts two numbers and says so when there are more or fewer.
+fn point<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    deserializer.deserialize_any(Two("two numbers [x, y]", std::marker::PhantomData))
+}
+
+/// Accepts two names and says so when there are more or fewer.
+fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
+    deserializer.deserialize_any(Two("two names [\"upper\", \"lower\"]", std::marker::PhantomData))
+}
+
+/// A list of two, in the words of a user.
+struct Two<T>(&'static str, std::marker::PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for Two<T> {
+    type Value = [T; 2];
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<[T; 2], A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = list.next_element()? {
+            items.push(item);
+        }
+        let n = items.len();
+        items.try_into().map_err(|_| de::Error::custom(format!("has {n} entries, expected {}", self.0)))
+    }
+}

@@ -1,0 +1,96 @@
+//! Arrays for NumPy: `.npz`, an archive of one `.npy` file for each array.
+
+use super::arrays::{ArrayFile, ArrayFileError, Number, Open, Shape, Values};
+use npyz::{DType, WriteOptions, WriterBuilder};
+use std::io::{Seek, Write};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Writes a `.npz` file that `numpy.load` reads, uncompressed as `numpy.savez` does. It may be of any size.
+///
+/// ```
+/// use quadrille::io::arrays::{ArrayFile, Number, Shape, Values};
+/// use quadrille::io::npz::NpzWriter;
+/// let mut file = NpzWriter::new(std::io::Cursor::new(Vec::new()));
+/// file.begin("displacement_px", Number::F64, Shape { frames: Some(2), rows: 3, components: 2 })?;
+/// for frame in [0.5, 1.0] {
+///     file.block(&Values::F64(vec![frame; 6]))?; // (2, 3, 2) in NumPy
+/// }
+/// let bytes = file.finish()?.into_inner();
+/// assert!(bytes.starts_with(b"PK"));
+/// # Ok::<(), quadrille::io::arrays::ArrayFileError>(())
+/// ```
+pub struct NpzWriter<W: Write + Seek> {
+    zip: ZipWriter<W>,
+    open: Option<Open>,
+}
+
+impl<W: Write + Seek> NpzWriter<W> {
+    /// A file without any array.
+    pub fn new(out: W) -> Self {
+        Self { zip: ZipWriter::new(out), open: None }
+    }
+
+    /// Ends the file and gives the writer back.
+    ///
+    /// # Errors
+    /// An array that is not complete, and those of the writer.
+    pub fn finish(self) -> Result<W, ArrayFileError> {
+        self.open.as_ref().map_or(Ok(()), Open::close)?;
+        Ok(self.zip.finish().map_err(std::io::Error::other)?)
+    }
+
+    fn member(&mut self, name: &str, type_word: &str, shape: &[u64]) -> Result<(), ArrayFileError> {
+        self.open.take().map_or(Ok(()), |open| open.close())?;
+        // No array is known to stay below 4 GB. The time of a member is that of the format's beginning: the same
+        // arrays give the same bytes.
+        let options = SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Stored).large_file(true);
+        self.zip.start_file(format!("{name}.npy"), options).map_err(std::io::Error::other)?;
+        let kind = type_word.parse().map_err(std::io::Error::other)?;
+        let header = WriteOptions::new_header_only().dtype(DType::Plain(kind)).shape(shape);
+        header.writer(&mut self.zip).write_header_only()?;
+        Ok(())
+    }
+}
+
+impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
+    const FIRST: u32 = 0;
+
+    fn check(_: &str, _: Number, _: Shape) -> Result<(), ArrayFileError> {
+        Ok(())
+    }
+
+    fn begin(&mut self, name: &str, number: Number, shape: Shape) -> Result<(), ArrayFileError> {
+        let mut axes: Vec<u64> = shape.frames.into_iter().chain([shape.rows]).map(|n| n as u64).collect();
+        if shape.components > 1 {
+            axes.push(shape.components as u64);
+        }
+        let type_word = match number {
+            Number::F64 => "<f8",
+            Number::F32 => "<f4",
+            Number::U32 => "<u4",
+            Number::U8 => "|u1",
+        };
+        self.member(name, type_word, &axes)?;
+        self.open = Some(Open::new(name, number, shape));
+        Ok(())
+    }
+
+    fn block(&mut self, values: &Values) -> Result<(), ArrayFileError> {
+        if let Some(open) = &mut self.open {
+            open.take(values)?;
+        }
+        Ok(self.zip.write_all(&values.bytes(0..values.len()))?)
+    }
+
+    /// An array of fixed-width Unicode text.
+    fn texts(&mut self, name: &str, texts: &[String]) -> Result<(), ArrayFileError> {
+        let width = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+        self.member(name, &format!("<U{width}"), &[texts.len() as u64])?;
+        for text in texts {
+            let letters = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(width);
+            self.zip.write_all(&letters.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,439 @@
+//! Quantities of a series as tables: long, a row for each frame and place.
+
+use super::load::LoadTable;
+use crate::field::{Curve, FrameQuantities, Measurement, NodalNoise, PointValues, Quantities, Status, Value};
+use crate::mesh::Mesh;
+use crate::units::{PixelSize, Px};
+use std::io::{self, Write};
+
+/// Names of the tables.
+pub const QUANTITY_TABLES: [&str; 6] =
+    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
+
+/// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
+///
+/// Up to six tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point of
+/// each joint), `openings_mean`, `rigid_motions`. Every row begins with `frame,status` and the columns of the load file.
+/// Lengths are in px; with a pixel size every column `_px` has a twin in mm at the end of the row. A value that
+/// does not exist (outside the mesh, not measured, frame without field) is an empty cell.
+pub struct QuantityTables<'a, W: Write> {
+    quantities: &'a Quantities,
+    load: &'a LoadTable,
+    tables: [Option<Table<W>>; 6],
+    noise: Option<NodalNoise>,
+    bound: bool,
+    traces: Vec<Trace>,
+    frames: Vec<usize>,
+    without_field: Vec<usize>,
+    n_fields: usize,
+    /// Fields in which a place had no value; points, lines, extensometers, openings, in order.
+    missing: Vec<(String, usize)>,
+}
+
+/// What is left when all frames are written.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct QuantitySummary {
+    /// Every point, extensometer and mean opening against each column of the load file, or against the frame without
+    /// one.
+    pub curves: Vec<Curve>,
+    /// What has no value and where: to be told to the user.
+    pub notes: Vec<String>,
+}
+
+/// One quantity over the frames.
+struct Trace {
+    name: String,
+    quantity: &'static str,
+    values: Vec<Option<Value>>,
+}
+
+struct Table<W: Write> {
+    out: ::csv::Writer<W>,
+    columns: Vec<&'static str>,
+    mm: Option<PixelSize>,
+}
+
+impl<W: Write> Table<W> {
+    /// A row with its key cells, then its numbers and their twins in mm.
+    fn row(&mut self, keys: &[String], numbers: &[Option<f64>]) -> io::Result<()> {
+        for key in keys {
+            self.out.write_field(key)?;
+        }
+        let cell = |number: Option<f64>| number.filter(|v| v.is_finite()).map_or(String::new(), |v| format!("{v:?}"));
+        for &number in numbers {
+            self.out.write_field(cell(number))?;
+        }
+        if let Some(size) = self.mm {
+            for (&number, _) in numbers.iter().zip(&self.columns).filter(|(_, name)| name.ends_with("_px")) {
+                self.out.write_field(cell(number.map(|px| size.mm_from_px(px))))?;
+            }
+        }
+        self.out.write_record(None::<&[u8]>)?;
+        Ok(())
+    }
+}
+
+const POINT: [&str; 12] = [
+    "x_px",
+    "y_px",
+    "ux_px",
+    "uy_px",
+    "sigma_ux_px",
+    "sigma_uy_px",
+    "exx",
+    "eyy",
+    "exy",
+    "sigma_exx",
+    "sigma_eyy",
+    "sigma_exy",
+];
+const ALONG: [&str; 1] = ["along_px"];
+const EXTENSOMETER: [&str; 7] = [
+    "length_px",
+    "elongation_px",
+    "sigma_elongation_px",
+    "strain_engineering",
+    "sigma_strain_engineering",
+    "strain_true",
+    "sigma_strain_true",
+];
+const OPENING: [&str; 6] = ["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"];
+const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
+const RIGID: [&str; 7] =
+    ["centre_x_px", "centre_y_px", "translation_x_px", "translation_y_px", "rotation_deg", "largest_px", "left_rms_px"];
+
+impl<'a, W: Write> QuantityTables<'a, W> {
+    /// Opens the tables that `quantities` ask for: `open` gives the file for the name of a table. Each begins with
+    /// the comment lines `header` and the definitions of its columns.
+    ///
+    /// With `regularised` fields the noise of neighbouring nodes is correlated in a way that is not known, and
+    /// standard uncertainties are upper bounds.
+    ///
+    /// # Errors
+    /// Those of `open` and of writing.
+    pub fn new(
+        quantities: &'a Quantities,
+        load: &'a LoadTable,
+        pixel_size: Option<PixelSize>,
+        regularised: bool,
+        element_size_px: f64,
+        header: &[String],
+        mut open: impl FnMut(&str) -> io::Result<W>,
+    ) -> io::Result<Self> {
+        let q = quantities;
+        let wanted = [
+            (!q.points.is_empty(), vec!["point"], POINT.to_vec()),
+            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &POINT].concat()),
+            (!q.extensometers.is_empty(), vec!["extensometer"], EXTENSOMETER.to_vec()),
+            (!q.openings.is_empty(), vec!["opening", "part"], [&OPENING[..], &JUMP].concat()),
+            (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
+            (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
+        ];
+        let mut tables = [const { None }; 6];
+        for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
+            if !wanted {
+                continue;
+            }
+            let mut out = open(QUANTITY_TABLES[k])?;
+            let said = definitions(q, QUANTITY_TABLES[k], regularised, element_size_px, pixel_size);
+            for line in header.iter().chain(&said).flat_map(|text| text.split(['\n', '\r'])) {
+                writeln!(out, "# {line}")?;
+            }
+            let mut out = ::csv::WriterBuilder::new().has_headers(false).from_writer(out);
+            let mm: Vec<String> = match pixel_size {
+                Some(_) => columns.iter().filter_map(|c| Some(format!("{}_mm", c.strip_suffix("_px")?))).collect(),
+                None => Vec::new(),
+            };
+            let names = ["frame", "status"].into_iter().chain(load.columns.iter().map(|column| column.name.as_str()));
+            let names = names.chain(keys).chain(columns.iter().copied()).chain(mm.iter().map(String::as_str));
+            out.write_record(names)?;
+            tables[k] = Some(Table { out, columns, mm: pixel_size });
+        }
+        let mut traces = Vec::new();
+        let mut trace = |name: &str, quantity| {
+            traces.push(Trace { name: name.to_owned(), quantity, values: Vec::new() });
+        };
+        for (name, _) in &q.points {
+            PointValues::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
+        }
+        for (name, _) in &q.extensometers {
+            crate::field::Elongation::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
+        }
+        for (name, _) in &q.openings {
+            crate::field::Jump::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
+        }
+        let named = |kind: &str, name: &String| (format!("{kind} '{name}'"), 0);
+        let missing = q
+            .points
+            .iter()
+            .map(|(name, [x, y])| (format!("point '{name}' ({x}, {y}) px"), 0))
+            .chain(q.lines.iter().map(|(name, _)| named("line", name)))
+            .chain(q.extensometers.iter().map(|(name, _)| named("extensometer", name)))
+            .chain(q.openings.iter().map(|(name, _)| named("opening", name)))
+            .collect();
+        Ok(Self {
+            quantities,
+            load,
+            tables,
+            noise: None,
+            bound: regularised,
+            traces,
+            frames: Vec::new(),
+            without_field: Vec::new(),
+            n_fields: 0,
+            missing,
+        })
+    }
+
+    /// Writes the rows of one frame; `field` is `None` when it has none (diverged, unreadable, not done). Gives what
+    /// was drawn from the field.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn frame(
+        &mut self,
+        number: usize,
+        status: Option<Status>,
+        field: Option<&Measurement<Px>>,
+    ) -> io::Result<Option<FrameQuantities>> {
+        let drawn = field.map(|field| {
+            // Which nodes are measured seldom changes along a series: the correlations are kept.
+            if !self.noise.as_ref().is_some_and(|noise| noise.is_for(&field.measured)) {
+                self.noise = Some(match self.bound {
+                    true => NodalNoise::unknown(&field.mesh, &field.measured),
+                    false => NodalNoise::new(&field.mesh, &field.measured),
+                });
+            }
+            let noise = self.noise.as_ref().unwrap_or_else(|| unreachable!("made above"));
+            self.quantities.draw(field, noise)
+        });
+        self.frames.push(number);
+        match &drawn {
+            Some(drawn) => self.count_missing(drawn),
+            None => self.without_field.push(number),
+        }
+        self.keep_traces(drawn.as_ref());
+        let mut keys = vec![number.to_string(), status.map_or("not_done", Status::name).to_owned()];
+        for column in &self.load.columns {
+            keys.push(column.at(number).map_or(String::new(), |value| format!("{value:?}")));
+        }
+        self.write(&keys, drawn.as_ref(), field.map(|field| &*field.mesh))?;
+        Ok(drawn)
+    }
+
+    fn write(&mut self, keys: &[String], drawn: Option<&FrameQuantities>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
+        let q = self.quantities;
+        let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
+        let [points, lines, extensometers, openings, means, rigid] = &mut self.tables;
+        if let Some(table) = points {
+            for (k, (name, at)) in q.points.iter().enumerate() {
+                let values = drawn.and_then(|drawn| drawn.points[k]);
+                table.row(&with(&[name]), &point_cells(*at, values))?;
+            }
+        }
+        if let Some(table) = lines {
+            for (k, (name, line)) in q.lines.iter().enumerate() {
+                for (i, (along, at)) in line.points().into_iter().enumerate() {
+                    let values = drawn.and_then(|drawn| drawn.lines[k][i]);
+                    table.row(&with(&[name]), &[&[Some(along)][..], &point_cells(at, values)].concat())?;
+                }
+            }
+        }
+        if let Some(table) = extensometers {
+            for (k, (name, extensometer)) in q.extensometers.iter().enumerate() {
+                let [from, to] = extensometer.ends();
+                let mut cells = vec![Some((to[0] - from[0]).hypot(to[1] - from[1]))];
+                let read = drawn.and_then(|drawn| drawn.extensometers[k]);
+                for (_, value) in crate::field::Elongation::QUANTITIES {
+                    cells.extend(pair(read.as_ref().map(value)));
+                }
+                table.row(&with(&[name]), &cells)?;
+            }
+        }
+        if let Some(table) = openings {
+            for (k, (name, facing)) in q.openings.iter().enumerate() {
+                for (i, point) in facing.points().iter().enumerate() {
+                    let jump = drawn.and_then(|drawn| drawn.openings[k].points[i]);
+                    let place = [point.along, point.at[0], point.at[1], point.gap, point.normal[0], point.normal[1]];
+                    let cells: Vec<_> = place.into_iter().map(Some).chain(jump_cells(jump)).collect();
+                    table.row(&with(&[name, &(point.part + 1).to_string()]), &cells)?;
+                }
+            }
+        }
+        if let Some(table) = means {
+            for (k, (name, _)) in q.openings.iter().enumerate() {
+                table.row(&with(&[name]), &jump_cells(drawn.and_then(|drawn| drawn.openings[k].mean)))?;
+            }
+        }
+        if let Some(table) = rigid {
+            for removed in drawn.map_or(&[][..], |drawn| &drawn.removed) {
+                let zone = removed.zone.zip(mesh).map_or("all", |(zone, mesh)| &mesh.zones()[zone]);
+                let m = removed.motion;
+                let cells = [
+                    m.centre[0],
+                    m.centre[1],
+                    m.translation[0],
+                    m.translation[1],
+                    m.rotation_rad.to_degrees(),
+                    removed.largest,
+                    removed.left_rms,
+                ];
+                table.row(&with(&[zone]), &cells.map(Some))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn count_missing(&mut self, drawn: &FrameQuantities) {
+        self.n_fields += 1;
+        let lacks = drawn
+            .points
+            .iter()
+            .map(Option::is_none)
+            .chain(drawn.lines.iter().map(|line| line.iter().any(Option::is_none)))
+            .chain(drawn.extensometers.iter().map(Option::is_none))
+            .chain(drawn.openings.iter().map(|opening| opening.points.iter().any(Option::is_none)));
+        for ((_, n), lacks) in self.missing.iter_mut().zip(lacks) {
+            *n += usize::from(lacks);
+        }
+    }
+
+    fn keep_traces(&mut self, drawn: Option<&FrameQuantities>) {
+        let q = self.quantities;
+        let mut values = Vec::with_capacity(self.traces.len());
+        for k in 0..q.points.len() {
+            let point = drawn.and_then(|drawn| drawn.points[k]);
+            values.extend(PointValues::QUANTITIES.map(|(_, value)| point.as_ref().and_then(value)));
+        }
+        for k in 0..q.extensometers.len() {
+            let read = drawn.and_then(|drawn| drawn.extensometers[k]);
+            values.extend(crate::field::Elongation::QUANTITIES.map(|(_, value)| read.as_ref().map(value)));
+        }
+        for k in 0..q.openings.len() {
+            let mean = drawn.and_then(|drawn| drawn.openings[k].mean);
+            values.extend(crate::field::Jump::QUANTITIES.map(|(_, value)| mean.as_ref().map(value)));
+        }
+        for (trace, value) in self.traces.iter_mut().zip(values) {
+            trace.values.push(value);
+        }
+    }
+
+    /// Closes the tables; gives the curves and what has no value.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn finish(mut self) -> io::Result<QuantitySummary> {
+        for table in self.tables.iter_mut().flatten() {
+            table.out.flush()?;
+        }
+        let mut curves = Vec::new();
+        for trace in &self.traces {
+            let over = |against: &str, x: &dyn Fn(usize) -> Option<f64>| {
+                let points = self.frames.iter().zip(&trace.values).filter_map(|(&f, v)| Some((x(f)?, *v)));
+                Curve::new(&trace.name, trace.quantity, against, points)
+            };
+            if self.load.columns.is_empty() {
+                curves.extend(over("frame", &|frame| Some(frame as f64)));
+            }
+            for column in &self.load.columns {
+                curves.extend(over(&column.name, &|frame| column.at(frame)));
+            }
+        }
+        let mut notes = Vec::new();
+        if let Some(first) = self.without_field.first() {
+            let n = self.without_field.len();
+            notes.push(format!(
+                "{n} of {} frames have no field, the first is {first}: their cells are empty",
+                self.frames.len()
+            ));
+        }
+        for (what, n) in self.missing.iter().filter(|(_, n)| *n > 0) {
+            notes.push(match *n == self.n_fields {
+                true => format!(
+                    "{what} lies at least in part outside the mesh or on nodes that are not measured: cells are empty"
+                ),
+                false => format!(
+                    "{what} lies at least in part on nodes that are not measured in {n} of {} fields: cells are empty",
+                    self.n_fields
+                ),
+            });
+        }
+        Ok(QuantitySummary { curves, notes })
+    }
+}
+
+fn pair(value: Option<Value>) -> [Option<f64>; 2] {
+    [value.map(|v| v.value), value.map(|v| v.sigma)]
+}
+
+fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
+    crate::field::Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
+}
+
+fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
+    let of = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
+    let strain = values.and_then(|v| v.strain);
+    let (strain, sigma) = (strain.map(|s| s.0.0), strain.map(|s| s.1));
+    [
+        Some(at[0]),
+        Some(at[1]),
+        of(|v| v.displacement[0]),
+        of(|v| v.displacement[1]),
+        of(|v| v.sigma[0]),
+        of(|v| v.sigma[1]),
+        strain.map(|e| e[0]),
+        strain.map(|e| e[1]),
+        strain.map(|e| e[2]),
+        sigma.map(|e| e[0]),
+        sigma.map(|e| e[1]),
+        sigma.map(|e| e[2]),
+    ]
+}
+
+/// What the columns of a table mean.
+fn definitions(
+    quantities: &Quantities,
+    table: &str,
+    regularised: bool,
+    element_size_px: f64,
+    pixel_size: Option<PixelSize>,
+) -> Vec<String> {
+    let mut said = vec![
+        "lengths in px: x to the right, y down, origin at the centre of the top-left pixel of the reference image"
+            .to_owned(),
+        match quantities.remove_rigid {
+            Some(which) => format!("rigid motion removed: {} (rigid_motions.csv)", which.name()),
+            None => "rigid motion not removed".to_owned(),
+        },
+        match regularised {
+            true => "sigma: upper bound of the standard uncertainty, since regularisation correlates the nodes",
+            false => "sigma: standard uncertainty from that of the nodes and the correlation of their noise",
+        }
+        .to_owned(),
+        "an empty cell has no value: outside the mesh, not measured, or a frame without field".to_owned(),
+    ];
+    if let Some(size) = pixel_size {
+        said.push(format!("1 px = {:?} mm", size.mm_per_px()));
+    }
+    match table {
+        "points" | "lines" => {
+            said.extend(quantities.strain.describe(element_size_px));
+            said.push("strain at a point: interpolated between the nodes, so over twice the element size".to_owned());
+        }
+        "extensometers" => said.push(
+            "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length)"
+                .to_owned(),
+        ),
+        "openings" | "openings_mean" => said.push(
+            "jump first zone minus second; opening along the normal from the second to the first, positive when they move apart; \
+             sliding along the tangent (-normal_y, normal_x), +x for a horizontal joint with the first zone above"
+                .to_owned(),
+        ),
+        _ => said.push(
+            "exact rotation about the centre, then translation; largest_px: largest displacement of a node by the motion; \
+             left_rms_px: root mean square length of what is left"
+                .to_owned(),
+        ),
+    }
+    said
+}

@@ -1,0 +1,128 @@
+//! A folder as the storage of a Zarr hierarchy.
+
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use zarrs::storage::byte_range::{ByteRangeIterator, InvalidByteRangeError};
+use zarrs::storage::{
+    Bytes, MaybeBytes, MaybeBytesIterator, OffsetBytesIterator, ReadableStorageTraits, StorageError, StoreKey,
+    StorePrefix, WritableStorageTraits,
+};
+
+/// Ending of a file that is not complete yet.
+const PART: &str = ".part";
+
+/// A folder whose files are there whole or not at all.
+///
+/// The crate's own file store writes in place, waits for the disk after every file (seven times a frame),
+/// and keeps a lock for every file it has ever seen: too slow and too large for a long series.
+#[derive(Debug)]
+pub(super) struct Folder(PathBuf);
+
+impl Folder {
+    pub fn new(path: &Path) -> Self {
+        Self(path.to_owned())
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// The file of `key`.
+    pub fn file(&self, key: &StoreKey) -> PathBuf {
+        self.0.join(key.as_str())
+    }
+
+    /// Writes under another name and renames.
+    pub fn replace(&self, file: &Path, bytes: &[u8]) -> io::Result<()> {
+        let mut part = file.as_os_str().to_owned();
+        part.push(PART);
+        let part = PathBuf::from(part);
+        let written = match fs::write(&part, bytes) {
+            // The first file of its folder.
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                fs::create_dir_all(file.parent().unwrap_or(&self.0)).and_then(|()| fs::write(&part, bytes))
+            }
+            written => written,
+        };
+        written.and_then(|()| fs::rename(&part, file)).inspect_err(|_| {
+            let _ = fs::remove_file(&part); // what is left of it helps nobody, and on a full disk takes room
+        })
+    }
+}
+
+fn storage_error(error: io::Error) -> StorageError {
+    StorageError::IOError(Arc::new(error))
+}
+
+impl ReadableStorageTraits for Folder {
+    fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
+        match fs::read(self.file(key)) {
+            Ok(bytes) => Ok(Some(bytes.into())),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(storage_error(error)),
+        }
+    }
+
+    fn get_partial_many<'a>(
+        &'a self,
+        key: &StoreKey,
+        byte_ranges: ByteRangeIterator<'a>,
+    ) -> Result<MaybeBytesIterator<'a>, StorageError> {
+        let Some(bytes) = self.get(key)? else { return Ok(None) };
+        let size = bytes.len() as u64;
+        Ok(Some(Box::new(byte_ranges.map(move |range| {
+            if range.start(size) > range.end(size) || range.end(size) > size {
+                return Err(InvalidByteRangeError::new(range, size).into());
+            }
+            Ok(bytes.slice(range.to_range_usize(size)))
+        }))))
+    }
+
+    fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
+        match fs::metadata(self.file(key)) {
+            Ok(about) => Ok(Some(about.len())),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(storage_error(error)),
+        }
+    }
+
+    fn supports_get_partial(&self) -> bool {
+        false
+    }
+}
+
+impl WritableStorageTraits for Folder {
+    fn set(&self, key: &StoreKey, value: Bytes) -> Result<(), StorageError> {
+        self.replace(&self.file(key), &value).map_err(storage_error)
+    }
+
+    fn set_partial_many(&self, key: &StoreKey, values: OffsetBytesIterator) -> Result<(), StorageError> {
+        let mut bytes = self.get(key)?.map(|bytes| bytes.to_vec()).unwrap_or_default();
+        for (offset, value) in values {
+            let at = usize::try_from(offset).map_err(|_| StorageError::Other("a file too large for memory".into()))?;
+            bytes.resize(bytes.len().max(at + value.len()), 0);
+            bytes[at..at + value.len()].copy_from_slice(&value);
+        }
+        self.set(key, bytes.into())
+    }
+
+    fn erase(&self, key: &StoreKey) -> Result<(), StorageError> {
+        match fs::remove_file(self.file(key)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(storage_error(error)),
+            _ => Ok(()),
+        }
+    }
+
+    fn erase_prefix(&self, prefix: &StorePrefix) -> Result<(), StorageError> {
+        match fs::remove_dir_all(self.0.join(prefix.as_str())) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(storage_error(error)),
+            _ => Ok(()),
+        }
+    }
+
+    fn supports_set_partial(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,304 @@
+//! What stands where in a store: the table that writer and reader share.
+
+use super::StoreError;
+use super::folder::Folder;
+use crate::io::arrays::Number;
+use serde_json::json;
+use std::sync::Arc;
+use zarrs::array::codec::{Crc32cCodec, ZstdCodec};
+use zarrs::array::{Array, ArrayBuilder, ArrayMetadataOptions, ArrayShape, CodecOptions, DataType, data_type};
+use zarrs::metadata::ChunkKeySeparator;
+
+/// Version of the layout; raised when a reader of the old one would go wrong.
+pub(super) const VERSION: u64 = 1;
+/// Status of a frame that is not done: the fill value of the array.
+pub(super) const NOT_DONE: u8 = 255;
+/// Level 1 is four times as fast as 3 and makes fields, whose last digits are noise, no larger.
+const ZSTD_LEVEL: i32 = 1;
+
+/// An array of a store that holds one chunk for each frame.
+///
+/// ```
+/// use quadrille::io::store::Variable;
+/// let [first, ..] = Variable::ALL;
+/// assert_eq!((first.name(), first.unit(), first.components()), ("displacement_px", "px", &["x", "y"][..]));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variable {
+    /// Displacement of the nodes.
+    Displacement,
+    /// Its standard uncertainty.
+    Sigma,
+    /// Whether the node was measured.
+    Measured,
+    /// Strain at the centres of the elements.
+    StrainElement,
+    /// Strain at the nodes.
+    StrainNode,
+    /// Residual of the elements.
+    Residual,
+}
+
+/// Where the values of a [`Variable`] live.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// On the nodes of the mesh.
+    Nodes,
+    /// On its elements.
+    Elements,
+}
+
+impl Place {
+    /// Name of the axis: `node` or `element`.
+    pub fn axis(self) -> &'static str {
+        match self {
+            Place::Nodes => "node",
+            Place::Elements => "element",
+        }
+    }
+}
+
+impl Variable {
+    /// All, in the order in which they are written.
+    pub const ALL: [Variable; 6] = [
+        Variable::Displacement,
+        Variable::Sigma,
+        Variable::Measured,
+        Variable::StrainElement,
+        Variable::StrainNode,
+        Variable::Residual,
+    ];
+
+    /// Name of the array in the store and in exported files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Variable::Displacement => "displacement_px",
+            Variable::Sigma => "sigma_px",
+            Variable::Measured => "measured",
+            Variable::StrainElement => "strain_element",
+            Variable::StrainNode => "strain_node",
+            Variable::Residual => "residual_grey",
+        }
+    }
+
+    /// Unit of the values; `1` for numbers without dimension.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Variable::Displacement | Variable::Sigma => "px",
+            Variable::Measured | Variable::StrainElement | Variable::StrainNode => "1",
+            Variable::Residual => "grey levels",
+        }
+    }
+
+    /// What the values mean.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Variable::Displacement => {
+                "displacement from the reference to the deformed image, at the positions of the reference; NaN where \
+                 not measured"
+            }
+            Variable::Sigma => "standard uncertainty of each component of displacement_px; NaN where not measured",
+            Variable::Measured => "1 for a node that was measured in this frame, 0 for one that was not",
+            Variable::StrainElement => {
+                "strain at the centre of the element, exy the tensor shear; NaN where a node is not measured"
+            }
+            Variable::StrainNode => "strain at the node, exy the tensor shear; NaN where it is not known",
+            Variable::Residual => "root mean square of the residual f - (1 + c) g - d over the element",
+        }
+    }
+
+    /// Nodes or elements.
+    pub fn place(self) -> Place {
+        match self {
+            Variable::Displacement | Variable::Sigma | Variable::Measured | Variable::StrainNode => Place::Nodes,
+            Variable::StrainElement | Variable::Residual => Place::Elements,
+        }
+    }
+
+    /// Names along the last axis; none when there is one value per node or element.
+    pub fn components(self) -> &'static [&'static str] {
+        match self {
+            Variable::Displacement | Variable::Sigma => &["x", "y"],
+            Variable::StrainElement | Variable::StrainNode => &["exx", "eyy", "exy"],
+            Variable::Measured | Variable::Residual => &[],
+        }
+    }
+
+    /// Values per node or element.
+    pub fn n_components(self) -> usize {
+        self.components().len().max(1)
+    }
+}
+
+impl Variable {
+    /// Kind of the numbers.
+    pub fn number(self) -> Number {
+        match self {
+            Variable::Displacement => Number::F64,
+            Variable::Measured => Number::U8,
+            _ => Number::F32,
+        }
+    }
+}
+
+/// Everything that the metadata of one array says.
+pub(super) struct Form {
+    pub name: &'static str,
+    pub number: Number,
+    pub shape: ArrayShape,
+    pub chunk: ArrayShape,
+    axes: Vec<&'static str>,
+    components: &'static [&'static str],
+    unit: &'static str,
+    meaning: &'static str,
+    /// Value of what is not written.
+    fill: Option<u8>,
+}
+
+impl Form {
+    /// An array that does not change from frame to frame, in one chunk.
+    fn constant(name: &'static str, number: Number, axes: &[(&'static str, usize)], about: [&'static str; 2]) -> Self {
+        let shape: ArrayShape = axes.iter().map(|&(_, n)| n as u64).collect();
+        let chunk = shape.iter().map(|&n| n.max(1)).collect();
+        let axes = axes.iter().map(|&(axis, _)| axis).collect();
+        Self { name, number, chunk, shape, axes, components: &[], unit: about[0], meaning: about[1], fill: Some(0) }
+    }
+
+    pub fn node_position(n_nodes: usize) -> Self {
+        let about = ["px", "position of the nodes in the reference image: x to the right, y down"];
+        Self {
+            components: &["x", "y"],
+            ..Self::constant("node_position_px", Number::F64, &[("node", n_nodes), ("component", 2)], about)
+        }
+    }
+
+    pub fn element_nodes(n_elements: usize) -> Self {
+        let about = [
+            "1",
+            "numbers of the four nodes of the element, from 0, in the order (0,0), (1,0), (1,1), (0,1) of its local \
+             coordinates; the last two are equal in a triangle",
+        ];
+        Self::constant("element_nodes", Number::U32, &[("element", n_elements), ("corner", 4)], about)
+    }
+
+    pub fn node_zone(n_nodes: usize) -> Self {
+        let about = ["1", "number of the zone of the node, from 0; names in the attribute zones of the group"];
+        Self::constant("node_zone", Number::U32, &[("node", n_nodes)], about)
+    }
+
+    pub fn element_zone(n_elements: usize) -> Self {
+        let about = ["1", "number of the zone of the element, from 0; names in the attribute zones of the group"];
+        Self::constant("element_zone", Number::U32, &[("element", n_elements)], about)
+    }
+
+    pub fn status(n_frames: usize) -> Self {
+        let meaning = "how the frame ended, written after everything else of it: codes in the attribute status_codes \
+                       of the group; 255 while it is not done";
+        let shape = vec![n_frames as u64];
+        Self {
+            name: "status",
+            number: Number::U8,
+            shape,
+            chunk: vec![1],
+            axes: vec!["frame"],
+            components: &[],
+            unit: "1",
+            meaning,
+            fill: Some(NOT_DONE),
+        }
+    }
+
+    pub fn variable(variable: Variable, n_frames: usize, n_nodes: usize, n_elements: usize) -> Self {
+        let n = match variable.place() {
+            Place::Nodes => n_nodes,
+            Place::Elements => n_elements,
+        };
+        let (mut shape, mut chunk) = (vec![n_frames as u64, n as u64], vec![1, n.max(1) as u64]);
+        let mut axes = vec!["frame", variable.place().axis()];
+        if !variable.components().is_empty() {
+            axes.push("component");
+            [&mut shape, &mut chunk].into_iter().for_each(|list| list.push(variable.n_components() as u64));
+        }
+        Self {
+            name: variable.name(),
+            number: variable.number(),
+            shape,
+            chunk,
+            axes,
+            components: variable.components(),
+            unit: variable.unit(),
+            meaning: variable.meaning(),
+            fill: (variable == Variable::Measured).then_some(0),
+        }
+    }
+
+    fn data_type(&self) -> DataType {
+        match self.number {
+            Number::F64 => data_type::float64(),
+            Number::F32 => data_type::float32(),
+            Number::U32 => data_type::uint32(),
+            Number::U8 => data_type::uint8(),
+        }
+    }
+
+    /// The array with its metadata written.
+    pub fn create(&self, folder: &Arc<Folder>) -> Result<Array<Folder>, StoreError> {
+        let mut builder = match (self.number, self.fill) {
+            (Number::F64, None) => self.builder(f64::NAN),
+            (Number::F32, None) => self.builder(f32::NAN),
+            (Number::F64, Some(fill)) => self.builder(f64::from(fill)),
+            (Number::F32, Some(fill)) => self.builder(f32::from(fill)),
+            (Number::U32, fill) => self.builder(u32::from(fill.unwrap_or(0))),
+            (Number::U8, fill) => self.builder(fill.unwrap_or(0)),
+        };
+        let mut attributes = serde_json::Map::new();
+        attributes.insert("unit".into(), json!(self.unit));
+        attributes.insert("description".into(), json!(self.meaning));
+        if !self.components.is_empty() {
+            attributes.insert("components".into(), json!(self.components));
+        }
+        builder
+            .bytes_to_bytes_codecs(vec![Arc::new(ZstdCodec::new(ZSTD_LEVEL, false)), Arc::new(Crc32cCodec::new())])
+            // One file a chunk and no folder: `c.17.0.0`, not `c/17/0/0`.
+            .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
+            .dimension_names(Some(self.axes.iter().copied()))
+            .attributes(attributes);
+        let array = builder
+            .build(folder.clone(), &format!("/{}", self.name))
+            .map_err(|error| StoreError::unexpected(folder.path().join(self.name), &error))?
+            .with_metadata_options(ArrayMetadataOptions::default().with_include_zarrs_metadata(false));
+        array.store_metadata().map_err(|error| StoreError::write(folder.path().join(self.name), error))?;
+        Ok(array)
+    }
+
+    fn builder(&self, fill: impl Into<zarrs::array::builder::ArrayBuilderFillValue>) -> ArrayBuilder {
+        ArrayBuilder::new(self.shape.clone(), self.chunk.clone(), self.data_type(), fill)
+    }
+
+    /// The array as it is in `folder`, when it is what the layout says.
+    pub fn open(&self, folder: &Arc<Folder>) -> Result<Array<Folder>, StoreError> {
+        let file = folder.path().join(self.name).join("zarr.json");
+        let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };
+        let array = Array::open(folder.clone(), &format!("/{}", self.name))
+            .map_err(|error| damaged(format!("it describes no array ({error})")))?;
+        if array.shape() != self.shape {
+            return Err(damaged(format!("the array has the shape {:?}, not {:?}", array.shape(), self.shape)));
+        }
+        let origin = vec![0; self.shape.len()];
+        let chunk: Option<ArrayShape> =
+            array.chunk_shape(&origin).ok().map(|chunk| chunk.iter().map(|n| n.get()).collect());
+        if self.shape.iter().all(|&n| n > 0) && chunk.as_deref() != Some(&self.chunk) {
+            return Err(damaged(format!("the chunks have the shape {chunk:?}, not {:?}", self.chunk)));
+        }
+        if *array.data_type() != self.data_type() {
+            return Err(damaged(format!("the numbers are {:?}, not {:?}", array.data_type(), self.data_type())));
+        }
+        Ok(array)
+    }
+}
+
+/// Chunks are written even when they hold fill values only: what is missing is damaged. And one thread
+/// is enough for one chunk.
+pub(super) fn codec_options() -> CodecOptions {
+    CodecOptions::default().with_store_empty_chunks(true).with_concurrent_target(1)
+}

@@ -1,0 +1,323 @@
+//! Reading a store.
+
+use super::attributes::Attributes;
+use super::folder::Folder;
+use super::layout::{Form, NOT_DONE, Place, Variable, codec_options};
+use super::{STORE, StoreError, StoreHeader};
+use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::io::arrays::{Number, Values};
+use crate::mesh::{Mesh, ZoneElements};
+use crate::units::Px;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use zarrs::array::{Array, FromArrayBytes};
+
+/// The results of a run, frame by frame.
+///
+/// Opening reads mesh and header; a frame is read when it is asked for, so that a store of any length opens
+/// as fast as a short one.
+#[derive(Debug)]
+pub struct Store {
+    folder: Arc<Folder>,
+    header: StoreHeader,
+    frames_sha256: Vec<Option<String>>,
+    status: Array<Folder>,
+    /// In the order of [`Variable::ALL`].
+    variables: Vec<Array<Folder>>,
+}
+
+/// The field of one frame.
+#[derive(Debug, Clone)]
+pub struct StoredFrame {
+    /// Its number in the series, from 1.
+    pub number: usize,
+    /// The field. Standard uncertainties and residuals have the precision of `f32`, which they are stored with.
+    pub measurement: Measurement<Px>,
+    /// File of the deformed image.
+    pub file: String,
+}
+
+impl Store {
+    /// Opens the store `path`, or the one in the folder `path` of a run.
+    ///
+    /// # Errors
+    /// No store, another layout, and metadata or a mesh that are damaged.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, StoreError> {
+        let path = path.as_ref();
+        let inside = path.join(STORE);
+        let path = if inside.is_dir() { inside } else { path.to_owned() };
+        let group = path.join("zarr.json");
+        let text = fs::read(&group).map_err(|error| match error.kind() {
+            ErrorKind::NotFound | ErrorKind::NotADirectory => StoreError::NotFound { path: path.clone() },
+            _ => StoreError::reading(group, &error),
+        })?;
+        let attributes = Attributes::parse(&text, &path)?;
+        let folder = Arc::new(Folder::new(&path));
+        let mesh = Arc::new(mesh(&folder, &attributes)?);
+        let header = attributes.header(mesh, &path)?;
+        let (n_nodes, n_elements) = (attributes.n_nodes, attributes.n_elements);
+        let n_frames = header.frames.len();
+        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).open(&folder);
+        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
+        let status = Form::status(n_frames).open(&folder)?;
+        Ok(Self { folder, header, frames_sha256: attributes.frames_sha256, status, variables })
+    }
+
+    /// The folder of the store.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// What holds for all frames.
+    pub fn header(&self) -> &StoreHeader {
+        &self.header
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Arc<Mesh<Px>> {
+        &self.header.mesh
+    }
+
+    /// Frames of the series, done or not.
+    pub fn n_frames(&self) -> usize {
+        self.header.frames.len()
+    }
+
+    /// SHA-256 of the image of frame `number` (from 1): `None` when the image could not be read or the run did
+    /// not come to its end.
+    pub fn frame_sha256(&self, number: usize) -> Option<&str> {
+        self.frames_sha256.get(number.checked_sub(1)?)?.as_deref()
+    }
+
+    /// How frame `number` (from 1) ended; `None` when it is not done.
+    ///
+    /// # Errors
+    /// A number that the series does not have, a damaged chunk.
+    pub fn status(&self, number: usize) -> Result<Option<Status>, StoreError> {
+        let n_frames = self.n_frames();
+        if number == 0 || number > n_frames {
+            return Err(StoreError::NoFrame { number, n_frames });
+        }
+        let at = [number as u64 - 1];
+        match self.chunk::<u8>(&self.status, &at, Some(number))?.as_deref() {
+            None | Some([NOT_DONE]) => Ok(None),
+            Some(&[code]) if Status::from_code(code).is_some() => Ok(Status::from_code(code)),
+            Some(codes) => Err(self.damaged(&self.status, &at, number, format!("{codes:?} is no status"))),
+        }
+    }
+
+    /// Frame `number` (from 1); `None` when it has no field: not done, unreadable or diverged.
+    ///
+    /// # Errors
+    /// A number that the series does not have, a chunk that is damaged or not there.
+    pub fn frame(&self, number: usize) -> Result<Option<StoredFrame>, StoreError> {
+        let Some(status) = self.status(number)?.filter(|status| status.has_field()) else { return Ok(None) };
+        let mesh = self.mesh().clone();
+        let marks: Vec<u8> = self.variable(number, Variable::Measured)?;
+        let mut displacement = pairs(&self.variable::<f64>(number, Variable::Displacement)?);
+        let mut sigma = pairs(&doubles(&self.variable(number, Variable::Sigma)?));
+        let element_residual = doubles(&self.variable(number, Variable::Residual)?);
+        let mut measured = Vec::with_capacity(marks.len());
+        for (node, mark) in marks.into_iter().enumerate() {
+            let finite = displacement[node].iter().chain(&sigma[node]).all(|v| v.is_finite());
+            match mark {
+                1 if finite => measured.push(true),
+                0 => {
+                    measured.push(false);
+                    (displacement[node], sigma[node]) = ([0.0; 2], [0.0; 2]);
+                }
+                1 => {
+                    let reason = format!("node {node} is measured and has no finite number");
+                    return Err(self.damaged_variable(number, Variable::Displacement, reason));
+                }
+                mark => {
+                    let reason = format!("the mark of node {node} is {mark}, not 0 or 1");
+                    return Err(self.damaged_variable(number, Variable::Measured, reason));
+                }
+            }
+        }
+        if let Some(element) = element_residual.iter().position(|residual| !residual.is_finite()) {
+            let reason = format!("the residual of element {element} is no finite number");
+            return Err(self.damaged_variable(number, Variable::Residual, reason));
+        }
+        let measurement = Measurement { mesh, status, displacement, sigma, measured, element_residual };
+        Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+    }
+
+    /// The strains of frame `number` (from 1), with the precision of `f32`; `None` as for [`Store::frame`].
+    ///
+    /// # Errors
+    /// As [`Store::frame`].
+    pub fn strain(&self, number: usize) -> Result<Option<StrainField>, StoreError> {
+        if self.status(number)?.is_none_or(|status| !status.has_field()) {
+            return Ok(None);
+        }
+        let strains = |variable| -> Result<Vec<Option<Strain>>, StoreError> {
+            let values = doubles(&self.variable(number, variable)?);
+            let known = |e: &[f64]| e.iter().all(|v| v.is_finite()).then(|| Strain([e[0], e[1], e[2]]));
+            Ok(values.chunks_exact(3).map(known).collect())
+        };
+        Ok(Some(StrainField {
+            definition: self.header.strain,
+            elements: strains(Variable::StrainElement)?,
+            nodes: strains(Variable::StrainNode)?,
+            length_px: self.header.element_size_px,
+        }))
+    }
+
+    /// The numbers of one array of frame `number` (from 1) as they are stored; `None` as for [`Store::frame`].
+    ///
+    /// # Errors
+    /// As [`Store::frame`].
+    pub fn values(&self, number: usize, variable: Variable) -> Result<Option<Values>, StoreError> {
+        if self.status(number)?.is_none_or(|status| !status.has_field()) {
+            return Ok(None);
+        }
+        Ok(Some(match variable.number() {
+            Number::F64 => Values::F64(self.variable(number, variable)?),
+            Number::F32 => Values::F32(self.variable(number, variable)?),
+            Number::U32 => Values::U32(self.variable(number, variable)?),
+            Number::U8 => Values::U8(self.variable(number, variable)?),
+        }))
+    }
+
+    fn array(&self, variable: Variable) -> &Array<Folder> {
+        &self.variables[Variable::ALL.iter().position(|&other| other == variable).unwrap_or(0)]
+    }
+
+    /// The numbers of one array of a frame that has a field.
+    fn variable<T: zarrs::array::ElementOwned>(&self, number: usize, variable: Variable) -> Result<Vec<T>, StoreError>
+    where
+        Vec<T>: FromArrayBytes,
+    {
+        let (array, at) = (self.array(variable), place_of(number, variable));
+        let file = || self.folder.file(&array.chunk_key(&at));
+        let values = self.chunk(array, &at, Some(number))?;
+        let values = values.ok_or_else(|| StoreError::MissingChunk { file: file(), frame: Some(number) })?;
+        let n = match variable.place() {
+            Place::Nodes => self.mesh().n_nodes(),
+            Place::Elements => self.mesh().n_elements(),
+        };
+        let wanted = n * variable.n_components();
+        if values.len() != wanted {
+            return Err(self.damaged_variable(number, variable, format!("{} numbers, not {wanted}", values.len())));
+        }
+        Ok(values)
+    }
+
+    fn chunk<T: zarrs::array::ElementOwned>(
+        &self,
+        array: &Array<Folder>,
+        at: &[u64],
+        frame: Option<usize>,
+    ) -> Result<Option<Vec<T>>, StoreError>
+    where
+        Vec<T>: FromArrayBytes,
+    {
+        chunk(&self.folder, array, at, frame)
+    }
+
+    fn damaged(&self, array: &Array<Folder>, at: &[u64], number: usize, reason: String) -> StoreError {
+        StoreError::DamagedChunk { file: self.folder.file(&array.chunk_key(at)), frame: Some(number), reason }
+    }
+
+    fn damaged_variable(&self, number: usize, variable: Variable, reason: String) -> StoreError {
+        self.damaged(self.array(variable), &place_of(number, variable), number, reason)
+    }
+}
+
+/// Place of the chunk of a frame.
+fn place_of(number: usize, variable: Variable) -> Vec<u64> {
+    let mut at = vec![number as u64 - 1, 0];
+    if !variable.components().is_empty() {
+        at.push(0);
+    }
+    at
+}
+
+fn chunk<T: zarrs::array::ElementOwned>(
+    folder: &Folder,
+    array: &Array<Folder>,
+    at: &[u64],
+    frame: Option<usize>,
+) -> Result<Option<Vec<T>>, StoreError>
+where
+    Vec<T>: FromArrayBytes,
+{
+    array
+        .retrieve_chunk_if_exists_opt(at, &codec_options())
+        .map_err(|error| StoreError::chunk(folder.file(&array.chunk_key(at)), frame, &error))
+}
+
+/// What all frames share, read from its one chunk.
+fn constant<T: zarrs::array::ElementOwned>(folder: &Arc<Folder>, form: &Form) -> Result<(PathBuf, Vec<T>), StoreError>
+where
+    Vec<T>: FromArrayBytes,
+{
+    let array = form.open(folder)?;
+    let at = vec![0; form.shape.len()];
+    let file = folder.file(&array.chunk_key(&at));
+    let missing = || StoreError::MissingChunk { file: file.clone(), frame: None };
+    let values: Vec<T> = chunk(folder, &array, &at, None)?.ok_or_else(missing)?;
+    let wanted = form.shape.iter().product::<u64>() as usize;
+    if values.len() != wanted {
+        let reason = format!("{} numbers, not {wanted}", values.len());
+        return Err(StoreError::DamagedChunk { file, frame: None, reason });
+    }
+    Ok((file, values))
+}
+
+fn mesh(folder: &Arc<Folder>, attributes: &Attributes) -> Result<Mesh<Px>, StoreError> {
+    let (n_nodes, n_elements) = (attributes.n_nodes, attributes.n_elements);
+    if n_nodes > u32::MAX as usize || n_elements > u32::MAX as usize {
+        let reason = format!("{n_nodes} nodes and {n_elements} elements are more than a mesh can have");
+        return Err(StoreError::Metadata { file: folder.path().join("zarr.json"), reason });
+    }
+    let damaged = |file: &PathBuf, reason: String| StoreError::DamagedChunk { file: file.clone(), frame: None, reason };
+    let (position_file, positions) = constant::<f64>(folder, &Form::node_position(n_nodes))?;
+    let (corner_file, corners) = constant::<u32>(folder, &Form::element_nodes(n_elements))?;
+    let (node_file, node_zone) = constant::<u32>(folder, &Form::node_zone(n_nodes))?;
+    let (element_file, element_zone) = constant::<u32>(folder, &Form::element_zone(n_elements))?;
+    if let Some(at) = positions.iter().position(|x| !x.is_finite()) {
+        return Err(damaged(&position_file, format!("the position of node {} is no finite number", at / 2)));
+    }
+    let n_zones = attributes.zones().len();
+    for (file, zones) in [(&node_file, &node_zone), (&element_file, &element_zone)] {
+        // Numbers of nodes and elements go zone by zone: a zone is a range of them.
+        if !zones.is_sorted() || zones.last().is_some_and(|&zone| zone as usize >= n_zones) {
+            return Err(damaged(file, format!("the zones are not numbered in order from 0 to below {n_zones}")));
+        }
+    }
+    let mut zones: Vec<ZoneElements> = attributes
+        .zones()
+        .iter()
+        .map(|name| ZoneElements { name: name.clone(), nodes: Vec::new(), elements: Vec::new() })
+        .collect();
+    for (position, &zone) in pairs(&positions).into_iter().zip(&node_zone) {
+        zones[zone as usize].nodes.push(position);
+    }
+    let first: Vec<u32> =
+        (0..n_zones as u32).map(|zone| node_zone.partition_point(|&other| other < zone) as u32).collect();
+    for (element, (corners, &zone)) in corners.chunks_exact(4).zip(&element_zone).enumerate() {
+        let zone = zone as usize;
+        let own = first[zone]..first[zone] + zones[zone].nodes.len() as u32;
+        if let Some(node) = corners.iter().find(|node| !own.contains(node)) {
+            return Err(damaged(
+                &corner_file,
+                format!("element {element} has the node {node}, which its zone has not"),
+            ));
+        }
+        zones[zone].elements.push([0, 1, 2, 3].map(|k| corners[k] - first[zone]));
+    }
+    Mesh::from_zones(zones).map_err(|source| StoreError::Mesh { path: folder.path().to_owned(), source })
+}
+
+fn pairs(values: &[f64]) -> Vec<[f64; 2]> {
+    values.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+}
+
+fn doubles(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| f64::from(value)).collect()
+}

@@ -1,0 +1,242 @@
+//! Writing a store.
+
+use super::attributes::Attributes;
+use super::folder::Folder;
+use super::layout::{Form, Variable, codec_options};
+use super::{StoreError, StoreHeader};
+use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::mesh::Mesh;
+use crate::units::Px;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use zarrs::array::{Array, ArrayError, IntoArrayBytes};
+use zarrs::storage::StorageError;
+
+/// Writes the frames of a run, in any order and from any thread.
+///
+/// ```
+/// # use quadrille::{field::*, mesh::{Mesh, Roi, Zone}, io::store::*};
+/// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 16.0, y1: 16.0 };
+/// # let mesh = std::sync::Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap());
+/// # let measurement = Measurement { mesh: mesh.clone(), status: Status::Converged,
+/// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
+/// #     element_residual: vec![1.5] };
+/// # let header = StoreHeader { quadrille: "0.1.0".into(), device: "cpu".into(), mesh, image_size_px: [32, 32],
+/// #     reference: vec!["ref.tif".into()], reference_sha256: vec![String::new()],
+/// #     frames: vec!["a.tif".into(), "b.tif".into()], pixel_size: None, range_grey: 255.0,
+/// #     element_size_px: 16.0, strain: StrainDefinition::default(), case: String::new() };
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("fields.zarr");
+/// let writer = StoreWriter::create(&path, &header)?; // the header: mesh, files, options
+/// writer.write(1, &measurement, &StrainField::of(&measurement, header.strain))?;
+///
+/// let store = Store::open(&path)?;
+/// assert_eq!(store.frame(1)?.unwrap().measurement.displacement, measurement.displacement);
+/// assert_eq!(store.status(2)?, None); // not done
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct StoreWriter {
+    folder: Arc<Folder>,
+    attributes: Mutex<Attributes>,
+    n_frames: usize,
+    mesh: Arc<Mesh<Px>>,
+    status: Array<Folder>,
+    /// In the order of [`Variable::ALL`].
+    variables: Vec<Array<Folder>>,
+}
+
+impl StoreWriter {
+    /// Makes the store `path`, without any frame. A store of an earlier run at that place is removed.
+    ///
+    /// # Errors
+    /// Something else that stands there, and what the file system refuses.
+    pub fn create(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
+        remove_store(path)?;
+        fs::create_dir_all(path).map_err(|error| StoreError::write(path.to_owned(), error))?;
+        let folder = Arc::new(Folder::new(path));
+        let attributes = Attributes::of(header);
+        // Before the arrays: an unfinished store is then known as one, and can be replaced.
+        write_group(&folder, &attributes)?;
+        let mesh = header.mesh.clone();
+        let (n_frames, n_nodes, n_elements) = (header.frames.len(), mesh.n_nodes(), mesh.n_elements());
+        let constant = |form: Form, origin: &[u64], values: &dyn Fn(&Array<Folder>) -> Result<(), ArrayError>| {
+            let array = form.create(&folder)?;
+            values(&array).map_err(|error| write_error(&folder, &array, origin, error))
+        };
+        let options = codec_options();
+        constant(Form::node_position(n_nodes), &[0, 0], &|array| {
+            array.store_chunk_opt(&[0, 0], mesh.nodes().as_flattened(), &options)
+        })?;
+        constant(Form::element_nodes(n_elements), &[0, 0], &|array| {
+            array.store_chunk_opt(&[0, 0], mesh.elements().as_flattened(), &options)
+        })?;
+        constant(Form::node_zone(n_nodes), &[0], &|array| array.store_chunk_opt(&[0], mesh.node_zone(), &options))?;
+        constant(Form::element_zone(n_elements), &[0], &|array| {
+            array.store_chunk_opt(&[0], mesh.element_zone(), &options)
+        })?;
+        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).create(&folder);
+        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
+        let status = Form::status(n_frames).create(&folder)?;
+        Ok(Self { folder, attributes: Mutex::new(attributes), n_frames, mesh, status, variables })
+    }
+
+    /// Writes frame `number` (from 1) with its strains; the status last. Of a frame that diverged or was not
+    /// readable only the status is written: it has no field.
+    ///
+    /// # Errors
+    /// A number that the series does not have, a field of another mesh, and what the file system refuses: the
+    /// frame then counts as not done.
+    pub fn write(&self, number: usize, measurement: &Measurement<Px>, strain: &StrainField) -> Result<(), StoreError> {
+        if measurement.status.has_field() {
+            self.check_sizes(number, measurement, strain)?;
+            for (variable, array) in Variable::ALL.into_iter().zip(&self.variables) {
+                self.write_variable(number, variable, array, measurement, strain)?;
+            }
+        }
+        self.mark(number, measurement.status)
+    }
+
+    /// Writes the status of frame `number` (from 1) alone: of one that has no field.
+    ///
+    /// # Errors
+    /// A number that the series does not have, and what the file system refuses.
+    pub fn mark(&self, number: usize, status: Status) -> Result<(), StoreError> {
+        if number == 0 || number > self.n_frames {
+            return Err(StoreError::NoFrame { number, n_frames: self.n_frames });
+        }
+        self.chunk(&self.status, &[number as u64 - 1], &[status.code()][..])
+    }
+
+    /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read.
+    ///
+    /// # Errors
+    /// What the file system refuses; the store is then as it was.
+    pub fn finish(&self, frames_sha256: Vec<Option<String>>) -> Result<(), StoreError> {
+        let mut attributes = self.attributes.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        attributes.frames_sha256 = frames_sha256;
+        write_group(&self.folder, &attributes)
+    }
+
+    fn check_sizes(
+        &self,
+        number: usize,
+        measurement: &Measurement<Px>,
+        strain: &StrainField,
+    ) -> Result<(), StoreError> {
+        if number == 0 || number > self.n_frames {
+            return Err(StoreError::NoFrame { number, n_frames: self.n_frames });
+        }
+        let (nodes, elements) = (self.mesh.n_nodes(), self.mesh.n_elements());
+        let sizes = [
+            ("displacements", measurement.displacement.len(), nodes),
+            ("standard uncertainties", measurement.sigma.len(), nodes),
+            ("marks of measured nodes", measurement.measured.len(), nodes),
+            ("nodal strains", strain.nodes.len(), nodes),
+            ("element strains", strain.elements.len(), elements),
+            ("residuals", measurement.element_residual.len(), elements),
+        ];
+        match sizes.into_iter().find(|(_, found, wanted)| found != wanted) {
+            Some((what, found, wanted)) => Err(StoreError::WrongSize { number, what, found, wanted }),
+            None => Ok(()),
+        }
+    }
+
+    fn write_variable(
+        &self,
+        number: usize,
+        variable: Variable,
+        array: &Array<Folder>,
+        measurement: &Measurement<Px>,
+        strain: &StrainField,
+    ) -> Result<(), StoreError> {
+        let frame = number as u64 - 1;
+        let at = if variable.components().is_empty() { vec![frame, 0] } else { vec![frame, 0, 0] };
+        let kept = |pairs: &[[f64; 2]]| -> Vec<[f64; 2]> {
+            let known = pairs.iter().zip(&measurement.measured);
+            known.map(|(&pair, &measured)| if measured { pair } else { [f64::NAN; 2] }).collect()
+        };
+        match variable {
+            Variable::Displacement => self.chunk(array, &at, kept(&measurement.displacement).as_flattened()),
+            Variable::Sigma => self.chunk(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
+            Variable::Measured => {
+                let measured: Vec<u8> = measurement.measured.iter().copied().map(u8::from).collect();
+                self.chunk(array, &at, measured.as_slice())
+            }
+            Variable::StrainElement => self.chunk(array, &at, strain_values(&strain.elements).as_slice()),
+            Variable::StrainNode => self.chunk(array, &at, strain_values(&strain.nodes).as_slice()),
+            Variable::Residual => self.chunk(array, &at, singles(&measurement.element_residual).as_slice()),
+        }
+    }
+
+    fn chunk<'a>(&self, array: &Array<Folder>, at: &[u64], values: impl IntoArrayBytes<'a>) -> Result<(), StoreError> {
+        array.store_chunk_opt(at, values, &codec_options()).map_err(|error| write_error(&self.folder, array, at, error))
+    }
+}
+
+fn singles(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&value| value as f32).collect()
+}
+
+fn strain_values(strains: &[Option<Strain>]) -> Vec<f32> {
+    strains.iter().flat_map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect()
+}
+
+fn write_group(folder: &Folder, attributes: &Attributes) -> Result<(), StoreError> {
+    let file = folder.path().join("zarr.json");
+    folder.replace(&file, &attributes.json()).map_err(|error| StoreError::write(file, error))
+}
+
+fn write_error(folder: &Folder, array: &Array<Folder>, at: &[u64], error: ArrayError) -> StoreError {
+    let file = folder.file(&array.chunk_key(at));
+    match error {
+        ArrayError::StorageError(StorageError::IOError(error)) => StoreError::write(file, error),
+        error => StoreError::unexpected(file, &error),
+    }
+}
+
+/// Removes the store `path` with all its frames; nothing else that may stand in that folder. No store there
+/// is fine.
+///
+/// # Errors
+/// A folder that is not empty and holds no store of quadrille, and what the file system refuses.
+pub fn remove_store(path: &Path) -> Result<(), StoreError> {
+    let failed = |path: PathBuf| move |error| StoreError::write(path, error);
+    let group = path.join("zarr.json");
+    match fs::read(&group) {
+        // A store of any version may be replaced, also a damaged one; something else may not.
+        Ok(text) => {
+            if let Err(error @ StoreError::NotAStore { .. }) = Attributes::parse(&text, path) {
+                return Err(error);
+            }
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            return match fs::read_dir(path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+                Err(error) => Err(StoreError::write(path.to_owned(), error)),
+                Ok(mut entries) => match entries.next() {
+                    None => Ok(()),
+                    Some(_) => {
+                        let reason = "it has no zarr.json".to_owned();
+                        Err(StoreError::NotAStore { path: path.to_owned(), reason })
+                    }
+                },
+            };
+        }
+        Err(error) => return Err(StoreError::write(path.to_owned(), error)),
+    }
+    // The status first: a store that is removed half-way shows no frame that is not whole.
+    let constants = ["node_position_px", "element_nodes", "node_zone", "element_zone"];
+    for name in ["status"].into_iter().chain(Variable::ALL.map(Variable::name)).chain(constants) {
+        let array = path.join(name);
+        match fs::remove_dir_all(&array) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(array)(error)),
+            _ => {}
+        }
+    }
+    fs::remove_file(&group).map_err(failed(group.clone()))?;
+    let _ = fs::remove_dir(path); // stays when something else is in it
+    Ok(())
+}
