@@ -62,6 +62,7 @@ python_environment() {
     local wanted=scripts/requirements.txt stamp=.venv/requirements.txt
     if cmp -s "$wanted" "$stamp" && .venv/bin/python scripts/check_vtu.py --available 2>/dev/null; then
         say "Python with meshio: .venv"
+        zarr
         return
     fi
     if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
@@ -70,9 +71,18 @@ python_environment() {
     if python3 -m venv --clear .venv && .venv/bin/python -m pip install --quiet --disable-pip-version-check -r "$wanted"; then
         cp "$wanted" "$stamp"
         say "Python with meshio: .venv"
+        zarr
     else
         rm -rf .venv
-        say "Python with meshio: missing (see above); the tests that read .vtu files with it are skipped"
+        say "Python with meshio: missing (see above); the tests that read files with it are skipped"
+    fi
+}
+
+zarr() { # whether that Python reads stores as well
+    if why=$(.venv/bin/python scripts/read_store.py --available 2>&1); then
+        say "Python with zarr and scipy: .venv"
+    else
+        say "Python with zarr and scipy: missing (${why##*$'\n'}); the tests that read stores with them are skipped"
     fi
 }
 

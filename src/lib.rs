@@ -2,7 +2,7 @@
 //!
 //! One straight road: images -> [`field::Measurement`]. Modules know only modules of lower rank
 //! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`; `report`; `cli`.
+//! `correlate`; `metrology`; `report`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -17,6 +17,7 @@ pub mod io;
 pub mod isa;
 pub mod linalg;
 pub mod mesh;
+pub mod metrology;
 pub mod report;
 pub mod synth;
 pub mod units;

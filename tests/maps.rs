@@ -78,7 +78,7 @@ fn is_grey([r, g, b]: [u8; 3]) -> bool {
 fn check(name: &str, picture: &Picture) {
     let (width, height, map) = (picture.width(), picture.height(), picture.map_area());
     let path = folder().join(format!("{name}.png"));
-    picture.save_png(&path).unwrap();
+    picture.save(&path).unwrap();
     let read = image::open(&path).unwrap().into_rgb8();
     assert_eq!((read.width(), read.height()), (width, height), "{name}");
     assert_eq!(read.as_raw(), picture.rgb(), "{name}: the file does not hold the picture");
@@ -332,7 +332,7 @@ fn what_cannot_be_drawn_is_refused() {
         assert!(matches!(error, ReportError::Range { .. }), "{low} to {high}");
     }
     let picture = nodal_map(&image, &measurement, &vec![0.0; nodes], &options).unwrap();
-    let error = picture.save_png(folder().join("no such folder/map.png")).unwrap_err();
+    let error = picture.save(folder().join("no such folder/map.png")).unwrap_err();
     assert!(matches!(error, ReportError::Write { .. }) && error.to_string().contains("map.png"));
     let error = picture.write_png(Full).unwrap_err();
     assert!(matches!(error, ReportError::Encode(_)));

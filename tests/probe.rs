@@ -173,3 +173,40 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
     refused("--point 60,60 --output file", &["file", "cannot be written"]);
     assert!(desk.files("out").iter().all(|name| !name.contains("quantities")), "{:?}", desk.files("out"));
 }
+
+#[test]
+fn a_run_draws_what_its_case_asks_for() {
+    let desk = Desk::with_series();
+    let images = "images.reference = '../ref.png'\nimages.deformed = ['../a.png', '../b.png']\n";
+    let case = |more: &str| desk.write("cases/run.toml", format!("{images}{ZONES}{more}"));
+    desk.write("cases/load.txt", "load_N\n0\n5\n");
+    case("[load]\nfile = 'load.txt'\n[[probe]]\npoint = [60, 30]\n[[opening]]\nzones = ['upper', 'lower']\n");
+    desk.correlate("--case cases/run.toml --output out").fine();
+    let points = table(&desk, "out/quantities/points.csv");
+    assert_eq!((points.len(), number(&points[1], "load_N")), (2, 5.0));
+    assert!((number(&points[1], "ux_px") - 0.5).abs() < 0.02, "{points:?}");
+    // The run knows what it drew: asked for nothing, `probe` draws the same; so does a second run of run.toml.
+    desk.run("probe out --output again").fine();
+    desk.correlate("--case out/run.toml --output third").fine();
+    for name in ["points", "openings", "openings_mean"] {
+        let [first, again, third] =
+            ["out", "again", "third"].map(|folder| table(&desk, &format!("{folder}/quantities/{name}.csv")));
+        assert_eq!(first, again, "{name}");
+        assert_eq!(first, third, "{name}");
+    }
+    // What does not fit is refused before the series runs, and leaves the earlier results alone.
+    let refused = |wanted: &[&str]| {
+        desk.correlate("--case cases/run.toml --output out --overwrite").refused(wanted);
+        assert!(desk.path("out/quantities/points.csv").exists() && desk.path("out/fields.zarr").exists());
+    };
+    desk.write("cases/load.txt", "load_N\n0\n");
+    refused(&["load.txt", "1 rows for 2 deformed images"]);
+    case("[[opening]]\nzones = ['upper', 'middle']\n");
+    refused(&["no zone 'middle'"]);
+    case("[[line]]\nfrom = [1, 2]\nto = [1, 2]\n");
+    refused(&["line1", "to the same point"]);
+    // A run without quantities leaves none of an earlier one behind.
+    case("");
+    desk.correlate("--case cases/run.toml --output out --overwrite").fine();
+    assert!(!desk.path("out/quantities").exists());
+}

@@ -3,6 +3,7 @@
 use super::frames::Frames;
 use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
+use crate::report::{Figure, Format};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -26,10 +27,14 @@ pub enum Command {
     Export(ExportArgs),
     /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
     Probe(ProbeArgs),
+    /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
+    Figures(FiguresArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
     /// Make an example series, correlate it and compare the result with the truth.
     Demo(DemoArgs),
+    /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
+    Metrology(MetrologyArgs),
 }
 
 /// Where the pixel work is done.
@@ -127,6 +132,9 @@ pub struct CorrelateArgs {
     /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
     #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
     pub export: Option<Vec<Export>>,
+    /// Frames to draw at the end, into DIR/figures. `quadrille figures` draws more of them later.
+    #[arg(long, value_name = "1,5-20|last|all")]
+    pub figures: Option<Frames>,
     /// Definition of the strains. Default green-lagrange.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
@@ -253,6 +261,73 @@ pub struct ProbeArgs {
     pub quiet: bool,
 }
 
+/// Where `quadrille figures` takes a strain from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StrainPlace {
+    /// One value for each element, over its size.
+    Elements,
+    /// Interpolated between nodes, over twice the element size: smoother.
+    Nodes,
+}
+
+/// Arguments of `quadrille figures`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Displacements, strains and residual of the last frame, into out/figures:\n    \
+    quadrille figures out\n  \
+    Two strains of three frames for a paper, with one colour bar:\n    \
+    quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --format svg\n  \
+    The opening along a line across two strips, and both strips brought into register:\n    \
+    quadrille figures out --quantity uy,register --line 600,20,600,780\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be drawn.")]
+pub struct FiguresArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
+    pub frames: Frames,
+    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, mesh, deformed, register.
+    /// Default ux,uy,exx,eyy,exy,residual.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub quantity: Vec<Figure>,
+    /// Kinds of file.
+    #[arg(long, value_name = "png,svg", value_delimiter = ',', default_value = "png")]
+    pub format: Vec<Format>,
+    /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub line: Option<[f64; 4]>,
+    /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
+    /// deformed image can be shown.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub magnify: Option<f64>,
+    /// Ends of the colour bars, for all maps drawn. Default: the values of each.
+    #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    /// Definition of the strains. Default: that of the run.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
+    /// Strains of elements or of nodes.
+    #[arg(long, value_enum, default_value = "elements")]
+    pub strain_on: StrainPlace,
+    /// Rigid motion that register takes off: of each zone, or of all together.
+    #[arg(long, value_name = "zone|all", default_value = "zone")]
+    pub remove_rigid: RemoveRigid,
+    /// Pixels per unit of length in PNG files, 1 to 4: 1 for the screen, 2 or 3 for print.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
+    pub scale: u32,
+    /// Folder for the pictures; made when it is not there. Default: DIR/figures.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// A displacement field that `quadrille synth` can make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Field {
@@ -359,6 +434,57 @@ pub struct DemoArgs {
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille metrology`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    One image: texture, uncertainty and resolution, with a noise that is assumed:\n    \
+    quadrille metrology ref.tif\n  \
+    With images of the specimen at rest, from which the noise is measured, of one zone:\n    \
+    quadrille metrology ref.tif 'static/*.tif' --roi 10,10,1010,400 --output out\n  \
+    Elements that resolve a period of 100 px:\n    \
+    quadrille metrology ref.tif static.tif --resolve-period 100\n\n\
+    Prints a table; with --output DIR writes DIR/metrology.json as well.")]
+pub struct MetrologyArgs {
+    /// The reference image.
+    #[arg(value_name = "REFERENCE")]
+    pub reference: PathBuf,
+    /// Further images of the specimen at rest, as the reference: files or quoted globs.
+    #[arg(value_name = "STATIC")]
+    pub stills: Vec<String>,
+    /// The rectangle to look at, px: left, top, right, bottom. Default: the whole image. Of more than a
+    /// million pixels the middle is used.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub roi: Option<[f64; 4]>,
+    /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
+    #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
+    pub element_sizes: Option<Vec<i64>>,
+    /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
+    /// assumed without any.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub noise: Option<f64>,
+    /// Interpolation of the correlation: cubic (default), quintic, keys, bilinear.
+    #[arg(long, value_name = "NAME", value_parser = interpolation)]
+    pub interpolation: Option<Interpolation>,
+    /// Standard uncertainty that the recommended elements reach, px.
+    #[arg(long, value_name = "PX", default_value_t = 0.02, allow_hyphen_values = true)]
+    pub target_sigma: f64,
+    /// Recommend the largest elements that resolve waves of this period at 90 % of their amplitude, px.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub resolve_period: Option<f64>,
+    /// Folder for metrology.json; made when it is not there, an earlier one is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Seed of the noise that is added to copies of the image.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Page of multi-page TIFF files. Default 0, the first.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub page: Option<u32>,
+    /// Threads. Default: all cores. Results do not depend on it.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,
 }

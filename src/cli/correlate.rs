@@ -4,14 +4,14 @@ use super::args::CorrelateArgs;
 use super::plan::{MANY, Plan};
 use super::progress::{Progress, Talk};
 use super::run_folder::{About, RunFolder};
-use super::{Outcome, Result, absolute, chain, plural, pool};
+use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::{Status, StrainField};
 use crate::io::case::write_case;
 use crate::io::images::{Loaded, ReadError, read_image};
-use crate::io::store::{STORE, StoreHeader, StoreWriter};
+use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
 use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, units};
 use crate::units::Px;
@@ -37,6 +37,9 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     };
     let folder = RunFolder::open(&args.output, args.overwrite)?;
     let summary = run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
+    if let Some(frames) = &args.figures {
+        super::figures::of_run(&args.output, frames, args.threads, args.quiet)?;
+    }
     let fine = summary.frames.iter().all(|frame| frame.status == Status::Converged);
     Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
 }
@@ -51,6 +54,8 @@ pub(super) fn run_series(
     mut look: impl FnMut(usize, &Correlation),
 ) -> Result<Summary> {
     let begin = Instant::now();
+    // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
+    quantities::load(&plan.drawn, plan.deformed.len())?;
     let loaded = read_image(&plan.reference, plan.page)?;
     let (width, height) = (loaded.image.width(), loaded.image.height());
     let zones = plan.zones_on(width, height)?;
@@ -62,7 +67,9 @@ pub(super) fn run_series(
         .install(|| Correlator::new(backend, reference_image, &zones, plan.options.clone()))
         .map_err(|error| about_reference(plan, &error))?;
     let seconds_reference = prepare.elapsed().as_secs_f64();
+    quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
     folder.clear(plan.csv, plan.vtu)?;
+    quantities::remove(folder.path())?;
 
     let mut progress = Progress::new(talk, plan.deformed.len());
     let mesh = correlator.mesh();
@@ -171,6 +178,12 @@ pub(super) fn run_series(
     let closed = closed.and_then(|()| Ok(store.finish(record.sha256())?));
     written?;
     closed?;
+    if !plan.drawn.is_empty() {
+        let numbers: Vec<usize> = (1..=summary.frames.len()).collect();
+        let store = Store::open(folder.path())?;
+        let drawn = probe::write_of_store(&store, &plan.drawn, None, &numbers, folder.path(), |_, _| ())?;
+        drawn.notes.iter().for_each(|note| progress.say(note));
+    }
     progress.finish(&summary.frames, summary.seconds_total);
     progress.say(&format!("results in {}", folder.path().display()));
     Ok(summary)

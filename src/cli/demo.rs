@@ -9,7 +9,7 @@ use super::synth::write_series;
 use super::{Outcome, Result, pool};
 use crate::correlate::{Correlation, Options};
 use crate::field::{Measurement, Status, StrainDefinition};
-use crate::io::case::{CaseZone, read_case};
+use crate::io::case::{CaseQuantities, CaseZone, read_case};
 use crate::io::images::read_image;
 use crate::isa::Isa;
 use crate::report::{MapOptions, Palette, element_map, nodal_map};
@@ -129,6 +129,7 @@ fn plan(images: &Path) -> Plan {
         csv: true,
         vtu: true,
         store_only: false,
+        drawn: CaseQuantities::default(),
     }
 }
 
@@ -172,14 +173,14 @@ fn draw(maps: &Path, number: usize, reference: &crate::imaging::Image, measureme
         let values: Vec<f64> = measurement.displacement.iter().map(|u| u[c]).collect();
         let title = format!("Displacement {name}, frame {number}");
         let options = MapOptions::new(title, format!("{name} (px)"));
-        nodal_map(reference, measurement, &values, &options)?.save_png(maps.join(format!("{number:06}-{name}.png")))?;
+        nodal_map(reference, measurement, &values, &options)?.save(maps.join(format!("{number:06}-{name}.png")))?;
     }
     let options = MapOptions {
         palette: Palette::Plasma,
         ..MapOptions::new(format!("Residual, frame {number}"), "rms residual per element (grey levels)")
     };
     element_map(reference, measurement, &measurement.element_residual, &options)?
-        .save_png(maps.join(format!("{number:06}-residual.png")))?;
+        .save(maps.join(format!("{number:06}-residual.png")))?;
     Ok(())
 }
 

@@ -4,7 +4,9 @@ mod args;
 mod correlate;
 mod demo;
 mod export;
+mod figures;
 mod frames;
+mod metrology;
 mod plan;
 mod probe;
 mod progress;
@@ -46,8 +48,10 @@ pub fn main() -> ExitCode {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Export(args) => export::run(&args),
         args::Command::Probe(args) => probe::run(&args),
+        args::Command::Figures(args) => figures::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
+        args::Command::Metrology(args) => metrology::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

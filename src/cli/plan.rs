@@ -4,7 +4,7 @@ use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute};
 use crate::correlate::{Options, Regularisation};
 use crate::field::{RegularisationKind, StrainDefinition};
-use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseZone, read_case};
+use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseZone, read_case};
 use crate::io::series::expand_series;
 use crate::isa::Isa;
 use crate::mesh::{Roi, Zone};
@@ -30,6 +30,8 @@ pub(super) struct Plan {
     pub vtu: bool,
     /// No tables, because there are many frames and nobody asked for them.
     pub store_only: bool,
+    /// What is drawn from the fields when the series is done.
+    pub drawn: CaseQuantities,
 }
 
 impl Plan {
@@ -107,6 +109,7 @@ impl Plan {
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
             store_only,
+            drawn: drawn(&case),
         })
     }
 
@@ -158,6 +161,7 @@ impl Plan {
                 .collect(),
             ..CaseFile::default()
         }
+        .with_drawn(&self.drawn)
     }
 }
 
@@ -193,6 +197,15 @@ fn regularisation(args: &CorrelateArgs, case: &CaseCorrelation) -> Result<Regula
         }
         _ => Regularisation::Tikhonov { cutoff_px },
     })
+}
+
+/// What the case draws from the fields, with a load file that is found from anywhere.
+fn drawn(case: &CaseFile) -> CaseQuantities {
+    let mut drawn = case.drawn();
+    if let Some(load) = &mut drawn.load {
+        load.file = absolute(Path::new(&load.file));
+    }
+    drawn
 }
 
 /// The reference and the deformed images.

@@ -135,6 +135,17 @@ pub(super) fn write(
     })
 }
 
+/// Removes the tables of an earlier call from `folder/quantities`, and nothing else.
+pub(super) fn remove(folder: &Path) -> Result<()> {
+    let folder = folder.join(FOLDER);
+    for path in QUANTITY_TABLES.map(|name| folder.join(format!("{name}.csv"))).into_iter().filter(|path| path.exists())
+    {
+        fs::remove_file(&path).map_err(|error| format!("{}: cannot be removed: {}", path.display(), chain(&error)))?;
+    }
+    let _ = fs::remove_dir(folder); // stays when it holds something else
+    Ok(())
+}
+
 /// Whether a `run.toml` tells of regularisation.
 pub(super) fn is_regularised(case: &str) -> bool {
     let case: toml::Table = case.parse().unwrap_or_default();

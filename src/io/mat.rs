@@ -29,7 +29,8 @@ const LARGEST: u128 = (1 << 31) - 1;
 /// Writes a `.mat` file of level 5, uncompressed, that MATLAB, Octave and `scipy.io.loadmat` read.
 ///
 /// The axis of frames comes **last**, `displacement_px(node, component, frame)`, so that the field of a frame is
-/// `displacement_px(:, :, k)`; nodes, elements and zones are counted from 1. Lists of texts are cell arrays.
+/// `displacement_px(:, :, k)`; nodes, elements and zones are counted from 1. Lists of texts are cell arrays; a
+/// character beyond U+FFFF becomes U+FFFD.
 ///
 /// ```
 /// use quadrille::io::arrays::{ArrayFile, Values};
@@ -119,7 +120,8 @@ fn dimensions(shape: Shape) -> Vec<usize> {
 }
 
 fn char_array(name: &str, text: &str) -> Vec<u8> {
-    let letters: Vec<u16> = text.encode_utf16().collect();
+    // Beyond the first 65536, readers do not agree on how many letters a character is.
+    let letters: Vec<u16> = text.chars().map(|c| u16::try_from(u32::from(c)).unwrap_or(0xfffd)).collect();
     let mut bytes = beginning(CHAR_CLASS, &[usize::from(!letters.is_empty()), letters.len()], name);
     let letters: Vec<u8> = letters.iter().flat_map(|letter| letter.to_le_bytes()).collect();
     bytes.extend(element(UTF16, &letters));

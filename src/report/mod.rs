@@ -1,15 +1,30 @@
 //! What people look at: summaries and pictures of measured fields.
 
-mod canvas;
+mod axes;
+mod backdrop;
+mod edges;
+mod figures;
+mod letters;
 pub mod map;
+mod mesh_figure;
+mod over_image;
 mod picture;
+pub mod plot;
+mod profile;
+mod raster;
 mod scale;
+mod scene;
 pub mod summary;
 
-pub use map::{MapOptions, element_map, nodal_map};
+pub use backdrop::Backdrop;
+pub use figures::{Figure, FigureOptions, Format, draw_frame};
+pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
+pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};
+pub use plot::{Axis, Plot, Series, Style};
 pub use scale::Palette;
 
+use crate::field::QuantityError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -27,14 +42,54 @@ pub enum ReportError {
         /// Values given.
         got: usize,
     },
-    /// The range asked for has no extent, or no finite one.
-    #[error("colours cannot span {low} to {high}; give a finite range with low < high")]
+    /// The range asked for, of colours or of an axis, has no extent, or no finite one.
+    #[error("colours and axes cannot span {low} to {high}; give a finite range with low < high")]
     Range {
         /// Lower end.
         low: f64,
         /// Upper end.
         high: f64,
     },
+    /// A logarithmic axis cannot begin there.
+    #[error("a logarithmic axis cannot span {low} to {high}; give a range above zero")]
+    LogRange {
+        /// Lower end.
+        low: f64,
+        /// Upper end.
+        high: f64,
+    },
+    /// The lists of a series of a plot differ in length.
+    #[error(
+        "series '{name}' has {x} abscissae, {y} ordinates and {band} half widths of its band; give one of each per point"
+    )]
+    Series {
+        /// Its name.
+        name: String,
+        /// Abscissae given.
+        x: usize,
+        /// Ordinates given.
+        y: usize,
+        /// Half widths given (as many as abscissae without a band).
+        band: usize,
+    },
+    /// The name of a file says neither PNG nor SVG.
+    #[error("{}: pictures are written as .png or .svg; give the file one of these endings", path.display())]
+    Ending {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Displacements cannot be multiplied by that.
+    #[error("displacements cannot be magnified {factor} times; give a factor above 0, up to 1e6")]
+    Magnification {
+        /// What was asked for.
+        factor: f64,
+    },
+    /// Per cent of an unknown range.
+    #[error("the residual in per cent needs the range of grey levels of the reference; ask for `residual`")]
+    Percent,
+    /// The line of a profile is none.
+    #[error("no profile can be drawn along this line")]
+    Line(#[from] QuantityError),
     /// The PNG data cannot be written.
     #[error("the picture cannot be written")]
     Encode(#[source] image::ImageError),

@@ -3,10 +3,12 @@
 use super::ReportError;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
+use resvg::{tiny_skia, usvg};
 use std::fmt;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// A rectangle of whole pixels of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,56 +23,91 @@ pub struct Area {
     pub height: u32,
 }
 
-/// A picture in 8-bit RGB, and where the image and the colour bar stand in it.
-#[derive(Clone, PartialEq)]
+impl Area {
+    fn times(self, ratio: u32) -> Self {
+        let [x, y, width, height] = [self.x, self.y, self.width, self.height].map(|v| v * ratio);
+        Self { x, y, width, height }
+    }
+}
+
+/// Pixels of a picture per unit of its SVG, at most.
+pub(super) const LARGEST_RATIO: u32 = 4;
+
+/// A picture, to be written as SVG or as PNG, and where the image and the colour bar stand in it.
+///
+/// Both come from one description: the PNG is what the SVG shows. Text stands there as outlines, so that no
+/// font is looked for.
+#[derive(Clone)]
 pub struct Picture {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) rgb: Vec<u8>,
-    pub(super) map: Area,
-    pub(super) bar: Option<Area>,
+    svg: String,
+    size: [u32; 2],
+    ratio: u32,
+    map: Area,
+    bar: Option<Area>,
+    /// Red, green, blue of each pixel, once they were asked for.
+    rgb: OnceLock<Vec<u8>>,
+}
+
+impl PartialEq for Picture {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.svg, self.ratio, self.map, self.bar) == (&other.svg, other.ratio, other.map, other.bar)
+    }
 }
 
 impl fmt::Debug for Picture {
-    /// All but the millions of colours.
+    /// All but the drawing.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut picture = f.debug_struct("Picture");
-        picture.field("width", &self.width).field("height", &self.height);
+        picture.field("width", &self.width()).field("height", &self.height());
         picture.field("map", &self.map).field("bar", &self.bar).finish_non_exhaustive()
     }
 }
 
 impl Picture {
+    pub(super) fn new(svg: String, size: [u32; 2], map: Area, bar: Option<Area>, ratio: u32) -> Self {
+        Self { svg, size, ratio: ratio.clamp(1, LARGEST_RATIO), map, bar, rgb: OnceLock::new() }
+    }
+
+    /// The same picture with `ratio` (1 to 4) pixels per unit of the SVG: for print.
+    pub fn with_ratio(self, ratio: u32) -> Self {
+        Self::new(self.svg, self.size, self.map, self.bar, ratio)
+    }
+
     /// Columns.
     pub fn width(&self) -> u32 {
-        self.width
+        self.size[0] * self.ratio
     }
 
     /// Rows.
     pub fn height(&self) -> u32 {
-        self.height
+        self.size[1] * self.ratio
     }
 
-    /// Red, green, blue of each pixel, row by row.
+    /// The drawing as SVG.
+    pub fn svg(&self) -> &str {
+        &self.svg
+    }
+
+    /// Red, green, blue of each pixel, row by row. The drawing is turned into pixels the first time.
     pub fn rgb(&self) -> &[u8] {
-        &self.rgb
+        self.rgb.get_or_init(|| pixels(&self.svg, self.width(), self.height(), self.ratio))
     }
 
     /// The colour at column `x`, row `y`; `None` outside the picture.
     pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
-        let at = 3 * (y as usize * self.width as usize + x as usize);
-        let inside = x < self.width && y < self.height;
-        if inside { self.rgb[at..].first_chunk().copied() } else { None }
+        let at = 3 * (y as usize * self.width() as usize + x as usize);
+        let inside = x < self.width() && y < self.height();
+        if inside { self.rgb()[at..].first_chunk().copied() } else { None }
     }
 
-    /// Where the image stands, without its frame and axes.
+    /// Where the image, or the curves, stand, without frame and axes.
     pub fn map_area(&self) -> Area {
-        self.map
+        self.map.times(self.ratio)
     }
 
-    /// Where the colours of the bar stand; `None` when nothing was measured.
+    /// Where the colours of the bar stand; `None` when nothing was measured, and without a bar.
     pub fn bar_area(&self) -> Option<Area> {
-        self.bar
+        self.bar.map(|bar| bar.times(self.ratio))
     }
 
     /// Writes the picture as PNG.
@@ -79,18 +116,51 @@ impl Picture {
     /// Those of `out`.
     pub fn write_png<W: Write>(&self, out: W) -> Result<(), ReportError> {
         let encoder = PngEncoder::new_with_quality(out, CompressionType::Default, FilterType::Adaptive);
-        encoder.write_image(&self.rgb, self.width, self.height, ExtendedColorType::Rgb8).map_err(ReportError::Encode)
+        encoder
+            .write_image(self.rgb(), self.width(), self.height(), ExtendedColorType::Rgb8)
+            .map_err(ReportError::Encode)
     }
 
-    /// Writes the picture as a PNG file.
+    /// Writes the picture as a file; the ending of its name, `.png` or `.svg`, says what as.
     ///
     /// # Errors
-    /// The file cannot be made or written.
-    pub fn save_png(&self, path: impl AsRef<Path>) -> Result<(), ReportError> {
+    /// Another ending; the file cannot be made or written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ReportError> {
         let path = path.as_ref();
+        let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        let is_png = match ending.as_deref() {
+            Some("png") => true,
+            Some("svg") => false,
+            _ => return Err(ReportError::Ending { path: path.to_owned() }),
+        };
+        // Under another name first: a file is there whole or not at all.
+        let mut unfinished = path.as_os_str().to_owned();
+        unfinished.push(".part");
+        let unfinished = Path::new(&unfinished);
         let failed = |source| ReportError::Write { path: path.to_owned(), source };
-        let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-        self.write_png(&mut file)?;
-        file.flush().map_err(failed)
+        let write = || {
+            let mut file = BufWriter::new(File::create(unfinished).map_err(failed)?);
+            if is_png {
+                self.write_png(&mut file)?
+            } else {
+                file.write_all(self.svg.as_bytes()).map_err(failed)?
+            }
+            file.flush().map_err(failed)?;
+            std::fs::rename(unfinished, path).map_err(failed)
+        };
+        write().inspect_err(|_| {
+            // What is left of it helps nobody.
+            let _ = std::fs::remove_file(unfinished);
+        })
     }
+}
+
+/// The drawing in pixels.
+fn pixels(svg: &str, width: u32, height: u32, ratio: u32) -> Vec<u8> {
+    let tree = usvg::Tree::from_str(svg, &usvg::Options::default()).expect("an SVG written here is one");
+    let mut map = tiny_skia::Pixmap::new(width, height).expect("a sheet has an extent");
+    let scale = ratio as f32;
+    resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut map.as_mut());
+    // The sheet is white and opaque: nothing to divide by.
+    map.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
 }

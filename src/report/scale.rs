@@ -1,9 +1,10 @@
 //! From numbers to colours and to the ticks of an axis.
 
 use super::ReportError;
-use super::canvas::Rgb;
+use super::scene::Rgb;
 
-/// A row of colours that grow lighter in even steps, for colour-blind readers too.
+/// A row of colours that colour-blind readers can follow too: growing lighter in even steps, or from both
+/// sides towards the middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Palette {
@@ -14,17 +15,26 @@ pub enum Palette {
     Plasma,
     /// Blue, grey, yellow; its middle is hard to tell from a grey image.
     Cividis,
+    /// Blue, white, red, for quantities with a sign: their range is made symmetric about zero.
+    BlueRed,
 }
 
 impl Palette {
     /// The colour at `t`, 0 at the lower end and 1 at the upper.
     pub fn colour(self, t: f64) -> [u8; 3] {
-        let gradient = match self {
-            Palette::Viridis => colorous::VIRIDIS,
-            Palette::Plasma => colorous::PLASMA,
-            Palette::Cividis => colorous::CIVIDIS,
+        let t = t.clamp(0.0, 1.0);
+        let colour = match self {
+            Palette::Viridis => colorous::VIRIDIS.eval_continuous(t),
+            Palette::Plasma => colorous::PLASMA.eval_continuous(t),
+            Palette::Cividis => colorous::CIVIDIS.eval_continuous(t),
+            Palette::BlueRed => colorous::RED_BLUE.eval_continuous(1.0 - t),
         };
-        gradient.eval_continuous(t.clamp(0.0, 1.0)).into_array()
+        colour.into_array()
+    }
+
+    /// Whether the middle of the row stands for zero.
+    pub fn is_diverging(self) -> bool {
+        self == Palette::BlueRed
     }
 }
 
@@ -127,6 +137,85 @@ fn labels(range: Range, exponent: i32) -> impl Fn(f64) -> String {
         };
         text.replace('-', "\u{2212}") // the minus sign, as wide as a digit
     }
+}
+
+/// Ticks of a logarithmic axis over `range` (positive), as [`ticks`] places them; and the places between
+/// them that get a mark without a number.
+pub(super) fn log_ticks(range: Range, length: f64, gap: f64, extent: impl Fn(&str) -> f64) -> (Vec<Tick>, Vec<f64>) {
+    let Range { low, high } = range;
+    // Differences of logarithms: the ratio of numbers far apart may overflow.
+    let decades = high.log10() - low.log10();
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let place = |v: f64| (v.log10() - low.log10()) / decades * length;
+    let inside = |v: &f64| *v >= low * (1.0 - 1e-9) && *v <= high * (1.0 + 1e-9);
+    let fits = |ticks: &[Tick]| {
+        ticks.windows(2).all(|pair| {
+            let room = (extent(&pair[0].label) + extent(&pair[1].label)) / 2.0 + gap;
+            place(pair[1].value) - place(pair[0].value) >= room
+        })
+    };
+    let marks = |multiples: &[i32], every: i32| -> Vec<Tick> {
+        let decades = (first..=last).filter(|k| k % every == 0);
+        let all = decades.flat_map(|k| multiples.iter().map(move |&m| (f64::from(m) * 10f64.powi(k), m, k)));
+        all.filter(|(v, ..)| inside(v)).map(|(value, m, k)| Tick { value, label: log_label(m, k) }).collect()
+    };
+    let minor = || {
+        let all = (first..=last).flat_map(|k| (2..10).map(move |m| f64::from(m) * 10f64.powi(k)));
+        all.filter(inside).collect()
+    };
+    if decades < 3.0 {
+        for multiples in [&[1, 2, 3, 4, 5, 6, 7, 8, 9][..], &[1, 2, 5], &[1, 3], &[1]] {
+            let ticks = marks(multiples, 1);
+            if ticks.len() >= 2 && ticks.len() <= 10 && fits(&ticks) {
+                return (ticks, minor());
+            }
+        }
+    }
+    for every in 1..=last - first {
+        let ticks = marks(&[1], every);
+        if ticks.len() >= 2 && fits(&ticks) {
+            return (ticks, if every == 1 { minor() } else { Vec::new() });
+        }
+    }
+    // Less than a factor of about two: numbers as on a linear axis, at their places on this one.
+    let mut linear = ticks(range, length, 0.0, gap, &extent);
+    if !fits(&linear) {
+        linear.dedup_by_key(|tick| (place(tick.value) / (3.0 * gap)).floor() as i64);
+    }
+    (linear, Vec::new())
+}
+
+/// `m` times ten to the `k`, in plain digits where they are few.
+fn log_label(m: i32, k: i32) -> String {
+    match k {
+        0..=4 => format!("{}", f64::from(m) * 10f64.powi(k)),
+        -4..0 => format!("{:.*}", k.unsigned_abs() as usize, f64::from(m) * 10f64.powi(k)),
+        _ if m == 1 => format!("10{}", superscript(k)),
+        _ => format!("{m}·10{}", superscript(k)),
+    }
+}
+
+fn superscript(k: i32) -> String {
+    let raised = |c: char| match c {
+        '-' => '⁻',
+        c => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c.to_digit(10).unwrap_or(0) as usize],
+    };
+    k.to_string().chars().map(raised).collect()
+}
+
+/// A number in words for captions: four digits, the minus sign as wide as a digit.
+pub(super) fn written(value: f64) -> String {
+    let size = value.abs();
+    // In px, degrees and strains, less is round-off.
+    let text = if size < 1e-12 {
+        "0".to_owned()
+    } else if (1e-4..1e6).contains(&size) {
+        let decimals = (3 - size.log10().floor() as i32).clamp(0, 7) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.3e}")
+    };
+    text.replace('-', "\u{2212}")
 }
 
 /// The colour of `value` in `range`.

@@ -1,8 +1,8 @@
 //! What is drawn from every field of a series.
 
 use super::{
-    Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved, Segment, at_point,
-    remove_rigid,
+    Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved, Segment, Value,
+    at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition};
 use crate::units::Length;
@@ -126,30 +126,33 @@ impl Quantities {
     }
 }
 
+/// A quantity by its name in tables.
+type Named<T, V> = (&'static str, fn(&T) -> V);
+
 impl PointValues {
     /// Its numbers with their names in tables.
-    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> Option<super::Value>); 5] = [
-        ("ux_px", |v| Some(super::Value { value: v.displacement[0], sigma: v.sigma[0] })),
-        ("uy_px", |v| Some(super::Value { value: v.displacement[1], sigma: v.sigma[1] })),
+    pub(crate) const QUANTITIES: [Named<Self, Option<Value>>; 5] = [
+        ("ux_px", |v| Some(Value { value: v.displacement[0], sigma: v.sigma[0] })),
+        ("uy_px", |v| Some(Value { value: v.displacement[1], sigma: v.sigma[1] })),
         ("exx", |v| v.strain_component(0)),
         ("eyy", |v| v.strain_component(1)),
         ("exy", |v| v.strain_component(2)),
     ];
 
-    fn strain_component(&self, k: usize) -> Option<super::Value> {
-        self.strain.map(|(strain, sigma)| super::Value { value: strain.0[k], sigma: sigma[k] })
+    fn strain_component(&self, k: usize) -> Option<Value> {
+        self.strain.map(|(strain, sigma)| Value { value: strain.0[k], sigma: sigma[k] })
     }
 }
 
 impl Jump {
     /// Its numbers with their names in tables.
-    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> super::Value); 2] =
+    pub(crate) const QUANTITIES: [Named<Self, Value>; 2] =
         [("opening_px", |jump| jump.opening), ("sliding_px", |jump| jump.sliding)];
 }
 
 impl Elongation {
     /// Its numbers with their names in tables.
-    pub(crate) const QUANTITIES: [(&str, fn(&Self) -> super::Value); 3] = [
+    pub(crate) const QUANTITIES: [Named<Self, Value>; 3] = [
         ("elongation_px", |e| e.elongation),
         ("strain_engineering", |e| e.engineering),
         ("strain_true", |e| e.logarithmic),
@@ -162,12 +165,12 @@ impl Curve {
         name: &str,
         quantity: &str,
         against: &str,
-        points: impl Iterator<Item = (f64, Option<super::Value>)>,
+        points: impl Iterator<Item = (f64, Option<Value>)>,
     ) -> Option<Self> {
         let (name, quantity, against) = (name.to_owned(), quantity.to_owned(), against.to_owned());
         let mut curve = Self { name, quantity, against, x: Vec::new(), y: Vec::new(), sigma: Vec::new() };
         for (x, value) in points {
-            if let Some(super::Value { value, sigma }) = value {
+            if let Some(Value { value, sigma }) = value {
                 curve.x.push(x);
                 curve.y.push(value);
                 curve.sigma.push(sigma);

@@ -13,7 +13,7 @@ use zarrs::metadata::ChunkKeySeparator;
 pub(super) const VERSION: u64 = 1;
 /// Status of a frame that is not done: the fill value of the array.
 pub(super) const NOT_DONE: u8 = 255;
-/// Level 1 is four times as fast as 3 and makes fields, whose last digits are noise, no larger.
+/// The fastest: most of a field is noise in the last digits, which no level makes smaller.
 const ZSTD_LEVEL: i32 = 1;
 
 /// An array of a store that holds one chunk for each frame.

@@ -1,0 +1,213 @@
+//! `quadrille figures`.
+
+use super::args::{FiguresArgs, StrainPlace};
+use super::frames::Frames;
+use super::{Outcome, Result, chain, plural, pool};
+use crate::imaging::Image;
+use crate::io::images::read_image;
+use crate::io::store::{Store, StoreHeader};
+use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// How often a long run says how far it is.
+const EVERY: Duration = Duration::from_secs(10);
+/// In the folder of a run.
+const FOLDER: &str = "figures";
+
+/// Runs the command.
+pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
+    let store = Store::open(&args.run)?;
+    let (numbers, complete) = with_field(&store, &args.frames, args.quiet)?;
+    if numbers.is_empty() {
+        return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
+    }
+    let folder = args.output.clone().unwrap_or_else(|| args.run.join(FOLDER));
+    let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
+    series.draw(&numbers, &folder, args.threads)?;
+    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Draws the usual figures of a run that has just ended.
+pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet: bool) -> Result<()> {
+    let store = Store::open(run)?;
+    let (numbers, _) = with_field(&store, frames, quiet)?;
+    let header = store.header();
+    let case = header.case.parse().unwrap_or_default();
+    let options = of_header(header, &case, FigureOptions { strain: header.strain, ..FigureOptions::default() });
+    Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FOLDER), threads)
+}
+
+/// The frames asked for that have a field, and whether all that were named do.
+fn with_field(store: &Store, frames: &Frames, quiet: bool) -> Result<(Vec<usize>, bool)> {
+    let (mut numbers, mut complete) = (Vec::new(), true);
+    for number in frames.numbers(store.n_frames())? {
+        match store.status(number)? {
+            Some(status) if status.has_field() => numbers.push(number),
+            status if frames.are_named() => {
+                complete = false;
+                if !quiet {
+                    let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
+                    eprintln!("frame {number} has no field: {status}");
+                }
+            }
+            _ => {}
+        }
+        if frames.is_last() && !numbers.is_empty() {
+            break;
+        }
+    }
+    Ok((numbers, complete))
+}
+
+/// What is drawn, from the arguments and from what the run says.
+fn options(args: &FiguresArgs, header: &StoreHeader) -> FigureOptions {
+    let default = FigureOptions::default();
+    let options = FigureOptions {
+        figures: if args.quantity.is_empty() { default.figures.clone() } else { without_doubles(&args.quantity) },
+        formats: without_doubles(&args.format),
+        line: args.line,
+        magnify: args.magnify,
+        range: args.range.map(|[low, high]| (low, high)),
+        strain: args.strain.unwrap_or(header.strain),
+        strain_on_nodes: args.strain_on == StrainPlace::Nodes,
+        rigid: args.remove_rigid,
+        ..default
+    };
+    of_header(header, &header.case.parse().unwrap_or_default(), options)
+}
+
+/// `options` with what the run says.
+fn of_header(header: &StoreHeader, case: &toml::Table, options: FigureOptions) -> FigureOptions {
+    let regularised = case.get("correlation").and_then(|part| part.get("regularisation"));
+    FigureOptions {
+        pixel_size: header.pixel_size,
+        range_grey: Some(header.range_grey),
+        known_noise: regularised.is_none_or(|kind| kind.as_str() == Some("none")),
+        guard_px: guards(case),
+        ..options
+    }
+}
+
+fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    let mut kept: Vec<T> = Vec::with_capacity(list.len());
+    for item in list {
+        if !kept.contains(item) {
+            kept.push(*item);
+        }
+    }
+    kept
+}
+
+/// The guard band of each zone that has the same one along its whole border.
+fn guards(case: &toml::Table) -> Vec<f64> {
+    let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|v| v as f64));
+    let zones = case.get("zone").and_then(toml::Value::as_array);
+    zones.into_iter().flatten().map(|zone| zone.get("guard_px").and_then(number).unwrap_or(0.0)).collect()
+}
+
+/// The frames of a run, and what their figures share.
+struct Series<'a> {
+    store: &'a Store,
+    options: FigureOptions,
+    reference: Backdrop,
+    ratio: u32,
+    page: usize,
+    quiet: bool,
+}
+
+impl<'a> Series<'a> {
+    fn new(store: &'a Store, options: FigureOptions, ratio: u32, quiet: bool) -> Self {
+        let header = store.header();
+        let case = header.case.parse::<toml::Table>().unwrap_or_default();
+        let page = case.get("images").and_then(|images| images.get("page")).and_then(toml::Value::as_integer);
+        let page = page.and_then(|page| usize::try_from(page).ok()).unwrap_or(0);
+        let [width, height] = header.image_size_px;
+        let reference = match reference(header, page) {
+            Ok(image) => Backdrop::new(&image, ratio),
+            Err(why) => {
+                if !quiet {
+                    eprintln!("{why}; the figures are drawn on white");
+                }
+                Backdrop::blank(width, height, ratio)
+            }
+        };
+        Self { store, options, reference, ratio, page, quiet }
+    }
+
+    /// Draws the frames.
+    fn draw(&self, numbers: &[usize], folder: &Path, threads: Option<usize>) -> Result<()> {
+        let done = Mutex::new((0, Instant::now()));
+        let one = |&number: &usize| {
+            let n_files = self.draw_one(number, folder)?.len();
+            if let Ok(mut done) = done.lock() {
+                done.0 += 1;
+                if !self.quiet && done.1.elapsed() > EVERY {
+                    done.1 = Instant::now();
+                    eprintln!("figures: {} of {} frames", done.0, numbers.len());
+                }
+            }
+            Ok(n_files)
+        };
+        let n_files = pool(threads)?.install(|| numbers.par_iter().map(one).collect::<Result<Vec<_>>>())?;
+        if !self.quiet {
+            let (n_files, n_frames) = (n_files.iter().sum(), numbers.len());
+            eprintln!("{} of {} in {}", plural(n_files, "picture"), plural(n_frames, "frame"), folder.display());
+        }
+        Ok(())
+    }
+
+    fn draw_one(&self, number: usize, folder: &Path) -> Result<Vec<PathBuf>> {
+        let Some(frame) = self.store.frame(number)? else { return Ok(Vec::new()) };
+        let mut options = self.options.clone();
+        let name =
+            |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
+        let header = self.store.header();
+        let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
+        options.notes.push(format!(
+            "reference {reference}; image {}; quadrille {}",
+            name(&frame.file),
+            header.quadrille
+        ));
+        let on_image = options.magnify.is_none_or(|factor| factor == 1.0);
+        let deformed = (on_image && options.figures.contains(&Figure::Deformed)).then(|| self.deformed(&frame.file));
+        let deformed = deformed.flatten();
+        Ok(draw_frame(folder, number, &frame.measurement, &self.reference, deformed.as_ref(), &options)?)
+    }
+
+    /// The deformed image, when it can be read still.
+    fn deformed(&self, file: &str) -> Option<Backdrop> {
+        let size = self.store.header().image_size_px;
+        let loaded = read_image(Path::new(file), self.page).map_err(|error| chain(&error));
+        let checked = loaded.and_then(|loaded| of_size(file, loaded.image, size));
+        match checked {
+            Ok(image) => Some(Backdrop::new(&image, self.ratio)),
+            Err(why) => {
+                if !self.quiet {
+                    eprintln!("{why}; the deformed mesh is drawn on the reference");
+                }
+                None
+            }
+        }
+    }
+}
+
+/// The reference image of the run, when it is still there and the same.
+fn reference(header: &StoreHeader, page: usize) -> std::result::Result<Image, String> {
+    let file = header.reference.first().ok_or("the run names no reference image")?;
+    let loaded = read_image(Path::new(file), page).map_err(|error| chain(&error))?;
+    if header.reference_sha256.first().is_some_and(|sha256| *sha256 != loaded.sha256) {
+        return Err(format!("{file}: the file has changed since the run"));
+    }
+    of_size(file, loaded.image, header.image_size_px)
+}
+
+fn of_size(file: &str, image: Image, [width, height]: [usize; 2]) -> std::result::Result<Image, String> {
+    let found = [image.width(), image.height()];
+    if found == [width, height] {
+        return Ok(image);
+    }
+    Err(format!("{file}: the image has {} x {} px, the run {width} x {height}", found[0], found[1]))
+}

@@ -1,0 +1,290 @@
+//! `quadrille metrology`: what can be measured on the user's own images.
+
+use super::args::MetrologyArgs;
+use super::run_folder::RunFolder;
+use super::{Outcome, Result, absolute, plural, pool};
+use crate::imaging::Image;
+use crate::io::images::{Loaded, read_image};
+use crate::io::series::expand_series;
+use crate::mesh::Roi;
+use crate::metrology::{Metrology, Options, Origin, SizeResult, Still, measure};
+use crate::report::{Axis, Plot, Series, Style};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// `metrology.json`.
+#[derive(Debug, Serialize)]
+struct Record<'a> {
+    quadrille: &'static str,
+    units: &'static str,
+    reference: FileRecord,
+    static_images: Vec<FileRecord>,
+    options: OptionsRecord,
+    seconds: f64,
+    #[serde(flatten)]
+    metrology: &'a Metrology,
+}
+
+#[derive(Debug, Serialize)]
+struct FileRecord {
+    file: String,
+    sha256: String,
+    width_px: usize,
+    height_px: usize,
+    depth: &'static str,
+    messages: Vec<String>,
+}
+
+/// The options as resolved.
+#[derive(Debug, Serialize)]
+struct OptionsRecord {
+    element_sizes_px: Vec<usize>,
+    roi_px: Option<[f64; 4]>,
+    page: usize,
+    noise_grey: Option<f64>,
+    interpolation: &'static str,
+    target_sigma_px: f64,
+    resolve_period_px: Option<f64>,
+    seed: u64,
+}
+
+const UNITS: &str = "_px: pixels; _px2: square pixels; _grey: grey levels in the scale of the images; _grey_per_px: \
+    grey levels per pixel; _percent: per cent; _deg: degrees; strains without unit. Pairs are x, y (strains: exx, eyy), x right, y down";
+
+/// Runs the command.
+pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
+    let begin = Instant::now();
+    let options = options(args)?;
+    let pool = pool(args.threads)?;
+    let folder = args.output.as_deref().map(|path| RunFolder::open(path, true)).transpose()?;
+    let page = args.page.unwrap_or(0) as usize;
+    let (reference, loaded) = read(&args.reference, page)?;
+    let files = static_files(args)?;
+    let mut stills = Vec::new();
+    let mut records = Vec::new();
+    for path in &files {
+        let (record, image) = read(path, page)?;
+        stills.push(Still { name: path.display().to_string(), image });
+        records.push(record);
+    }
+    eprintln!(
+        "{}: {} x {} px, {}; {}; moving copies of it, which takes some seconds",
+        args.reference.display(),
+        reference.width_px,
+        reference.height_px,
+        reference.depth,
+        plural(stills.len(), "static image")
+    );
+    let metrology = pool.install(|| measure(&loaded, &stills, &options))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    print(&metrology, &options);
+    let record = Record {
+        quadrille: env!("CARGO_PKG_VERSION"),
+        units: UNITS,
+        reference,
+        static_images: records,
+        options: OptionsRecord {
+            element_sizes_px: metrology.sizes.iter().map(|result| result.element_size_px).collect(),
+            roi_px: args.roi,
+            page,
+            noise_grey: args.noise,
+            interpolation: options.interpolation.name(),
+            target_sigma_px: options.target_sigma_px,
+            resolve_period_px: options.resolve_period_px,
+            seed: options.seed,
+        },
+        seconds,
+        metrology: &metrology,
+    };
+    if let Some(folder) = folder {
+        folder.write_json("metrology.json", &record)?;
+        let picture = plot(&metrology, &args.reference).draw()?;
+        for name in ["metrology.png", "metrology.svg"] {
+            picture.save(folder.path().join(name))?;
+        }
+        eprintln!("numbers and curves in {}: metrology.json, .png, .svg", folder.path().display());
+    }
+    eprintln!("{seconds:.1} s");
+    Ok(Outcome::Fine)
+}
+
+fn options(args: &MetrologyArgs) -> Result<Options> {
+    let default = Options::default();
+    let sizes = args.element_sizes.as_ref().map(|sizes| {
+        // A negative size is refused with the same words as 0.
+        sizes.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect()
+    });
+    Ok(Options {
+        element_sizes: sizes,
+        roi: args.roi.map(|[x0, y0, x1, y1]| Roi { x0, y0, x1, y1 }),
+        noise: args.noise,
+        interpolation: args.interpolation.unwrap_or(default.interpolation),
+        target_sigma_px: args.target_sigma,
+        resolve_period_px: args.resolve_period,
+        seed: args.seed,
+    })
+}
+
+/// The static images. A glob over the folder takes the reference along: it is left out, unless it is alone,
+/// which is a mistake that deserves a word.
+fn static_files(args: &MetrologyArgs) -> Result<Vec<PathBuf>> {
+    let mut files = expand_series(&args.stills, Path::new(""))?;
+    let same = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let (reference, alone) = (same(&args.reference), files.len() == 1);
+    files.retain(|path| alone || same(path) != reference);
+    Ok(files)
+}
+
+fn read(path: &Path, page: usize) -> Result<(FileRecord, Arc<Image>)> {
+    let Loaded { image, notes, sha256, .. } = read_image(path, page)?;
+    for note in &notes {
+        eprintln!("{}: {note}", path.display());
+    }
+    let record = FileRecord {
+        file: absolute(path),
+        sha256,
+        width_px: image.width(),
+        height_px: image.height(),
+        depth: image.pixels().depth(),
+        messages: notes,
+    };
+    Ok((record, Arc::new(image)))
+}
+
+/// A number with `digits` places, or a dash.
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".into(), |v| format!("{v:.digits$}"))
+}
+
+/// A strain or a bias: two figures.
+fn small(value: Option<f64>) -> String {
+    value.map_or("-".into(), |v| format!("{v:.1e}"))
+}
+
+fn larger(pair: [f64; 2]) -> f64 {
+    pair[0].max(pair[1])
+}
+
+/// Uncertainty and resolved period against element size. In thousandths of a pixel the uncertainty has the
+/// size of the periods, and both share an axis.
+fn plot(found: &Metrology, reference: &Path) -> Plot {
+    let series = |name: &str, style, factor: f64, value: fn(&SizeResult) -> Option<f64>| {
+        let sizes = found.sizes.iter();
+        let (x, y) = sizes.filter_map(|r| Some((r.element_size_px as f64, factor * value(r)?))).unzip();
+        Series::new(name, style, x, y)
+    };
+    let uncertainty = |name, style, value| series(&format!("uncertainty, {name}"), style, 1e3, value);
+    let period = |name, style, value| series(&format!("period, {name}"), style, 1.0, value);
+    let drawn = vec![
+        uncertainty("formula", Style::Dashed, |r| Some(larger(r.sigma_formula_px))),
+        uncertainty("predicted by correlate", Style::Line, |r| r.sigma_predicted_px.map(larger)),
+        uncertainty("measured, inner nodes", Style::Markers, SizeResult::sigma_px),
+        uncertainty("measured, edge nodes", Style::Markers, |r| r.measured.as_ref()?.edge_px.map(larger)),
+        period("theory, mean over phase", Style::Dashed, |r| Some(r.period_theory_px[1])),
+        period("measured, mean", Style::Markers, |r| r.period_measured?.averaged_px),
+        period("measured, worst phase", Style::Markers, |r| r.period_measured?.at_middle_px),
+    ];
+    let origin = match found.noise.origin {
+        Origin::StaticImages => "measured",
+        Origin::Given => "given",
+        Origin::Assumed => "assumed, not measured",
+    };
+    let name = reference.file_name().unwrap_or_default().to_string_lossy();
+    let mut notes = vec![format!("noise of one image {:.2} grey levels ({origin})", found.noise.sigma_grey)];
+    notes.push("uncertainty of a node, the larger component; period of which 90 % of the amplitude is left".into());
+    if let Some(size) = found.advice.element_size_px {
+        notes.push(format!("recommended: elements of {size} px"));
+    }
+    Plot {
+        title: format!("{name}: what elements of a size measure"),
+        x: Axis::log("element size (px)"),
+        y: Axis::log("uncertainty (0.001 px); period resolved (px)"),
+        series: drawn.into_iter().filter(|series| !series.x.is_empty()).collect(),
+        notes,
+    }
+}
+
+fn print(found: &Metrology, options: &Options) {
+    let Metrology { noise, texture, .. } = found;
+    let [x0, y0, x1, y1] = found.zone_px;
+    println!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0);
+    let origin = match noise.origin {
+        Origin::StaticImages => format!("measured on {}", plural(noise.pairs.len(), "static image")),
+        Origin::Given => "as given".into(),
+        Origin::Assumed => "ASSUMED from the highest frequencies of this one image, not measured".into(),
+    };
+    println!(
+        "noise           {:.2} grey levels of one image, {origin} (white noise in it: at most {:.2})",
+        noise.sigma_grey, noise.ceiling_grey
+    );
+    for pair in &noise.pairs {
+        println!(
+            "                {:.2} with {}, which has drifted by ({:.3}, {:.3}) px",
+            pair.sigma_grey, pair.name, pair.drift_px[0], pair.drift_px[1]
+        );
+    }
+    if !noise.by_grey.is_empty() {
+        let parts: Vec<_> = noise
+            .by_grey
+            .iter()
+            .map(|part| format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey))
+            .collect();
+        println!("                by grey level: {}", parts.join(", "));
+    }
+    let [gx, gy] = texture.gradient_grey_per_px;
+    println!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px");
+    let [sx, sy] = texture.speckle_px.map(|size| number(size, 1));
+    println!("speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)");
+    let ([low, high], [p1, p99], [dark, bright]) =
+        (texture.range_grey, texture.percentiles_grey, texture.saturated_percent);
+    let used = texture.range_used_percent.map_or(String::new(), |used| format!(", {used:.0} % of the scale"));
+    println!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}");
+    println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
+    println!();
+    println!("standard uncertainty of one component (the larger of x and y), and shortest period resolved at 90 %");
+    println!(
+        "element  without |  displacement of a node, px          |  strain at centre | period, px             | uncertainty"
+    );
+    println!(
+        "size px  texture |  formula predicted measured  on edge |  formula measured |  best   mean theory worst | x period"
+    );
+    for result in &found.sizes {
+        let measured = result.measured.as_ref();
+        let periods = result.period_measured;
+        println!(
+            "{:7}  {:5.1} % |  {:>7} {:>9} {:>8} {:>8} |  {:>7} {:>8} | {:>5} {:>6} {:>6} {:>5} | {:>8}",
+            result.element_size_px,
+            result.refused_percent,
+            number(Some(larger(result.sigma_formula_px)), 4),
+            number(result.sigma_predicted_px.map(larger), 4),
+            number(result.sigma_px(), 4),
+            number(measured.and_then(|scatter| scatter.edge_px).map(larger), 4),
+            small(Some(larger(result.strain_sigma_formula))),
+            small(measured.and_then(|scatter| scatter.strain).map(larger)),
+            number(periods.and_then(|p| p.at_node_px), 0),
+            number(periods.and_then(|p| p.averaged_px), 0),
+            number(Some(result.period_theory_px[1]), 0),
+            number(periods.and_then(|p| p.at_middle_px), 0),
+            number(result.sigma_times_period_px2, 2),
+        );
+    }
+    println!();
+    println!("largest bias over sub-pixel displacements, elements of {} px, px", found.bias_element_size_px);
+    for bias in found.bias.iter().filter(|bias| !bias.shift_px.is_empty()) {
+        let used = if bias.interpolation == options.interpolation { "  (used above)" } else { "" };
+        println!("  {:9} {:.1e}{used}", bias.interpolation.name(), bias.largest_px);
+    }
+    println!();
+    match found.advice.element_size_px {
+        Some(size) => println!("recommended: --element-size {size}"),
+        None => println!("no element size can be recommended"),
+    }
+    for reason in &found.advice.reasons {
+        println!("  {reason}");
+    }
+    for hint in &found.advice.hints {
+        println!("note: {hint}");
+    }
+}

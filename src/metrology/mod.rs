@@ -1,0 +1,264 @@
+//! What can be measured on the user's own images: noise, texture, uncertainty and resolution against
+//! element size, bias, and the element size that follows from them.
+//!
+//! Everything is measured with the correlation itself, on copies of the reference image that are moved by
+//! known amounts without interpolation, with noise added. `docs/metrology.md` says how, and what it does
+//! not show.
+
+mod advice;
+mod error;
+mod noise;
+mod region;
+mod spline;
+mod texture;
+mod theory;
+mod trials;
+mod wave;
+
+pub use advice::Advice;
+pub use error::MetrologyError;
+pub use noise::{GreyNoise, Noise, Origin, StaticPair};
+pub use texture::Texture;
+pub use theory::{Crest, RESOLVED, displacement_sigma_px, strain_sigma, wave_gain};
+pub use trials::{Bias, Resolved, Scatter};
+
+use crate::correlate::CorrelationError;
+use crate::imaging::{Image, Interpolation};
+use crate::mesh::Roi;
+use rayon::prelude::*;
+use region::Region;
+use serde::Serialize;
+use std::sync::Arc;
+use trials::Trials;
+use wave::WavePicture;
+
+/// Element sizes that are tried unless others are asked for, px.
+pub const ELEMENT_SIZES: [usize; 8] = [6, 8, 12, 16, 24, 32, 48, 64];
+
+/// An image of the specimen at rest, beside the reference.
+#[derive(Debug, Clone)]
+pub struct Still {
+    /// What messages call it.
+    pub name: String,
+    /// The image.
+    pub image: Arc<Image>,
+}
+
+/// Choices of a metrology.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Element sizes, px; `None` for those of [`ELEMENT_SIZES`] that fit.
+    pub element_sizes: Option<Vec<usize>>,
+    /// The rectangle to look at; `None` for the whole image. Of a large one the middle is used.
+    pub roi: Option<Roi>,
+    /// Standard deviation of the noise of one image, grey levels; from static images or assumed if `None`.
+    pub noise: Option<f64>,
+    /// Interpolation of the correlation.
+    pub interpolation: Interpolation,
+    /// Standard uncertainty that the recommended elements reach, px.
+    pub target_sigma_px: f64,
+    /// Period that the recommended elements resolve at 90 %, px, if one is asked for.
+    pub resolve_period_px: Option<f64>,
+    /// Seed of the noise that is added.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            element_sizes: None,
+            roi: None,
+            noise: None,
+            interpolation: Interpolation::default(),
+            target_sigma_px: 0.02,
+            resolve_period_px: None,
+            seed: 1,
+        }
+    }
+}
+
+/// What elements of one size measure.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SizeResult {
+    /// Side of the elements, px.
+    pub element_size_px: usize,
+    /// Nodes of the mesh on the zone that is looked at.
+    pub n_nodes: usize,
+    /// Nodes that the texture check refuses, per cent.
+    pub refused_percent: f64,
+    /// Standard uncertainty of an inner node by the formula `sqrt(6) sigma / (l g)`, along x and y, px.
+    pub sigma_formula_px: [f64; 2],
+    /// The same as `correlate` would predict it for this image: root mean square over the inner nodes.
+    /// `None` when no node is left.
+    pub sigma_predicted_px: Option<[f64; 2]>,
+    /// Measured on displaced copies with noise; `None` when nothing converged.
+    pub measured: Option<Scatter>,
+    /// Standard uncertainty of exx and eyy at the centre of an element by the formula
+    /// `2.36 sigma / (l^2 g)`.
+    pub strain_sigma_formula: [f64; 2],
+    /// Period resolved at 90 % by theory: best, averaged over phase, worst, px.
+    pub period_theory_px: [f64; 3],
+    /// The same measured.
+    pub period_measured: Option<Resolved>,
+    /// Measured uncertainty (the larger component) times measured period averaged over phase, px^2.
+    pub sigma_times_period_px2: Option<f64>,
+}
+
+impl SizeResult {
+    /// The larger component of the measured standard uncertainty of inner nodes, px.
+    pub fn sigma_px(&self) -> Option<f64> {
+        self.measured.as_ref().map(|scatter| scatter.inner_px[0].max(scatter.inner_px[1]))
+    }
+
+    /// The period resolved at 90 % averaged over phase, px: measured, else by theory.
+    pub fn period_px(&self) -> f64 {
+        self.period_measured.and_then(|periods| periods.averaged_px).unwrap_or(self.period_theory_px[1])
+    }
+}
+
+/// Everything that was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Metrology {
+    /// The zone that was looked at: left, top, right, bottom, px, the last two not included.
+    pub zone_px: [usize; 4],
+    /// Noise of one image.
+    pub noise: Noise,
+    /// Texture of the reference.
+    pub texture: Texture,
+    /// Element size by element size.
+    pub sizes: Vec<SizeResult>,
+    /// Element size of the bias, px.
+    pub bias_element_size_px: usize,
+    /// Bias of each interpolation.
+    pub bias: Vec<Bias>,
+    /// What to do.
+    pub advice: Advice,
+}
+
+/// Measures what can be measured on `reference`, with the noise of `stills` where there are any.
+///
+/// # Errors
+/// Options or a region that do not fit the image; an image without texture; static images that are of
+/// another size, the reference itself, or cannot be brought to match it.
+pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> Result<Metrology, MetrologyError> {
+    check(options)?;
+    let region = Region::new(reference, options.roi)?;
+    let part = region.cut(reference);
+    if part.is_constant() {
+        return Err(MetrologyError::Constant { grey: part.grey(0, 0) });
+    }
+    let sizes = sizes(options, &region)?;
+    let noise = noise::noise(reference, stills, options.noise, &region)?;
+    let texture = Texture::new(&part, &region, noise.in_reference());
+    if texture.weaker_gradient() <= 0.0 {
+        return Err(MetrologyError::OnlyNoise { sigma_grey: noise.sigma_grey });
+    }
+    let picture = WavePicture::new(&part, noise.in_reference());
+    let interpolation = options.interpolation;
+    let trials = Trials { region: &region, picture: &picture, noise: noise.sigma_grey, interpolation };
+    let scatter = trials.scatter(&sizes, options.seed)?;
+    // One size a task: much of a small correlation runs on one thread.
+    let results: Vec<SizeResult> = (sizes.par_iter().zip(scatter))
+        .map(|(&size, measured)| size_result(&trials, &part, &texture, size, measured))
+        .collect::<Result<_, _>>()?;
+    if results.iter().all(|result| result.sigma_predicted_px.is_none()) {
+        return Err(CorrelationError::Textureless.into());
+    }
+    let bias_element_size_px = bias_size(&results, &texture);
+    let bias = trials.bias(bias_element_size_px)?;
+    let advice = Advice::new(&noise, &texture, &results, &bias, options);
+    let zone_px = region.in_image();
+    Ok(Metrology { zone_px, noise, texture, sizes: results, bias_element_size_px, bias, advice })
+}
+
+fn check(options: &Options) -> Result<(), MetrologyError> {
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    let fault = |name, value: f64, wanted| Err(MetrologyError::Option { name, value: value.to_string(), wanted });
+    if let Some(noise) = options.noise
+        && !positive(noise)
+    {
+        return fault("the noise", noise, "a positive standard deviation in grey levels");
+    }
+    if !positive(options.target_sigma_px) {
+        return fault("the target uncertainty", options.target_sigma_px, "a positive number of pixels");
+    }
+    match options.resolve_period_px {
+        Some(period) if !positive(period) => fault("the period to resolve", period, "a positive number of pixels"),
+        _ => Ok(()),
+    }
+}
+
+/// The element sizes, rising, each once.
+fn sizes(options: &Options, region: &Region) -> Result<Vec<usize>, MetrologyError> {
+    let [x0, y0, x1, y1] = region.zone();
+    let Some(asked) = &options.element_sizes else {
+        return Ok(ELEMENT_SIZES.into_iter().filter(|&size| region.fits(size)).collect());
+    };
+    let mut sizes = asked.clone();
+    sizes.sort_unstable();
+    sizes.dedup();
+    if sizes.is_empty() {
+        return Err(MetrologyError::NoSize);
+    }
+    for &size in &sizes {
+        if !(4..=128).contains(&size) {
+            return Err(MetrologyError::ElementSize { size });
+        }
+        if !region.fits(size) {
+            return Err(MetrologyError::ElementTooLarge { size, width: x1 - x0, height: y1 - y0 });
+        }
+    }
+    Ok(sizes)
+}
+
+fn size_result(
+    trials: &Trials<'_>,
+    part: &Arc<Image>,
+    texture: &Texture,
+    size: usize,
+    measured: Option<Scatter>,
+) -> Result<SizeResult, MetrologyError> {
+    let sigma = trials.noise;
+    let side = size as f64;
+    let [x0, y0, x1, y1] = trials.region.zone();
+    let mut result = SizeResult {
+        element_size_px: size,
+        n_nodes: ((x1 - x0) / size + 1) * ((y1 - y0) / size + 1),
+        refused_percent: 100.0,
+        sigma_formula_px: texture.gradient_grey_per_px.map(|g| displacement_sigma_px(sigma, side, g)),
+        sigma_predicted_px: None,
+        measured,
+        strain_sigma_formula: texture.gradient_grey_per_px.map(|g| strain_sigma(sigma, side, g)),
+        period_theory_px: Crest::ALL.map(|crest| side * crest.resolved_period_by_size()),
+        period_measured: None,
+        sigma_times_period_px2: None,
+    };
+    match trials.correlator(part, size, trials.interpolation, sigma) {
+        Ok(correlator) => {
+            result.refused_percent = 100.0 * correlator.dropped().len() as f64 / result.n_nodes as f64;
+            result.sigma_predicted_px = trials::predicted(&correlator, sigma);
+            result.period_measured = Some(trials.resolved(size)?);
+        }
+        Err(CorrelationError::Textureless | CorrelationError::NoTexture { .. }) => {}
+        Err(error) => return Err(error.into()),
+    }
+    let period = result.period_measured.and_then(|periods| periods.averaged_px);
+    result.sigma_times_period_px2 = result.sigma_px().zip(period).map(|(sigma, period)| sigma * period);
+    Ok(result)
+}
+
+/// The size whose bias is shown: 16 px, or what holds three speckles if that is more.
+fn bias_size(results: &[SizeResult], texture: &Texture) -> usize {
+    let least = (3.0 * texture.larger_speckle_px().unwrap_or(0.0)).max(16.0);
+    let usable = || results.iter().filter(|result| result.sigma_predicted_px.is_some());
+    let large_enough = usable().find(|result| result.element_size_px as f64 >= least);
+    large_enough.or_else(|| usable().next_back()).map_or(16, |result| result.element_size_px)
+}
+
+/// Grey levels of the zone, sorted.
+fn grey_levels(image: &Image, region: &Region) -> Vec<f32> {
+    let [x0, y0, x1, y1] = region.zone();
+    let mut greys: Vec<f32> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| image.grey(x, y))).collect();
+    greys.sort_by(f32::total_cmp);
+    greys
+}

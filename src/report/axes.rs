@@ -1,0 +1,168 @@
+//! Axes around a rectangle: marks, numbers and what they count.
+
+use super::letters::Type;
+use super::scale::Tick;
+use super::scene::{Anchor, BLACK, Rect, Rgb, SOFT, Scene};
+
+/// Free border of a picture.
+pub(super) const BORDER: i32 = 16;
+pub(super) const TICK_LENGTH: i32 = 6;
+/// Between a tick, its label and the text beyond.
+pub(super) const GAP: i32 = 6;
+
+/// The sizes of letters in a picture.
+pub(super) struct Letters {
+    /// Numbers and notes.
+    pub small: Type,
+    /// What an axis counts.
+    pub normal: Type,
+    /// Titles.
+    pub large: Type,
+}
+
+impl Letters {
+    pub fn new() -> Self {
+        Self { small: Type::new(14), normal: Type::new(15), large: Type::new(18) }
+    }
+}
+
+/// A side of a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    Bottom,
+    Left,
+    Top,
+    Right,
+}
+
+/// An axis along one side: its marks at places along the side (units from its left or upper end), and its
+/// title.
+#[derive(Debug, Clone)]
+pub(super) struct SideAxis {
+    pub side: Side,
+    pub ticks: Vec<(f64, String)>,
+    /// Marks without a number.
+    pub minor: Vec<f64>,
+    pub title: String,
+}
+
+impl SideAxis {
+    pub fn new(side: Side, ticks: &[Tick], place: impl Fn(f64) -> f64, title: impl Into<String>) -> Self {
+        let ticks = ticks.iter().map(|tick| (place(tick.value), tick.label.clone())).collect();
+        Self { side, ticks, minor: Vec::new(), title: title.into() }
+    }
+
+    /// The longest number, px.
+    pub fn longest(&self, letters: &Letters) -> i32 {
+        self.ticks.iter().map(|(_, label)| letters.small.width(label).ceil() as i32).max().unwrap_or(0)
+    }
+
+    /// How far the axis reaches beyond its side.
+    pub fn thickness(&self, letters: &Letters) -> i32 {
+        let numbers = match self.side {
+            Side::Bottom | Side::Top => letters.small.digit() + letters.small.below(),
+            Side::Left | Side::Right => self.longest(letters),
+        };
+        TICK_LENGTH + GAP + numbers + GAP + letters.normal.digit() + letters.normal.below()
+    }
+
+    /// How far numbers and title reach beyond the ends of the side of `length`.
+    pub fn overhang(&self, letters: &Letters, length: i32) -> i32 {
+        let title = (letters.normal.width(&self.title).ceil() as i32 - length) / 2 + 1;
+        let number = match self.side {
+            Side::Bottom | Side::Top => self.longest(letters) / 2 + 1,
+            Side::Left | Side::Right => letters.small.digit(),
+        };
+        title.max(number)
+    }
+
+    pub fn draw(&self, scene: &mut Scene, letters: &Letters, rect: Rect) {
+        let Rect { x, y, width, height } = rect;
+        let across = matches!(self.side, Side::Bottom | Side::Top);
+        let length = if across { width } else { height };
+        let cell = |place: f64| (place.floor() as i32).clamp(0, length - 1);
+        let marks = self.ticks.iter().map(|(place, _)| (*place, TICK_LENGTH));
+        for (place, long) in marks.chain(self.minor.iter().map(|&place| (place, TICK_LENGTH / 2))) {
+            let at = cell(place);
+            let mark = match self.side {
+                Side::Bottom => Rect { x: x + at, y: y + height + 1, width: 1, height: long },
+                Side::Top => Rect { x: x + at, y: y - 1 - long, width: 1, height: long },
+                Side::Left => Rect { x: x - 1 - long, y: y + at, width: long, height: 1 },
+                Side::Right => Rect { x: x + width + 1, y: y + at, width: long, height: 1 },
+            };
+            scene.fill(mark, BLACK);
+        }
+        let small = &letters.small;
+        let beyond = TICK_LENGTH + GAP;
+        let longest = self.longest(letters);
+        for (place, label) in &self.ticks {
+            let at = cell(*place);
+            let middle = f64::from(at) + 0.5;
+            let row = f64::from(y + at + (small.digit() + 1) / 2);
+            let (anchor, foot) = match self.side {
+                Side::Bottom => {
+                    (Anchor::Middle, [f64::from(x) + middle, f64::from(y + height + beyond + small.digit())])
+                }
+                Side::Top => (Anchor::Middle, [f64::from(x) + middle, f64::from(y - beyond)]),
+                Side::Left => (Anchor::End, [f64::from(x - beyond), row]),
+                Side::Right => (Anchor::End, [f64::from(x + width + beyond + longest), row]),
+            };
+            scene.text(small, label, anchor, foot, BLACK);
+        }
+        let normal = &letters.normal;
+        let (middle_x, middle_y) = (f64::from(x) + f64::from(width) / 2.0, f64::from(y) + f64::from(height) / 2.0);
+        let (numbers, below) = (small.digit() + small.below() + GAP, normal.below());
+        match self.side {
+            Side::Bottom => {
+                let foot = y + height + beyond + numbers + normal.digit();
+                scene.text(normal, &self.title, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
+            }
+            Side::Top => {
+                let foot = y - beyond - numbers;
+                scene.text(normal, &self.title, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
+            }
+            Side::Left => {
+                let foot = x - beyond - longest - GAP - below;
+                scene.text_upwards(normal, &self.title, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
+            }
+            Side::Right => {
+                let foot = x + width + beyond + longest + GAP + normal.digit();
+                scene.text_upwards(normal, &self.title, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
+            }
+        }
+    }
+}
+
+/// Lines of text across the picture, title above or notes below.
+#[derive(Debug, Default)]
+pub(super) struct Lines(Vec<(String, bool, Rgb)>);
+
+impl Lines {
+    /// A title in large letters, broken to `width`.
+    pub fn title(&mut self, letters: &Letters, text: &str, width: i32) {
+        self.0.extend(letters.large.wrap(text, f64::from(width)).into_iter().map(|line| (line, true, BLACK)));
+    }
+
+    /// A note in small letters.
+    pub fn note(&mut self, letters: &Letters, text: &str, width: i32, colour: Rgb) {
+        self.0.extend(letters.small.wrap(text, f64::from(width)).into_iter().map(|line| (line, false, colour)));
+    }
+
+    /// Notes in small, soft letters.
+    pub fn notes(&mut self, letters: &Letters, notes: &[String], width: i32) {
+        notes.iter().for_each(|note| self.note(letters, note, width, SOFT));
+    }
+
+    pub fn height(&self, letters: &Letters) -> i32 {
+        self.0.iter().map(|(_, large, _)| if *large { letters.large.line() } else { letters.small.line() }).sum()
+    }
+
+    /// Draws the lines from `top` on, about `middle` or from `left` on.
+    pub fn draw(&self, scene: &mut Scene, letters: &Letters, anchor: Anchor, x: f64, mut top: i32) {
+        for (line, large, colour) in &self.0 {
+            let type_ = if *large { &letters.large } else { &letters.small };
+            scene.text(type_, line, anchor, [x, f64::from(top + type_.em)], *colour);
+            top += type_.line();
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The image that a field is drawn over.
+
+use super::over_image::LONGER_SIDE;
+use super::picture::LARGEST_RATIO;
+use crate::imaging::Image;
+use image::codecs::png::{CompressionType, FilterType as Filter, PngEncoder};
+use image::imageops::{self, FilterType};
+use image::{ExtendedColorType, ImageBuffer, ImageEncoder, Luma};
+
+/// An image made ready to draw over: in the size of a picture, stretched from black to white, with the
+/// darkest and brightest 0.2 % of the pixels cut off. Made once, it serves any number of figures.
+#[derive(Clone)]
+pub struct Backdrop {
+    /// Columns and rows of the image.
+    size: [usize; 2],
+    ratio: u32,
+    drawn: Option<Drawn>,
+}
+
+#[derive(Clone)]
+struct Drawn {
+    grey: Vec<u8>,
+    width: usize,
+    height: usize,
+    png: Vec<u8>,
+    mean: u8,
+}
+
+impl std::fmt::Debug for Backdrop {
+    /// All but the pixels.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Backdrop").field("size", &self.size).field("ratio", &self.ratio).finish_non_exhaustive()
+    }
+}
+
+impl Backdrop {
+    /// Prepares `image` for pictures with `ratio` (1 to 4) pixels per unit: 1 for the screen, 2 or 3 for
+    /// print.
+    pub fn new(image: &Image, ratio: u32) -> Self {
+        let ratio = ratio.clamp(1, LARGEST_RATIO);
+        let size = [image.width(), image.height()];
+        let factor = LONGER_SIDE / size[0].max(size[1]) as f64;
+        let [width, height] = size.map(|side| (side as f64 * factor).round().max(1.0) as u32 * ratio);
+        let drawn = Some(Drawn::new(image, width, height));
+        Self { size, ratio, drawn }
+    }
+
+    /// A white sheet of `width` x `height` px of an image that is not there.
+    pub fn blank(width: usize, height: usize, ratio: u32) -> Self {
+        Self { size: [width.max(1), height.max(1)], ratio: ratio.clamp(1, LARGEST_RATIO), drawn: None }
+    }
+
+    /// Columns and rows of the image, px.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Pixels of a picture per unit.
+    pub fn ratio(&self) -> u32 {
+        self.ratio
+    }
+
+    /// The picture of the image, as a PNG file.
+    pub(super) fn png(&self) -> Option<&[u8]> {
+        self.drawn.as_ref().map(|drawn| drawn.png.as_slice())
+    }
+
+    /// Mean grey; white without an image.
+    pub(super) fn mean(&self) -> u8 {
+        self.drawn.as_ref().map_or(255, |drawn| drawn.mean)
+    }
+
+    /// The grey at a point of the image (px), bilinear; white without an image.
+    pub(super) fn grey(&self, x: f64, y: f64) -> u8 {
+        let Some(drawn) = &self.drawn else { return 255 };
+        let cell = |v: f64, side: usize, n: usize| {
+            let at = ((v + 0.5) * n as f64 / side as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+            let first = (at.floor() as usize).min(n.saturating_sub(2));
+            (first, (first + 1).min(n - 1), at - first as f64)
+        };
+        let (i, i1, s) = cell(x, self.size[0], drawn.width);
+        let (j, j1, t) = cell(y, self.size[1], drawn.height);
+        let grey = |i: usize, j: usize| f64::from(drawn.grey[j * drawn.width + i]);
+        let row = |j: usize| (1.0 - s) * grey(i, j) + s * grey(i1, j);
+        ((1.0 - t) * row(j) + t * row(j1)).round() as u8
+    }
+}
+
+impl Drawn {
+    fn new(image: &Image, width: u32, height: u32) -> Self {
+        let (columns, rows) = (image.width() as u32, image.height() as u32);
+        // From 0 to 1 first: `resize` clips floats to that.
+        let (darkest, brightest) = image.range();
+        let extent = if brightest > darkest { f64::from(brightest) - f64::from(darkest) } else { 1.0 };
+        let grey = |x: u32, y: u32| f64::from(image.grey(x as usize, y as usize));
+        let source =
+            ImageBuffer::from_fn(columns, rows, |x, y| Luma([((grey(x, y) - f64::from(darkest)) / extent) as f32]));
+        // Few pixels are shown as the squares they are; many are averaged, or moire would appear.
+        let filter = if width >= 4 * columns { FilterType::Nearest } else { FilterType::Triangle };
+        let values = imageops::resize(&source, width, height, filter).into_raw();
+        // A few hot or dead pixels must not decide the contrast.
+        let mut sorted = values.clone();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let quantile = |part: f64| f64::from(sorted[((sorted.len() - 1) as f64 * part).round() as usize]);
+        let (mut low, mut high) = (quantile(0.002), quantile(0.998));
+        if low >= high {
+            (low, high) = (quantile(0.0), quantile(1.0));
+        }
+        let stretch = |v: f32| if low < high { (f64::from(v) - low) / (high - low) } else { 0.5 };
+        let grey: Vec<u8> = values.iter().map(|&v| (255.0 * stretch(v).clamp(0.0, 1.0)).round() as u8).collect();
+        let mean = grey.iter().map(|&v| u64::from(v)).sum::<u64>() / grey.len() as u64;
+        let png = png(&grey, width, height, ExtendedColorType::L8);
+        Self { grey, width: width as usize, height: height as usize, png, mean: mean as u8 }
+    }
+}
+
+/// Pixels as a PNG file, to stand inside a picture.
+pub(super) fn png(pixels: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, Filter::Adaptive)
+        .write_image(pixels, width, height, colour)
+        .expect("memory takes any picture");
+    bytes
+}

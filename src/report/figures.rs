@@ -1,0 +1,406 @@
+//! The figures of one frame, as files.
+
+use super::map::{MapOptions, element_map_on, nodal_map_on};
+use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
+use super::profile::{Profiled, profile_plot};
+use super::scale::{LARGEST, Palette, written};
+use super::{Backdrop, Picture, ReportError};
+use crate::field::{Measurement, RemoveRigid, Status, StrainDefinition, StrainField, UnknownChoice};
+use crate::units::{PixelSize, Px};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// A figure that can be drawn of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Figure {
+    /// Displacement along x, px.
+    Ux,
+    /// Displacement along y, px.
+    Uy,
+    /// Strain along x.
+    Exx,
+    /// Strain along y.
+    Eyy,
+    /// Shear strain, that of the tensor.
+    Exy,
+    /// Root mean square of the residual of each element, grey levels.
+    Residual,
+    /// The same in per cent of the reference's range of grey levels.
+    ResidualPercent,
+    /// Standard uncertainty of the displacement, px: root mean square of both components.
+    Sigma,
+    /// The mesh on the reference image.
+    Mesh,
+    /// The deformed mesh.
+    Deformed,
+    /// The zones without their rigid motion.
+    Register,
+}
+
+impl Figure {
+    /// All there are.
+    pub const ALL: [Figure; 11] = [
+        Figure::Ux,
+        Figure::Uy,
+        Figure::Exx,
+        Figure::Eyy,
+        Figure::Exy,
+        Figure::Residual,
+        Figure::ResidualPercent,
+        Figure::Sigma,
+        Figure::Mesh,
+        Figure::Deformed,
+        Figure::Register,
+    ];
+
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Figure::Ux => "ux",
+            Figure::Uy => "uy",
+            Figure::Exx => "exx",
+            Figure::Eyy => "eyy",
+            Figure::Exy => "exy",
+            Figure::Residual => "residual",
+            Figure::ResidualPercent => "residual-percent",
+            Figure::Sigma => "sigma",
+            Figure::Mesh => "mesh",
+            Figure::Deformed => "deformed",
+            Figure::Register => "register",
+        }
+    }
+
+    /// What its values are called, and their unit; `None` when it has no values of its own.
+    pub(super) fn quantity(self) -> Option<(&'static str, &'static str)> {
+        Some(match self {
+            Figure::Ux => ("Displacement ux", "px"),
+            Figure::Uy => ("Displacement uy", "px"),
+            Figure::Exx => ("Strain exx", "-"),
+            Figure::Eyy => ("Strain eyy", "-"),
+            Figure::Exy => ("Shear strain exy", "-"),
+            Figure::Residual => ("Residual, rms per element", "grey levels"),
+            Figure::ResidualPercent => ("Residual, rms per element", "% of the grey range"),
+            Figure::Sigma => ("Standard uncertainty of the displacement", "px"),
+            Figure::Mesh | Figure::Deformed | Figure::Register => return None,
+        })
+    }
+
+    /// Which component of the strain it shows.
+    fn strain(self) -> Option<usize> {
+        [Figure::Exx, Figure::Eyy, Figure::Exy].iter().position(|&figure| figure == self)
+    }
+}
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Figure {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        Figure::ALL.into_iter().find(|figure| figure.name() == word).ok_or_else(|| UnknownChoice {
+            option: "quantity",
+            given: word.to_owned(),
+            expected: "ux, uy, exx, eyy, exy, residual, residual-percent, sigma, mesh, deformed or register",
+        })
+    }
+}
+
+/// A kind of picture file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// Pixels.
+    Png,
+    /// Lines and letters as such, with the image inside.
+    Svg,
+}
+
+impl Format {
+    /// Ending of the file's name, also the name used in options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Png => "png",
+            Format::Svg => "svg",
+        }
+    }
+}
+
+impl FromStr for Format {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [Format::Png, Format::Svg].into_iter().find(|format| format.name() == word).ok_or_else(|| UnknownChoice {
+            option: "format",
+            given: word.to_owned(),
+            expected: "png or svg",
+        })
+    }
+}
+
+/// Which figures are drawn, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FigureOptions {
+    /// The figures.
+    pub figures: Vec<Figure>,
+    /// The kinds of file; each figure is written in all of them.
+    pub formats: Vec<Format>,
+    /// A line (x0, y0, x1, y1, px): shown in the maps, and each quantity drawn along it.
+    pub line: Option<[f64; 4]>,
+    /// Factor on displacements in `deformed` and `register`; `None` for one that makes them visible.
+    pub magnify: Option<f64>,
+    /// Ends of the colour bars; `None` for the values of each figure.
+    pub range: Option<(f64, f64)>,
+    /// How strains are made.
+    pub strain: StrainDefinition,
+    /// Whether strains are shown as interpolated between nodes (over twice the element size) instead of one value
+    /// per element.
+    pub strain_on_nodes: bool,
+    /// The rigid motion that `register` takes off.
+    pub rigid: RemoveRigid,
+    /// The scale, for axes in mm beside those in px.
+    pub pixel_size: Option<PixelSize>,
+    /// Largest less smallest grey level of the reference: 100 % of the residual.
+    pub range_grey: Option<f64>,
+    /// Whether the noise of neighbouring nodes is correlated as that of an unregularised correlation; otherwise
+    /// the bands of profiles are upper bounds.
+    pub known_noise: bool,
+    /// Width of the guard band of each zone, px, for `mesh`.
+    pub guard_px: Vec<f64>,
+    /// Lines of text below every figure: files, program.
+    pub notes: Vec<String>,
+}
+
+impl Default for FigureOptions {
+    /// Displacements, strains and residual as PNG.
+    fn default() -> Self {
+        use Figure::{Exx, Exy, Eyy, Residual, Ux, Uy};
+        Self {
+            figures: vec![Ux, Uy, Exx, Eyy, Exy, Residual],
+            formats: vec![Format::Png],
+            line: None,
+            magnify: None,
+            range: None,
+            strain: StrainDefinition::default(),
+            strain_on_nodes: false,
+            rigid: RemoveRigid::Zone,
+            pixel_size: None,
+            range_grey: None,
+            known_noise: true,
+            guard_px: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+/// Draws the figures of frame `number` into `folder` (made when it is not there), as `000012-exx.png`, and those
+/// along a line as `000012-exx-profile.png`; gives the files. `reference` and `deformed` are the images, the
+/// second only for the deformed mesh.
+///
+/// A frame that diverged or could not be read is no measurement: nothing is drawn of it.
+///
+/// # Errors
+/// A range, a magnification or a line that is none, per cent without a range of grey levels, and a file that
+/// cannot be written.
+pub fn draw_frame(
+    folder: &Path,
+    number: usize,
+    measurement: &Measurement<Px>,
+    reference: &Backdrop,
+    deformed: Option<&Backdrop>,
+    options: &FigureOptions,
+) -> Result<Vec<PathBuf>, ReportError> {
+    if matches!(measurement.status, Status::Diverged | Status::Unreadable) {
+        return Ok(Vec::new());
+    }
+    std::fs::create_dir_all(folder).map_err(|source| ReportError::Write { path: folder.to_owned(), source })?;
+    let frame = Frame::new(number, measurement, reference, deformed, options);
+    let mut files = Vec::new();
+    let mut save = |picture: &Picture, name: &str| {
+        for format in &options.formats {
+            let path = folder.join(format!("{number:06}-{name}.{}", format.name()));
+            picture.save(&path)?;
+            files.push(path);
+        }
+        Ok::<_, ReportError>(())
+    };
+    for &figure in &options.figures {
+        save(&frame.draw(figure)?, figure.name())?;
+        if let (Some(line), Some(_)) = (options.line, figure.quantity()) {
+            let plot = frame.profile(figure, line)?;
+            save(&plot.draw()?.with_ratio(reference.ratio()), &format!("{figure}-profile"))?;
+        }
+    }
+    Ok(files)
+}
+
+/// One frame with what its figures share.
+struct Frame<'a> {
+    number: usize,
+    measurement: &'a Measurement<Px>,
+    reference: &'a Backdrop,
+    deformed: Option<&'a Backdrop>,
+    options: &'a FigureOptions,
+    strain: Option<StrainField>,
+}
+
+/// Values at nodes or on elements; what is unknown is NaN.
+pub(super) enum Values {
+    Nodes(Vec<f64>),
+    Elements(Vec<f64>),
+}
+
+impl<'a> Frame<'a> {
+    fn new(
+        number: usize,
+        measurement: &'a Measurement<Px>,
+        reference: &'a Backdrop,
+        deformed: Option<&'a Backdrop>,
+        options: &'a FigureOptions,
+    ) -> Self {
+        let strained = options.figures.iter().any(|figure| figure.strain().is_some());
+        let strain = strained.then(|| StrainField::of(measurement, options.strain));
+        Self { number, measurement, reference, deformed, options, strain }
+    }
+
+    fn draw(&self, figure: Figure) -> Result<Picture, ReportError> {
+        let options = self.options;
+        let Some((title, unit)) = figure.quantity() else { return self.draw_mesh(figure) };
+        let values = self.values(figure)?;
+        let signed = figure.strain().is_some();
+        let map = MapOptions {
+            range: options.range,
+            trim: if matches!(figure, Figure::Ux | Figure::Uy) { 0.002 } else { 0.005 },
+            palette: match figure {
+                _ if signed => Palette::BlueRed,
+                Figure::Residual | Figure::ResidualPercent => Palette::Plasma,
+                _ => Palette::Viridis,
+            },
+            // A white middle must not be taken for a grey image.
+            opacity: if signed { 0.8 } else { 0.7 },
+            pixel_size: options.pixel_size,
+            line: options.line,
+            notes: self.notes(figure, unit, &values),
+            ..MapOptions::new(format!("{title}, frame {}", self.number), format!("{title} ({unit})"))
+        };
+        match &values {
+            Values::Nodes(values) => nodal_map_on(self.reference, self.measurement, values, &map),
+            Values::Elements(values) => element_map_on(self.reference, self.measurement, values, &map),
+        }
+    }
+
+    fn values(&self, figure: Figure) -> Result<Values, ReportError> {
+        let measurement = self.measurement;
+        let nodal = |c: usize| Values::Nodes(measurement.displacement.iter().map(|u| u[c]).collect());
+        Ok(match figure {
+            Figure::Ux => nodal(0),
+            Figure::Uy => nodal(1),
+            Figure::Sigma => {
+                let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
+                Values::Nodes(measurement.sigma.iter().map(rms).collect())
+            }
+            Figure::ResidualPercent => {
+                let range = self.options.range_grey.filter(|range| *range > 0.0).ok_or(ReportError::Percent)?;
+                Values::Elements(measurement.element_residual.iter().map(|r| 100.0 * r / range).collect())
+            }
+            Figure::Residual => Values::Elements(measurement.element_residual.clone()),
+            _ => {
+                let (Some(strain), Some(c)) = (&self.strain, figure.strain()) else {
+                    return Ok(Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]));
+                };
+                let of = |strains: &[Option<crate::field::Strain>]| -> Vec<f64> {
+                    strains.iter().map(|strain| strain.map_or(f64::NAN, |strain| strain.0[c])).collect()
+                };
+                if self.options.strain_on_nodes {
+                    Values::Nodes(of(&strain.nodes))
+                } else {
+                    Values::Elements(of(&strain.elements))
+                }
+            }
+        })
+    }
+
+    /// What stands below a map: its extremes, what a strain is, files.
+    fn notes(&self, figure: Figure, unit: &str, values: &Values) -> Vec<String> {
+        let (mesh, measured) = (&self.measurement.mesh, &self.measurement.measured);
+        let elements = mesh.elements().iter().enumerate();
+        let whole = elements.filter(|(_, nodes)| nodes.iter().all(|&node| measured[node as usize]));
+        let mut ends: Option<(f64, f64)> = None;
+        let mut shown = 0;
+        for (element, nodes) in whole {
+            let of_element = match values {
+                Values::Nodes(values) => nodes.map(|node| values[node as usize]),
+                Values::Elements(values) => [values[element]; 4],
+            };
+            if of_element.iter().all(|v| v.abs() <= LARGEST) {
+                shown += 1;
+                let [low, high] = [f64::min, f64::max].map(|f| of_element.into_iter().fold(of_element[0], f));
+                ends = Some(ends.map_or((low, high), |(a, b)| (a.min(low), b.max(high))));
+            }
+        }
+        let mut notes = Vec::new();
+        if let Some((low, high)) = ends {
+            let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
+            let n = mesh.n_elements();
+            notes.push(format!("values {} to {}{unit}, on {shown} of {n} elements", written(low), written(high)));
+        }
+        if let (Some(strain), Some(_)) = (&self.strain, figure.strain()) {
+            let length = strain.length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 };
+            let length = (length * 100.0).round() / 100.0;
+            notes.push(format!("{} strain, {}, over {length} px", strain.definition, strain.definition.formula()));
+        }
+        if let (Figure::Residual, Some(range)) = (figure, self.options.range_grey) {
+            notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
+        }
+        notes.extend(self.options.notes.iter().cloned());
+        notes
+    }
+
+    fn draw_mesh(&self, figure: Figure) -> Result<Picture, ReportError> {
+        let (measurement, options) = (self.measurement, self.options);
+        let mesh = |title: &str| MeshOptions {
+            title: format!("{title}, frame {}", self.number),
+            notes: options.notes.clone(),
+            pixel_size: options.pixel_size,
+            magnify: options.magnify,
+            guard_px: options.guard_px.clone(),
+        };
+        match figure {
+            Figure::Mesh => mesh_figure(
+                self.reference,
+                &measurement.mesh,
+                Some(&measurement.measured),
+                &mesh("Mesh on the reference"),
+            ),
+            Figure::Register => {
+                register_figure(self.reference, measurement, options.rigid, &mesh("Zones in register"), options.range)
+            }
+            _ => {
+                // A magnified mesh does not fit its image.
+                let deformed = self.deformed.filter(|_| options.magnify.is_none_or(|factor| factor == 1.0));
+                let title = mesh("Deformed mesh");
+                deformed_mesh(deformed.unwrap_or(self.reference), deformed.is_some(), measurement, &title)
+            }
+        }
+    }
+
+    fn profile(&self, figure: Figure, line: [f64; 4]) -> Result<super::Plot, ReportError> {
+        let values = self.values(figure)?;
+        let what = match (figure, figure.strain()) {
+            (_, Some(c)) => Profiled::Strain(c),
+            (Figure::Ux, _) => Profiled::Displacement(0),
+            (Figure::Uy, _) => Profiled::Displacement(1),
+            _ => Profiled::Values(&values),
+        };
+        let (title, unit) = figure.quantity().unwrap_or_default();
+        let mut plot = profile_plot(self.measurement, what, line, self.options)?;
+        plot.title = format!("{title} along a line, frame {}", self.number);
+        plot.y.label = format!("{title} ({unit})");
+        plot.notes.extend(self.options.notes.iter().cloned());
+        Ok(plot)
+    }
+}

@@ -1,0 +1,449 @@
+//! Curves: several series over one pair of axes.
+
+use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
+use super::scale::{LARGEST, Range, Tick, log_ticks, ticks};
+use super::scene::{Anchor, BLACK, COLOURS, Path, Rect, Rgb, Scene, Stroke, WARNING, WHITE};
+use super::{Picture, ReportError};
+
+/// Size of the rectangle between the axes.
+const SIZE: [i32; 2] = [680, 420];
+/// Length of a line in the legend.
+const SAMPLE: i32 = 34;
+const GRID: Rgb = [224, 224, 224];
+/// Half the size of a marker.
+const MARK: f64 = 4.0;
+/// Points nearer than this to the last one drawn are not drawn: nobody can see them.
+const NEAR: f64 = 0.1;
+
+/// Curves over a pair of axes, with a legend when a series has a name.
+///
+/// ```
+/// use quadrille::report::{Axis, Plot, Series, Style};
+/// let size: Vec<f64> = vec![8.0, 16.0, 32.0, 64.0];
+/// let sigma: Vec<f64> = size.iter().map(|l| 0.4 / l).collect();
+/// let plot = Plot {
+///     title: "Noise against element size".into(),
+///     x: Axis::log("element size (px)"),
+///     y: Axis::log("standard uncertainty (px)"),
+///     series: vec![
+///         Series::new("formula", Style::Line, size.clone(), sigma.clone()),
+///         Series::new("measured", Style::Markers, size, sigma).with_band(vec![0.002; 4]),
+///     ],
+///     notes: vec!["Bars: +-2 standard deviations of ten repetitions.".into()],
+/// };
+/// let picture = plot.draw().unwrap();
+/// assert!(picture.svg().starts_with("<svg"));
+/// // picture.save("noise.svg") and picture.save("noise.png") write the same drawing.
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Plot {
+    /// Above the picture; broken into lines where it is long.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The curves, drawn in this order.
+    pub series: Vec<Series>,
+    /// Lines of text below the picture.
+    pub notes: Vec<String>,
+}
+
+/// An axis of a [`Plot`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// The quantity and its unit, as `load (N)`.
+    pub label: String,
+    /// Whether equal factors stand equally far apart. Points at or below zero are not shown then, and a note
+    /// says how many there are.
+    pub log: bool,
+    /// The values at the ends; `None` for a little more than the values of all series.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Axis {
+    /// A linear axis over all values.
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self { label: label.into(), log: false, range: None }
+    }
+
+    /// A logarithmic axis over all positive values.
+    pub fn log(label: impl Into<String>) -> Self {
+        Self { log: true, ..Self::linear(label) }
+    }
+
+    /// The same axis from `low` to `high`; what lies beyond is cut off.
+    pub fn with_range(self, low: f64, high: f64) -> Self {
+        Self { range: Some((low, high)), ..self }
+    }
+}
+
+/// One curve of a [`Plot`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    /// In the legend; nothing stands there when it is empty.
+    pub name: String,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates. The curve has a gap where one is not finite.
+    pub y: Vec<f64>,
+    /// Half the height of a band around lines, or of the error bars of markers, in the unit of `y`.
+    pub band: Option<Vec<f64>>,
+    /// How it is drawn.
+    pub style: Style,
+}
+
+/// How a [`Series`] is drawn. Colours and markers follow the order of the series; they differ for
+/// colour-blind readers and in print without colours, too.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Style {
+    /// A full line.
+    #[default]
+    Line,
+    /// A dashed line.
+    Dashed,
+    /// Points.
+    Markers,
+    /// Points joined by a line.
+    LineAndMarkers,
+}
+
+impl Series {
+    /// A curve without a band.
+    pub fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { name: name.into(), x, y, band: None, style }
+    }
+
+    /// The same curve with a band of plus and minus `half`.
+    pub fn with_band(self, half: Vec<f64>) -> Self {
+        Self { band: Some(half), ..self }
+    }
+
+    fn has_line(&self) -> bool {
+        self.style != Style::Markers
+    }
+
+    fn has_markers(&self) -> bool {
+        matches!(self.style, Style::Markers | Style::LineAndMarkers)
+    }
+
+    fn half(&self, at: usize) -> f64 {
+        self.band.as_ref().map_or(0.0, |band| band[at]).abs()
+    }
+}
+
+/// An axis with its ends, and where they stand.
+struct Scale {
+    range: Range,
+    log: bool,
+    /// Places of the ends, units of the sheet.
+    ends: [f64; 2],
+}
+
+impl Scale {
+    /// The axis over `values` (which are finite, and positive on a logarithmic axis).
+    fn new(axis: &Axis, values: impl Iterator<Item = f64>, ends: [f64; 2]) -> Result<Option<Self>, ReportError> {
+        let range = match axis.range {
+            Some((low, high)) if axis.log && low <= 0.0 => return Err(ReportError::LogRange { low, high }),
+            Some((low, high)) => Some(Range::new(low, high)?),
+            None => Range::of(values).map(|range| widened(range, axis.log)),
+        };
+        Ok(range.map(|range| Self { range, log: axis.log, ends }))
+    }
+
+    /// Where `value` stands; far beyond the ends it stays at a finite place.
+    fn at(&self, value: f64) -> f64 {
+        let part = if self.log {
+            let [low, high, value] = [self.range.low, self.range.high, value.max(f64::MIN_POSITIVE)].map(f64::ln);
+            (value - low) / (high - low)
+        } else {
+            self.range.fraction(value)
+        };
+        self.ends[0] + part.clamp(-20.0, 20.0) * (self.ends[1] - self.ends[0])
+    }
+
+    fn ticks(&self, gap: f64, extent: impl Fn(&str) -> f64) -> (Vec<Tick>, Vec<f64>) {
+        let length = (self.ends[1] - self.ends[0]).abs();
+        if self.log {
+            log_ticks(self.range, length, gap, extent)
+        } else {
+            (ticks(self.range, length, 0.0, gap, extent), Vec::new())
+        }
+    }
+}
+
+/// A little room at both ends, so that no point sits on the frame.
+fn widened(range: Range, log: bool) -> Range {
+    let Range { low, high } = range;
+    if log {
+        let room = (0.04 * (high.ln() - low.ln())).exp();
+        let wide = Range { low: low / room, high: high * room };
+        return if wide.low > 0.0 && wide.high <= LARGEST { wide } else { range };
+    }
+    let room = 0.04 * (high - low);
+    Range { low: low - room, high: high + room }
+}
+
+impl Plot {
+    /// Draws the curves.
+    ///
+    /// # Errors
+    /// A series whose lists differ in length, and a range without extent (or, on a logarithmic axis, one that
+    /// begins at or below zero).
+    pub fn draw(&self) -> Result<Picture, ReportError> {
+        for series in &self.series {
+            let band = series.band.as_ref().map_or(series.x.len(), Vec::len);
+            if series.y.len() != series.x.len() || band != series.x.len() {
+                let (name, x, y) = (series.name.clone(), series.x.len(), series.y.len());
+                return Err(ReportError::Series { name, x, y, band });
+            }
+        }
+        let [width, height] = SIZE;
+        let usable = |axis: &Axis, v: f64| v.abs() <= LARGEST && (!axis.log || v > 0.0);
+        let shown = |s: &Series, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
+        let points =
+            || self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| shown(s, at)).map(move |at| (s, at)));
+        // What is given and finite, but not shown: at or below zero on a logarithmic axis.
+        let finite = |s: &Series, at: usize| s.x[at].abs() <= LARGEST && s.y[at].abs() <= LARGEST;
+        let all = self.series.iter().map(|s| (0..s.x.len()).filter(|&at| finite(s, at)).count()).sum::<usize>();
+        let hidden = all - points().count();
+
+        let reach = points().flat_map(|(s, at)| [s.y[at], s.y[at] - s.half(at), s.y[at] + s.half(at)]);
+        let x = Scale::new(&self.x, points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
+        let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
+
+        let letters = Letters::new();
+        let inner = width + 90;
+        let mut head = Lines::default();
+        head.title(&letters, &self.title, inner);
+        let mut foot = Lines::default();
+        foot.notes(&letters, &self.notes, inner);
+        if hidden > 0 {
+            let points = if hidden == 1 { "1 point" } else { &format!("{hidden} points") };
+            let note = format!("{points} at or below zero cannot be shown on a logarithmic axis");
+            foot.note(&letters, &note, inner, WARNING);
+        }
+        if points().next().is_none() {
+            head.note(&letters, "no value to show", inner, WARNING);
+        }
+        let legend = Legend::new(&letters, &self.series, inner);
+
+        let across = |text: &str| letters.small.width(text);
+        let upright = |_: &str| f64::from(letters.small.digit());
+        let axis = |side, scale: &Option<Scale>, label: &str, room: i32, gap, extent: &dyn Fn(&str) -> f64| {
+            let title = letters.normal.fit(label, f64::from(room));
+            let Some(scale) = scale else { return SideAxis::new(side, &[], |v| v, title) };
+            let (ticks, minor) = scale.ticks(gap, extent);
+            let mut axis = SideAxis::new(side, &ticks, |v| scale.at(v), title);
+            axis.minor = minor.into_iter().map(|v| scale.at(v)).collect();
+            axis
+        };
+        let bottom = axis(Side::Bottom, &x, &self.x.label, inner, 24.0, &across);
+        let left = axis(Side::Left, &y, &self.y.label, height + 40, 14.0, &upright);
+
+        let beside = bottom.overhang(&letters, width);
+        let margin = [left.thickness(&letters).max(beside), beside.max(24)];
+        let over = left.overhang(&letters, height);
+        let gap = |part: i32| if part > 0 { part + GAP } else { 0 };
+        let top = BORDER + gap(head.height(&letters)) + gap(legend.height) + over;
+        let rect = Rect { x: BORDER + margin[0], y: top, width, height };
+        let sheet = [
+            (rect.right() + margin[1] + BORDER).max(inner + 2 * BORDER),
+            rect.bottom() + bottom.thickness(&letters).max(over) + 2 * GAP + foot.height(&letters) + BORDER,
+        ];
+        let mut scene = Scene::new(sheet[0], sheet[1]);
+        head.draw(&mut scene, &letters, Anchor::Middle, f64::from(sheet[0]) / 2.0, BORDER);
+        legend.draw(&mut scene, &letters, rect, BORDER + gap(head.height(&letters)));
+        let below = rect.bottom() + bottom.thickness(&letters).max(over) + 2 * GAP;
+        foot.draw(&mut scene, &letters, Anchor::Start, f64::from(BORDER), below);
+
+        if let (Some(x), Some(y)) = (&x, &y) {
+            grid(&mut scene, rect, &bottom, &left);
+            scene.clip(rect);
+            let place = |a: f64, b: f64| [f64::from(rect.x) + x.at(a), f64::from(rect.y) + y.at(b)];
+            for (k, series) in self.series.iter().enumerate() {
+                let bands = series.band.is_some() && !series.has_markers();
+                if bands {
+                    draw_band(&mut scene, series, k, &shown, &place);
+                }
+            }
+            for (k, series) in self.series.iter().enumerate() {
+                draw_series(&mut scene, series, k, &shown, &place);
+            }
+            scene.unclip();
+        }
+        scene.frame(rect, BLACK);
+        bottom.draw(&mut scene, &letters, rect);
+        left.draw(&mut scene, &letters, rect);
+        Ok(scene.finish(&self.title, rect, None, 1))
+    }
+}
+
+fn grid(scene: &mut Scene, rect: Rect, bottom: &SideAxis, left: &SideAxis) {
+    for (place, _) in &bottom.ticks {
+        let x = rect.x + (place.floor() as i32).clamp(0, rect.width - 1);
+        scene.fill(Rect { x, width: 1, ..rect }, GRID);
+    }
+    for (place, _) in &left.ticks {
+        let y = rect.y + (place.floor() as i32).clamp(0, rect.height - 1);
+        scene.fill(Rect { y, height: 1, ..rect }, GRID);
+    }
+}
+
+fn colour_of(number: usize) -> Rgb {
+    COLOURS[number % COLOURS.len()]
+}
+
+/// The stretches of a series without a gap, as numbers of its points.
+fn stretches(series: &Series, shown: &dyn Fn(&Series, usize) -> bool) -> Vec<Vec<usize>> {
+    let mut stretches = vec![Vec::new()];
+    for at in 0..series.x.len() {
+        if shown(series, at) {
+            stretches.last_mut().expect("never empty").push(at);
+        } else {
+            stretches.push(Vec::new());
+        }
+    }
+    stretches.retain(|stretch| !stretch.is_empty());
+    stretches
+}
+
+fn draw_band(
+    scene: &mut Scene,
+    series: &Series,
+    number: usize,
+    shown: &dyn Fn(&Series, usize) -> bool,
+    place: &dyn Fn(f64, f64) -> [f64; 2],
+) {
+    let mut path = Path::default();
+    for stretch in stretches(series, shown) {
+        let edge = |at: &usize, side: f64| place(series.x[*at], series.y[*at] + side * series.half(*at));
+        let upper = stretch.iter().map(|at| edge(at, 1.0));
+        path.polygon(upper.chain(stretch.iter().rev().map(|at| edge(at, -1.0))));
+    }
+    scene.area(&path, colour_of(number), 0.22);
+}
+
+fn draw_series(
+    scene: &mut Scene,
+    series: &Series,
+    number: usize,
+    shown: &dyn Fn(&Series, usize) -> bool,
+    place: &dyn Fn(f64, f64) -> [f64; 2],
+) {
+    let stretches = stretches(series, shown);
+    let colour = colour_of(number);
+    if series.has_line() {
+        let mut path = Path::default();
+        let mut alone = Path::default();
+        for stretch in &stretches {
+            let mut kept: Vec<[f64; 2]> = Vec::with_capacity(stretch.len());
+            for (k, &at) in stretch.iter().enumerate() {
+                let point = place(series.x[at], series.y[at]);
+                let far = |last: &[f64; 2]| (point[0] - last[0]).abs().max((point[1] - last[1]).abs()) > NEAR;
+                if k + 1 == stretch.len() || kept.last().is_none_or(far) {
+                    kept.push(point);
+                }
+            }
+            // A point between two gaps would be nothing as a line.
+            if stretch.len() == 1 && !series.has_markers() {
+                alone.circle(kept[0], 2.0);
+            }
+            path.line(kept);
+        }
+        scene.stroke(&path, &line_stroke(series, colour));
+        scene.area(&alone, colour, 1.0);
+    }
+    if series.has_markers() {
+        let (mut bars, mut marks) = (Path::default(), Path::default());
+        for &at in stretches.iter().flatten() {
+            let (x, y) = (series.x[at], series.y[at]);
+            if series.half(at) > 0.0 {
+                let ends = [place(x, y - series.half(at)), place(x, y + series.half(at))];
+                bars.line(ends);
+                ends.iter().for_each(|[x, y]| bars.line([[x - MARK, *y], [x + MARK, *y]]));
+            }
+            mark(&mut marks, number, place(x, y));
+        }
+        scene.stroke(&bars, &Stroke::new(colour, 1.2));
+        scene.area(&marks, colour, 1.0);
+        scene.stroke(&marks, &Stroke::new(WHITE, 0.6));
+    }
+}
+
+fn line_stroke(series: &Series, colour: Rgb) -> Stroke {
+    let dash: &[f64] = if series.style == Style::Dashed { &[8.0, 5.0] } else { &[] };
+    Stroke { dash, ..Stroke::new(colour, 2.0) }
+}
+
+/// The marker of series `number`: circle, square, triangle, diamond, triangle downwards.
+fn mark(path: &mut Path, number: usize, [x, y]: [f64; 2]) {
+    let corners: &[[f64; 2]] = match number % 5 {
+        0 => return path.circle([x, y], MARK),
+        1 => &[[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
+        2 => &[[0.0, -1.2], [1.1, 0.8], [-1.1, 0.8]],
+        3 => &[[0.0, -1.3], [1.3, 0.0], [0.0, 1.3], [-1.3, 0.0]],
+        _ => &[[0.0, 1.2], [1.1, -0.8], [-1.1, -0.8]],
+    };
+    path.polygon(corners.iter().map(|[a, b]| [x + MARK * a, y + MARK * b]));
+}
+
+/// Names of the series in rows above the axes, where they cannot cover a curve.
+struct Legend<'a> {
+    /// Series, number, name as it fits, and its place from the upper left corner.
+    entries: Vec<(&'a Series, usize, String, [i32; 2])>,
+    height: i32,
+}
+
+impl<'a> Legend<'a> {
+    fn new(letters: &Letters, series: &'a [Series], width: i32) -> Self {
+        let (mut x, mut row) = (0, 0);
+        let mut entries = Vec::new();
+        let line = letters.small.line() + 2;
+        for (number, series) in series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()) {
+            let name = letters.small.fit(&series.name, f64::from(width - SAMPLE - GAP));
+            let length = SAMPLE + GAP + letters.small.width(&name).ceil() as i32;
+            if x > 0 && x + length > width {
+                (x, row) = (0, row + 1);
+            }
+            entries.push((series, number, name, [x, row * line]));
+            x += length + 4 * GAP;
+        }
+        let height = if entries.is_empty() { 0 } else { (row + 1) * line };
+        Self { entries, height }
+    }
+
+    fn draw(&self, scene: &mut Scene, letters: &Letters, rect: Rect, top: i32) {
+        let longest = self.entries.iter().map(|(.., name, at)| at[0] + SAMPLE + GAP + letters.small.width(name) as i32);
+        // From the left end of the axes, or further to the left where a row is longer than they are.
+        let left = rect.x.min(rect.right() - longest.max().unwrap_or(0)).max(BORDER);
+        for (series, number, name, [x, y]) in &self.entries {
+            let (x, y) = (f64::from(left + x), f64::from(top + y));
+            let middle = y + f64::from(letters.small.em) * 0.68;
+            let colour = colour_of(*number);
+            let mut sample = Path::default();
+            sample.line([[x, middle], [x + f64::from(SAMPLE), middle]]);
+            if series.has_line() {
+                if series.band.is_some() && !series.has_markers() {
+                    scene.stroke(&sample, &Stroke { opacity: 0.22, ..Stroke::new(colour, 12.0) });
+                }
+                scene.stroke(&sample, &line_stroke(series, colour));
+            }
+            if series.has_markers() {
+                let centre = x + f64::from(SAMPLE) / 2.0;
+                if series.band.is_some() {
+                    let mut bar = Path::default();
+                    bar.line([[centre, middle - 8.0], [centre, middle + 8.0]]);
+                    scene.stroke(&bar, &Stroke::new(colour, 1.2));
+                }
+                let mut marks = Path::default();
+                mark(&mut marks, *number, [centre, middle]);
+                scene.area(&marks, colour, 1.0);
+                scene.stroke(&marks, &Stroke::new(WHITE, 0.6));
+            }
+            let foot = [x + f64::from(SAMPLE + GAP), y + f64::from(letters.small.em)];
+            scene.text(&letters.small, name, Anchor::Start, foot, BLACK);
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A quantity along a line.
+
+use super::figures::{FigureOptions, Values};
+use super::map::warnings;
+use super::{Axis, Plot, ReportError, Series, Style};
+use crate::field::{Measurement, NodalNoise, Segment, at_point};
+use crate::mesh::shape_functions;
+use crate::units::Px;
+
+/// Points of a profile, about.
+const POINTS: f64 = 600.0;
+/// Half the band around a profile in standard uncertainties.
+const K: f64 = 2.0;
+
+/// What is drawn along the line.
+pub(super) enum Profiled<'a> {
+    /// A component of the displacement, px.
+    Displacement(usize),
+    /// A component of the strain.
+    Strain(usize),
+    /// Values without an uncertainty.
+    Values(&'a Values),
+}
+
+/// The curve along `line`; title and ordinate are still to be named. There are gaps where nothing was measured.
+pub(super) fn profile_plot(
+    measurement: &Measurement<Px>,
+    what: Profiled<'_>,
+    line: [f64; 4],
+    options: &FigureOptions,
+) -> Result<Plot, ReportError> {
+    let [x0, y0, x1, y1] = line;
+    let length = (x1 - x0).hypot(y1 - y0);
+    // Not finer than anybody can see; a line that is none is refused by `Segment`.
+    let step = if length > 0.0 && length.is_finite() { length / POINTS } else { 1.0 };
+    let points = Segment::new([x0, y0], [x1, y1], step)?.points();
+    let noise = || {
+        let (mesh, measured) = (&measurement.mesh, &measurement.measured);
+        if options.known_noise { NodalNoise::new(mesh, measured) } else { NodalNoise::unknown(mesh, measured) }
+    };
+    let mut values = vec![f64::NAN; points.len()];
+    let mut half = None;
+    match what {
+        Profiled::Values(field) => sample(measurement, field, &points, &mut values),
+        Profiled::Displacement(c) | Profiled::Strain(c) => {
+            let strain = matches!(what, Profiled::Strain(_));
+            let noise = noise();
+            let half = half.insert(vec![0.0; points.len()]);
+            for (k, &(_, at)) in points.iter().enumerate() {
+                let Some(there) = at_point(measurement, &noise, options.strain, at) else { continue };
+                let value = if strain {
+                    there.strain.map(|(strain, sigma)| (strain.0[c], sigma[c]))
+                } else {
+                    Some((there.displacement[c], there.sigma[c]))
+                };
+                if let Some((value, sigma)) = value {
+                    values[k] = value;
+                    half[k] = K * sigma;
+                }
+            }
+        }
+    }
+    let mut notes = warnings(measurement, true);
+    let mm = options.pixel_size.map_or(String::new(), |size| format!("; 1 px is {} mm", size.mm_per_px()));
+    notes.push(format!("from A ({x0}, {y0}) px to B ({x1}, {y1}) px{mm}"));
+    if matches!(what, Profiled::Strain(_)) {
+        let definition = options.strain;
+        notes.push(format!("{definition} strain, {}, over twice the element size", definition.formula()));
+    }
+    if half.is_some() {
+        let bound = if options.known_noise { "" } else { " (upper bounds: the field is regularised)" };
+        notes.push(format!("band: \u{b1}{K} standard uncertainties{bound}"));
+    }
+    let s = points.iter().map(|(s, _)| *s).collect();
+    let series = Series { band: half, ..Series::new("", Style::Line, s, values) };
+    Ok(Plot {
+        x: Axis::linear("distance from A (px)").with_range(0.0, length),
+        series: vec![series],
+        notes,
+        ..Plot::default()
+    })
+}
+
+/// Interpolates nodal values, or takes those of the elements, at the points that lie in an element with all nodes
+/// measured.
+fn sample(measurement: &Measurement<Px>, field: &Values, points: &[(f64, [f64; 2])], values: &mut [f64]) {
+    let mesh = &measurement.mesh;
+    for ((_, [x, y]), value) in points.iter().zip(values) {
+        let Some((element, xi, eta)) = mesh.find(*x, *y) else { continue };
+        let nodes = mesh.elements()[element].map(|node| node as usize);
+        if nodes.iter().all(|&node| measurement.measured[node]) {
+            *value = match field {
+                Values::Nodes(v) => shape_functions(xi, eta).iter().zip(nodes).map(|(n, node)| n * v[node]).sum(),
+                Values::Elements(v) => v[element],
+            };
+        }
+    }
+}
