@@ -16,7 +16,7 @@ use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, saturation_message, units};
+use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -95,6 +95,12 @@ pub(super) fn run_series(
     if !correlator.dropped().is_empty() {
         progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
+    if !correlator.held().is_empty() {
+        progress.say(&format!(
+            "{} with too little texture held by the regularisation",
+            plural(correlator.held().len(), "node")
+        ));
+    }
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -120,16 +126,8 @@ pub(super) fn run_series(
         tolerance_px: plan.options.tolerance_px,
         seconds_reference,
         seconds_total: 0.0,
-        nodes_left_out: correlator
-            .dropped()
-            .iter()
-            .map(|fault| NodeLeftOut {
-                node: fault.node,
-                x_px: fault.at[0],
-                y_px: fault.at[1],
-                reason: fault.lack.name().into(),
-            })
-            .collect(),
+        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
+        nodes_held: correlator.held().iter().map(Into::into).collect(),
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };

@@ -189,6 +189,10 @@ impl About {
             format!("frame {number}: {file}"),
             format!("reference: {}", self.header.reference.join(", ")),
             format!("elements of {} px, {named}{}", self.header.element_size_px, self.header.device),
+            match (options.regularisation, options.cutoff_px) {
+                (Some(kind), Some(cutoff_px)) => format!("regularisation {kind}, cut-off {cutoff_px} px"),
+                _ => "no regularisation".to_owned(),
+            },
             match options.noise {
                 Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
                 None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
