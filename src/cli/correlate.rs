@@ -8,7 +8,7 @@ use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
-use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
+use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::{Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::write_case;
@@ -101,6 +101,8 @@ pub(super) fn run_series(
             plural(correlator.held().len(), "node")
         ));
     }
+    let border_notes: Vec<String> = correlator.bare_borders().iter().map(bare_border_note).collect();
+    border_notes.iter().for_each(|note| progress.say(note));
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -128,6 +130,7 @@ pub(super) fn run_series(
         seconds_total: 0.0,
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
         nodes_held: correlator.held().iter().map(Into::into).collect(),
+        messages: border_notes,
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };
@@ -212,6 +215,15 @@ fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
     let (size, asked) = (mesh.element_size(), asked as f64);
     // Grids that start at a fraction of a pixel miss it in the last digits.
     if (size - asked).abs() < 1e-9 * asked { asked } else { size }
+}
+
+/// What a zone that ends at a place without texture should be told.
+fn bare_border_note(border: &BareBorder) -> String {
+    let BareBorder { zone, length_px, at: [x, y] } = border;
+    format!(
+        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
+         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
+    )
 }
 
 /// Why the reference cannot be prepared; its file is named when the fault may be in it.

@@ -39,6 +39,9 @@ pub struct Summary {
     pub nodes_left_out: Vec<NodeWithoutTexture>,
     /// Nodes without texture that the regularisation holds.
     pub nodes_held: Vec<NodeWithoutTexture>,
+    /// What to know about the zones, such as one that ends at a place without texture and has no guard.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub messages: Vec<String>,
     /// Number of frames by status.
     pub counts: BTreeMap<&'static str, usize>,
     /// The frames, in series order.
