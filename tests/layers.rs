@@ -29,7 +29,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 13] = [
+const HOMES: [Home; 14] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
