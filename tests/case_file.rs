@@ -1,6 +1,6 @@
 //! Case files: read, written, and what is said about wrong ones.
 
-use quadrille::field::{Brightness, StartFrom, StrainDefinition, UnknownChoice};
+use quadrille::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
     CaseCorrelation, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case, write_case,
@@ -26,6 +26,9 @@ max_iterations = 40
 brightness = "element"
 start = "cold"
 noise = 2
+regularisation = "equilibrium-gap"
+cutoff_px = 64.5
+poisson = 0.3
 strain = "hencky"
 drop_textureless = true
 
@@ -73,6 +76,9 @@ fn full() -> CaseFile {
             brightness: Some(Brightness::Element),
             start: Some(StartFrom::Cold),
             noise: Some(2.0),
+            regularisation: Some(RegularisationKind::EquilibriumGap),
+            cutoff_px: Some(64.5),
+            poisson: Some(0.3),
             strain: Some(StrainDefinition::Hencky),
             drop_textureless: Some(true),
         },
@@ -215,6 +221,7 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("interpolation = 'cubik'", "unknown word `cubik`, expected one of `cubic`, `quintic`, `keys`, `bilinear`"),
         ("interpolation = 3", "expected a word in quotes"),
         ("brightness = 'on'", "`zone`, `element`, `off`"),
+        ("regularisation = 'laplace'", "`none`, `tikhonov`, `equilibrium-gap`"),
         ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
         ("start = 'warm'", "`previous` or `cold`"),
         ("start = warm", "a text without quotes"),

@@ -78,7 +78,7 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
     assert_keys(
         &summary,
         "quadrille device threads units reference n_nodes n_elements n_levels solver tolerance_px seconds_reference \
-         seconds_total nodes_left_out counts frames",
+         seconds_total nodes_left_out nodes_held counts frames",
     );
     assert_eq!(summary["quadrille"], env!("CARGO_PKG_VERSION"));
     assert_eq!(summary["threads"], 1);
@@ -150,6 +150,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         brightness = "element"
         start = "cold"
         noise = 1.5
+        regularisation = "none"
         strain = "hencky"
         drop_textureless = true
     };

@@ -745,7 +745,8 @@ fn data(name: &str) -> Option<PathBuf> {
 #[test]
 fn figures_of_real_tests_are_small_and_complete() {
     // A tall palette image with a hole, a very wide one, a square one, two zones along a crack.
-    let cases: [(&str, &str, &str, usize, &[[f64; 4]], [f64; 4]); 4] = [
+    type Case<'a> = (&'a str, &'a str, &'a str, usize, &'a [[f64; 4]], [f64; 4]);
+    let cases: [Case; 4] = [
         (
             "dicchallenge-s12-openhole",
             "oht_cfrp_00.tiff",
@@ -858,6 +859,10 @@ fn a_run_draws_its_last_frame_itself_when_asked() {
     let desk = Desk::with_series();
     desk.correlate("--roi 16,16,112,80 --figures last --output out ref.png a.png b.png").fine();
     assert_eq!(desk.files("out/figures").len(), 6);
+    // Another run takes the place of this one: its pictures must not pass for those of the new.
+    desk.write("out/figures/notes.png", "mine");
+    desk.correlate("--roi 16,16,112,80 --overwrite --output out ref.png a.png").fine();
+    assert_eq!(desk.files("out/figures"), ["notes.png"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The command line, as the user types it.
 
 use super::frames::Frames;
-use crate::field::{Brightness, RemoveRigid, StartFrom, StrainDefinition};
+use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
@@ -134,6 +134,14 @@ pub struct CorrelateArgs {
     /// Standard deviation of the camera noise, grey levels. Default: estimated from the residual.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub noise: Option<f64>,
+    /// Hold the displacement: tikhonov (small gradients) or equilibrium-gap (an elastic plate). Needs --cutoff.
+    /// Nodes without texture are then carried by those around them. Default none.
+    #[arg(long, value_name = "none|tikhonov|equilibrium-gap")]
+    pub regularisation: Option<RegularisationKind>,
+    /// Cut-off length of the regularisation, px: waves of the displacement as long as this lose half of their
+    /// amplitude, longer ones less, shorter ones more.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub cutoff: Option<f64>,
     /// Leave out nodes that see no texture instead of refusing the reference.
     #[arg(long)]
     pub drop_textureless: bool,

@@ -8,7 +8,7 @@ use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::backend::cpu::CpuBackend;
-use crate::correlate::{Correlation, CorrelationError, Correlator, Tracker};
+use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator, Tracker};
 use crate::field::{Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::write_case;
@@ -16,7 +16,7 @@ use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{FrameSummary, NodeLeftOut, ReferenceSummary, Summary, counts, saturation_message, units};
+use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -95,6 +95,14 @@ pub(super) fn run_series(
     if !correlator.dropped().is_empty() {
         progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
+    if !correlator.held().is_empty() {
+        progress.say(&format!(
+            "{} with too little texture held by the regularisation",
+            plural(correlator.held().len(), "node")
+        ));
+    }
+    let border_notes: Vec<String> = correlator.bare_borders().iter().map(bare_border_note).collect();
+    border_notes.iter().for_each(|note| progress.say(note));
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -120,16 +128,9 @@ pub(super) fn run_series(
         tolerance_px: plan.options.tolerance_px,
         seconds_reference,
         seconds_total: 0.0,
-        nodes_left_out: correlator
-            .dropped()
-            .iter()
-            .map(|fault| NodeLeftOut {
-                node: fault.node,
-                x_px: fault.at[0],
-                y_px: fault.at[1],
-                reason: fault.lack.name().into(),
-            })
-            .collect(),
+        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
+        nodes_held: correlator.held().iter().map(Into::into).collect(),
+        messages: border_notes,
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };
@@ -214,6 +215,15 @@ fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
     let (size, asked) = (mesh.element_size(), asked as f64);
     // Grids that start at a fraction of a pixel miss it in the last digits.
     if (size - asked).abs() < 1e-9 * asked { asked } else { size }
+}
+
+/// What a zone that ends at a place without texture should be told.
+fn bare_border_note(border: &BareBorder) -> String {
+    let BareBorder { zone, length_px, at: [x, y] } = border;
+    format!(
+        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
+         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
+    )
 }
 
 /// Why the reference cannot be prepared; its file is named when the fault may be in it.

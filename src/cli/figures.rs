@@ -2,6 +2,7 @@
 
 use super::args::{FiguresArgs, StrainPlace};
 use super::frames::Frames;
+use super::run_folder::FIGURES;
 use super::{Outcome, Result, chain, plural, pool};
 use crate::imaging::Image;
 use crate::io::series::Frame;
@@ -14,8 +15,6 @@ use std::time::{Duration, Instant};
 
 /// How often a long run says how far it is.
 const EVERY: Duration = Duration::from_secs(10);
-/// In the folder of a run.
-const FOLDER: &str = "figures";
 
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
@@ -24,7 +23,7 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     if numbers.is_empty() {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
-    let folder = args.output.clone().unwrap_or_else(|| args.run.join(FOLDER));
+    let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
     let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
     series.draw(&numbers, &folder, args.threads)?;
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
@@ -37,7 +36,7 @@ pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet:
     let header = store.header();
     let case = header.case.parse().unwrap_or_default();
     let options = of_header(header, &case, FigureOptions { strain: header.strain, ..FigureOptions::default() });
-    Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FOLDER), threads)
+    Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
 }
 
 /// The frames asked for that have a field, and whether all that were named do.

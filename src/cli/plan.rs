@@ -2,8 +2,8 @@
 
 use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
-use crate::correlate::Options;
-use crate::field::StrainDefinition;
+use crate::correlate::{Options, Regularisation};
+use crate::field::{RegularisationKind, StrainDefinition};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
@@ -59,6 +59,7 @@ impl Plan {
             start: args.start.or(given.start).unwrap_or(default.start),
             noise: args.noise.or(given.noise),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            regularisation: regularisation(args, given)?,
             ..default
         };
         let pixel_size = match args.pixel_size.or(case.images.pixel_size_mm) {
@@ -144,6 +145,12 @@ impl Plan {
                 brightness: Some(options.brightness),
                 start: Some(options.start),
                 noise: options.noise,
+                regularisation: Some(options.regularisation.kind()),
+                cutoff_px: options.regularisation.cutoff_px(),
+                poisson: match options.regularisation {
+                    Regularisation::EquilibriumGap { poisson, .. } => Some(poisson),
+                    _ => None,
+                },
                 strain: Some(self.strain),
                 drop_textureless: Some(options.drop_textureless),
             },
@@ -152,6 +159,40 @@ impl Plan {
         }
         .with_drawn(&self.drawn)
     }
+}
+
+/// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
+/// file says for another kind.
+fn regularisation(args: &CorrelateArgs, case: &CaseCorrelation) -> Result<Regularisation> {
+    let kind = args.regularisation.or(case.regularisation).unwrap_or_default();
+    let same = args.regularisation.is_none_or(|flag| Some(flag) == case.regularisation);
+    let of_none = args.regularisation == Some(RegularisationKind::None);
+    let cutoff_px = args.cutoff.or(case.cutoff_px.filter(|_| !of_none));
+    let poisson = case.poisson.filter(|_| same);
+    if kind != RegularisationKind::EquilibriumGap && poisson.is_some() {
+        return Err("poisson is a matter of regularisation = \"equilibrium-gap\"; leave it out or choose that".into());
+    }
+    let cutoff_px = match (kind, cutoff_px) {
+        (RegularisationKind::None, None) => return Ok(Regularisation::None),
+        (RegularisationKind::None, Some(_)) => {
+            return Err("a cut-off length is given but no regularisation; choose --regularisation tikhonov or \
+                        equilibrium-gap, or leave it out"
+                .into());
+        }
+        (_, None) => {
+            return Err(format!(
+                "the regularisation {kind} has no cut-off length; give --cutoff PX, four elements or more"
+            )
+            .into());
+        }
+        (_, Some(cutoff_px)) => cutoff_px,
+    };
+    Ok(match kind {
+        RegularisationKind::EquilibriumGap => {
+            Regularisation::EquilibriumGap { cutoff_px, poisson: poisson.unwrap_or(Regularisation::POISSON) }
+        }
+        _ => Regularisation::Tikhonov { cutoff_px },
+    })
 }
 
 /// What the case draws from the fields, with a load file that is found from anywhere.

@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 const CASE: &str = "run.toml";
 const SUMMARY: &str = "summary.json";
+/// Folder of the pictures in that of a run.
+pub(super) const FIGURES: &str = "figures";
 const SERIES: &str = "series.pvd";
 
 /// The output folder of a run.
@@ -53,13 +55,16 @@ impl RunFolder {
         }
         remove_store(&self.0.join(STORE))?;
         remove(&self.0.join(CASE))?;
-        for kind in ["csv", "vtu"] {
+        for (kind, endings) in [("csv", &["csv"][..]), ("vtu", &["vtu"]), (FIGURES, &["png", "svg"])] {
             let Ok(entries) = fs::read_dir(self.0.join(kind)) else { continue };
             for entry in entries.flatten() {
                 let name = entry.file_name();
                 let name = name.to_string_lossy();
-                let stem = name.strip_suffix(&format!(".{kind}"));
-                if stem.is_some_and(|stem| stem.len() >= 6 && stem.bytes().all(|b| b.is_ascii_digit())) {
+                let Some((stem, ending)) = name.rsplit_once('.') else { continue };
+                // A picture has the name of what it shows behind its number.
+                let number = if kind == FIGURES { stem.split('-').next().unwrap_or_default() } else { stem };
+                let numbered = number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit());
+                if numbered && endings.contains(&ending) {
                     remove(&entry.path())?;
                 }
             }
@@ -184,6 +189,10 @@ impl About {
             format!("frame {number}: {file}"),
             format!("reference: {}", self.header.reference.join(", ")),
             format!("elements of {} px, {named}{}", self.header.element_size_px, self.header.device),
+            match (options.regularisation, options.cutoff_px) {
+                (Some(kind), Some(cutoff_px)) => format!("regularisation {kind}, cut-off {cutoff_px} px"),
+                _ => "no regularisation".to_owned(),
+            },
             match options.noise {
                 Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
                 None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),

@@ -8,10 +8,11 @@ use super::level::Level;
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
-use super::uncertainty::{NoiseGain, inverse_variances};
+use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
+use crate::linalg::Spread;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -102,9 +103,10 @@ pub struct Correlator<B: Backend> {
     search_map: GreyMap,
     /// The pixels of each zone on the coarsest level.
     search_pixels: Vec<PixelSet>,
-    inverse_variance: Vec<[f64; 2]>,
+    spread: Spread,
     noise_gain: NoiseGain,
     dropped: Vec<TextureFault>,
+    held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
@@ -131,13 +133,13 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
-        let Finest { level, inverse_variance, dropped } =
+        let Finest { level, spread, dropped, held } =
             finest_level(&backend, &mut frame, &laid, noise, &kernel, &options)?;
         let mut levels = vec![level];
         for level in 1..=search_level(&laid.mesh) {
             let size = size.map(|n| n >> level);
             let Some(coarse) = laid.halved(options.element_size, size) else { break };
-            levels.push(Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel)?);
+            levels.push(Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel, options.regularisation)?);
             laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
@@ -152,8 +154,9 @@ impl<B: Backend> Correlator<B> {
             levels,
             search_map,
             search_pixels: laid.zone_pixels,
-            inverse_variance,
+            spread,
             dropped,
+            held,
             bare_borders,
         })
     }
@@ -176,6 +179,12 @@ impl<B: Backend> Correlator<B> {
     /// Nodes left out because the reference has no texture there.
     pub fn dropped(&self) -> &[TextureFault] {
         &self.dropped
+    }
+
+    /// Nodes without texture of their own that the regularisation holds: their displacement follows that of
+    /// the nodes around them.
+    pub fn held(&self) -> &[TextureFault] {
+        &self.held
     }
 
     /// Zones that end at a place without texture and have no guard there.
@@ -203,9 +212,10 @@ impl<B: Backend> Correlator<B> {
         self.levels[0].solver.name()
     }
 
-    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px.
+    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px; with
+    /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`.
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
-        self.inverse_variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
+        self.spread.variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
     }
 
     /// Correlates one deformed image. `start` is a displacement of all nodes to begin with (and the grey
@@ -366,8 +376,9 @@ impl<B: Backend> Correlator<B> {
             measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
         }
         let status = self.judge(&outcome, &elements, &matches);
-        let own_variance = outcome.own.as_ref().map(|own| inverse_variances(self.backend.host_isa(), mesh, own));
-        let variance = own_variance.as_ref().unwrap_or(&self.inverse_variance);
+        let own_spread =
+            outcome.own.as_ref().map(|own| spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref()));
+        let Spread { variance, freedom } = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
         for (zone, name) in mesh.zones().iter().enumerate() {
@@ -379,8 +390,8 @@ impl<B: Backend> Correlator<B> {
                 Brightness::Element => mesh.zone_elements(zone).len(),
                 Brightness::Off => 0,
             };
-            let n_measured = nodes.clone().filter(|&node| measured[node]).count();
-            let unknowns = 2.0 * (n_measured + n_transfers) as f64;
+            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| freedom[node]).sum();
+            let unknowns = taken + 2.0 * n_transfers as f64;
             let noise = self.options.noise.unwrap_or_else(|| {
                 let gain = &self.noise_gain;
                 let noise = gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns);

@@ -77,7 +77,7 @@ impl CorrelationError {
 
 fn advice(some_are_left: bool) -> &'static str {
     if some_are_left {
-        "move the zone off them, enlarge the elements, or leave them out with --drop-textureless"
+        "move the zone off them, enlarge the elements, leave them out with --drop-textureless, or hold them with --regularisation"
     } else {
         "check the zone, the exposure and the focus"
     }

@@ -3,24 +3,28 @@
 use super::error::CorrelationError;
 use super::level::{Level, assemble, elimination_order, support};
 use super::options::Options;
+use super::regularisation::{Regularisation, Regulariser, Texture};
 use super::texture::{TextureFault, faults, least_determined, undetermined};
-use super::uncertainty::inverse_variances;
+use super::uncertainty::spread_of;
 use crate::backend::{Backend, KernelOptions};
-use crate::linalg::{Pattern, Solver};
-use crate::mesh::PixelMesh;
+use crate::linalg::{Pattern, Solver, Spread};
+use crate::mesh::{Mesh, PixelMesh};
+use crate::units::Px;
 use std::sync::Arc;
 
 /// The finest level and what goes with it.
 pub(super) struct Finest<B: Backend> {
     pub level: Level<B>,
-    /// Diagonal of the inverse of its matrix, per node.
-    pub inverse_variance: Vec<[f64; 2]>,
+    /// Variances for image noise of one grey level, per node.
+    pub spread: Spread,
     /// Nodes left out.
     pub dropped: Vec<TextureFault>,
+    /// Nodes without texture that the regularisation holds.
+    pub held: Vec<TextureFault>,
 }
 
-/// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused or left out,
-/// until what remains is determined.
+/// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused, left out or held by
+/// the regularisation, until what remains is determined.
 pub(super) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
@@ -37,27 +41,52 @@ pub(super) fn finest_level<B: Backend>(
     let mut dropped: Vec<TextureFault> = Vec::new();
     loop {
         let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
-        let mut found = faults(&mesh, &matrix, &support(&mesh, &moments), noise, kernel.interpolation);
+        let support = support(&mesh, &moments);
+        let mut found = faults(&mesh, &matrix, &support, noise, kernel.interpolation);
         found.retain(|fault| keep[fault.node]);
+        let mut held = Vec::new();
+        if !options.drop_textureless && options.regularisation != Regularisation::None {
+            held = std::mem::take(&mut found);
+            found = of_blank_zones(&mesh, &held);
+        }
         if found.is_empty() {
+            let seen = textured(&keep, &held);
             matrix.hold(&keep);
-            let solver = Solver::iterative(matrix);
-            // Two long pieces of work that need the matrix alone.
-            let (factor, inverse_variance) = rayon::join(
-                || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
-                || inverse_variances(backend.host_isa(), &mesh, &solver),
-            );
-            let has_factor = factor.is_ok();
-            let solver = solver.with_factor(factor.unwrap_or(None));
-            found = undetermined(&mesh, &inverse_variance, &keep, noise);
+            let texture = Texture { matrix: &matrix, support: &support, seen: &seen };
+            let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &active, &texture);
+            let (solver, spread, has_factor) = match &regulariser {
+                Some(regulariser) => match regulariser.solver(matrix.clone()) {
+                    Ok(solver) => {
+                        let spread = spread_of(backend.host_isa(), &mesh, &solver, Some(regulariser));
+                        (solver, spread, true)
+                    }
+                    // The images alone say which nodes are to blame.
+                    Err(_) => {
+                        let solver = Solver::iterative(matrix);
+                        let spread = spread_of(backend.host_isa(), &mesh, &solver, None);
+                        (solver, spread, false)
+                    }
+                },
+                None => {
+                    let solver = Solver::iterative(matrix);
+                    // Two long pieces of work that need the matrix alone.
+                    let (factor, spread) = rayon::join(
+                        || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
+                        || spread_of(backend.host_isa(), &mesh, &solver, None),
+                    );
+                    let has_factor = factor.is_ok();
+                    (solver.with_factor(factor.unwrap_or(None)), spread, has_factor)
+                }
+            };
+            found = undetermined(&mesh, &spread.variance, &keep, noise);
             if !has_factor && found.is_empty() {
-                found = least_determined(&mesh, &inverse_variance, &keep);
+                found = least_determined(&mesh, &spread.variance, &keep);
             }
             if found.is_empty() {
                 backend.restrict(&mut prepared, &active);
                 dropped.sort_by_key(|fault| fault.node);
-                let level = Level { mesh, prepared, moments, pattern, solver, keep };
-                return Ok(Finest { level, inverse_variance, dropped });
+                let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser };
+                return Ok(Finest { level, spread, dropped, held });
             }
         }
         if !options.drop_textureless {
@@ -79,4 +108,19 @@ pub(super) fn finest_level<B: Backend>(
         }
         dropped.extend(found);
     }
+}
+
+/// The nodes that see texture: kept, and not held by the regularisation alone.
+fn textured(keep: &[bool], held: &[TextureFault]) -> Vec<bool> {
+    let mut seen = keep.to_vec();
+    held.iter().for_each(|fault| seen[fault.node] = false);
+    seen
+}
+
+/// The faults of zones in which not one node sees texture: there is nothing that could hold them.
+fn of_blank_zones(mesh: &Mesh<Px>, faults: &[TextureFault]) -> Vec<TextureFault> {
+    let zone_of = |fault: &TextureFault| mesh.node_zone()[fault.node] as usize;
+    let mut left: Vec<usize> = (0..mesh.zones().len()).map(|zone| mesh.zone_nodes(zone).len()).collect();
+    faults.iter().for_each(|fault| left[zone_of(fault)] -= 1);
+    faults.iter().filter(|fault| left[zone_of(fault)] == 0).cloned().collect()
 }

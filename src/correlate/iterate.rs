@@ -127,5 +127,7 @@ fn own_solver<B: Backend>(
     }
     let mut matrix = assemble(&level.mesh, &level.pattern, &moments, options);
     matrix.hold(&level.keep);
-    Ok(Solver::iterative(matrix))
+    // What the regularisation held with all pixels it may fail to hold with fewer: iterate then.
+    let regularised = level.regulariser.as_ref().and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
+    Ok(regularised.unwrap_or_else(|| Solver::iterative(matrix)))
 }

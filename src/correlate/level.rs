@@ -1,5 +1,6 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its factor.
 
+use super::regularisation::{Regularisation, Regulariser, Texture};
 use crate::backend::{Backend, ElementMoments, KernelOptions};
 use crate::field::Brightness;
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
@@ -16,6 +17,8 @@ pub(super) struct Level<B: Backend> {
     pub solver: Solver,
     /// Nodes that are solved for; the others see no texture.
     pub keep: Vec<bool>,
+    /// What holds the displacement beside the images, if anything does.
+    pub regulariser: Option<Regulariser>,
 }
 
 /// Position on the finer level of the point `x` of the next coarser one, and back: a coarse pixel is the
@@ -80,7 +83,8 @@ pub(super) fn support(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<f64> {
 }
 
 impl<B: Backend> Level<B> {
-    /// A coarse level: nodes without texture are held where the start puts them, nothing is refused.
+    /// A coarse level: nodes without texture are held by the regularisation, or where the start puts them; nothing
+    /// is refused.
     pub fn coarse(
         backend: &B,
         frame: &mut B::Frame,
@@ -88,6 +92,7 @@ impl<B: Backend> Level<B> {
         mesh: &PixelMesh,
         noise: f64,
         options: &KernelOptions,
+        regularisation: Regularisation,
     ) -> Result<Self, crate::backend::BackendError> {
         let (prepared, moments) = backend.reference(frame, level, mesh, options)?;
         let mesh = mesh.mesh.clone();
@@ -96,12 +101,22 @@ impl<B: Backend> Level<B> {
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
         let noise = noise / f64::from(1u32 << level.min(30));
         let mut keep = vec![true; mesh.n_nodes()];
-        for fault in super::texture::faults(&mesh, &matrix, &support(&mesh, &moments), noise, options.interpolation) {
+        let support = support(&mesh, &moments);
+        for fault in super::texture::faults(&mesh, &matrix, &support, noise, options.interpolation) {
             keep[fault.node] = false;
+        }
+        let active = vec![true; mesh.n_elements()];
+        let texture = Texture { matrix: &matrix, support: &support, seen: &keep };
+        let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
+        if let Some(regulariser) = regulariser
+            && let Ok(solver) = regulariser.solver(matrix.clone())
+        {
+            let keep = vec![true; mesh.n_nodes()];
+            return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser) });
         }
         matrix.hold(&keep);
         let solver = iterative_or_direct(matrix, &mesh);
-        Ok(Self { mesh, prepared, moments, pattern, solver, keep })
+        Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None })
     }
 
     /// The displacement on this level's nodes from that on the next coarser level's.

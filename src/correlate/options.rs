@@ -1,6 +1,7 @@
 //! Choices of a correlation.
 
 use super::error::CorrelationError;
+use super::regularisation::Regularisation;
 use crate::field::{Brightness, StartFrom};
 use crate::imaging::Interpolation;
 use crate::linalg::SolverChoice;
@@ -27,7 +28,9 @@ pub struct Options {
     pub noise: Option<f64>,
     /// Leave nodes without texture out instead of refusing the reference.
     pub drop_textureless: bool,
-    /// Solver of the normal equations.
+    /// What holds the displacement beside the images.
+    pub regularisation: Regularisation,
+    /// Solver of the normal equations; with regularisation always the direct one.
     pub solver: SolverChoice,
 }
 
@@ -43,6 +46,7 @@ impl Default for Options {
             start: StartFrom::default(),
             noise: None,
             drop_textureless: false,
+            regularisation: Regularisation::default(),
             solver: SolverChoice::default(),
         }
     }
@@ -67,6 +71,6 @@ impl Options {
         {
             return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
         }
-        Ok(())
+        self.regularisation.check(self.element_size)
     }
 }

@@ -1,15 +1,25 @@
-//! Standard uncertainty of the nodal displacements (THEORY 2): `Cov(a) = 2 sigma^2 M^-1`.
+//! Standard uncertainty of the nodal displacements (THEORY 2): `Cov(a) = 2 sigma^2 M^-1`, with regularisation
+//! `2 sigma^2 A^-1 M A^-1`, `A = M + w R`.
 
+use super::regularisation::Regulariser;
 use crate::backend::{GreyTransfer, PixelSums};
 use crate::imaging::Interpolation;
 use crate::isa::Isa;
-use crate::linalg::{Pattern, Solver, inverse_diagonal};
+use crate::linalg::{Pattern, Solver, Spread, inverse_diagonal};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
-/// Diagonal of `M^-1` per node.
-pub(super) fn inverse_variances(isa: Isa, mesh: &Mesh<Px>, solver: &Solver) -> Vec<[f64; 2]> {
-    inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh, solver.matrix().pattern()))
+/// Diagonal of `M^-1`, or with regularisation of `A^-1 M A^-1`, per node, and the degrees of freedom that each
+/// takes.
+pub(super) fn spread_of(isa: Isa, mesh: &Mesh<Px>, solver: &Solver, regulariser: Option<&Regulariser>) -> Spread {
+    // A solver without penalty is that of a frame which the regularisation could not hold.
+    if let (Some(regulariser), Some(_)) = (regulariser, solver.penalty())
+        && let Ok(spread) = regulariser.spread(solver.data())
+    {
+        return spread;
+    }
+    let variance = inverse_diagonal(isa, solver.matrix(), solver.jacobi(), &colours(mesh, solver.matrix().pattern()));
+    Spread { variance, freedom: vec![2.0; mesh.n_nodes()] }
 }
 
 /// Colours such that nodes of one colour are five steps along mesh lines apart: on a grid thirteen by the

@@ -108,3 +108,54 @@ impl FromStr for StartFrom {
         })
     }
 }
+
+/// What a displacement field is held by beside the images.
+///
+/// ```
+/// use quadrille::field::RegularisationKind;
+/// assert_eq!("equilibrium-gap".parse(), Ok(RegularisationKind::EquilibriumGap));
+/// assert_eq!(RegularisationKind::default().to_string(), "none");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RegularisationKind {
+    /// Nothing; the default.
+    #[default]
+    None,
+    /// Small gradients of the displacement.
+    Tikhonov,
+    /// Equilibrium of an elastic plate without forces in its plane.
+    EquilibriumGap,
+}
+
+impl RegularisationKind {
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            RegularisationKind::None => "none",
+            RegularisationKind::Tikhonov => "tikhonov",
+            RegularisationKind::EquilibriumGap => "equilibrium-gap",
+        }
+    }
+}
+
+impl fmt::Display for RegularisationKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for RegularisationKind {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [RegularisationKind::None, RegularisationKind::Tikhonov, RegularisationKind::EquilibriumGap]
+            .into_iter()
+            .find(|kind| kind.name() == word)
+            .ok_or_else(|| UnknownChoice {
+                option: "regularisation",
+                given: word.to_owned(),
+                expected: "none, tikhonov or equilibrium-gap",
+            })
+    }
+}

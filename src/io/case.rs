@@ -1,6 +1,6 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, StartFrom, StrainDefinition};
+use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
@@ -152,6 +152,15 @@ pub struct CaseCorrelation {
     /// Standard deviation of the camera noise, grey levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
+    /// What the displacement is held by beside the images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regularisation: Option<RegularisationKind>,
+    /// Cut-off length of the regularisation, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cutoff_px: Option<f64>,
+    /// Poisson's ratio in the equilibrium gap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson: Option<f64>,
     /// Definition of the strains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strain: Option<StrainDefinition>,

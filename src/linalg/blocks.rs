@@ -66,6 +66,26 @@ impl Pattern {
         Self { row_starts, columns, incidence_starts, incidence }
     }
 
+    /// The pattern that couples each node with the neighbours of its neighbours too: that of `K^T K` for a
+    /// matrix `K` on this one. The elements of the nodes stay the same.
+    pub fn widened(&self) -> Self {
+        let mut row_starts = Vec::with_capacity(self.row_starts.len());
+        let mut columns = Vec::with_capacity(3 * self.columns.len());
+        row_starts.push(0);
+        let mut row = Vec::with_capacity(81);
+        for node in 0..self.n_nodes() {
+            row.clear();
+            for &near in &self.columns[self.row(node)] {
+                row.extend_from_slice(&self.columns[self.row(near as usize)]);
+            }
+            row.sort_unstable();
+            row.dedup();
+            columns.extend_from_slice(&row);
+            row_starts.push(columns.len() as u32);
+        }
+        Self { row_starts, columns, incidence_starts: self.incidence_starts.clone(), incidence: self.incidence.clone() }
+    }
+
     /// Number of nodes (rows of blocks).
     pub fn n_nodes(&self) -> usize {
         self.row_starts.len() - 1
@@ -84,6 +104,16 @@ impl Pattern {
         &self.columns
     }
 
+    /// The nodes that `node` is coupled with, itself among them, ascending.
+    pub(crate) fn neighbours(&self, node: usize) -> &[u32] {
+        &self.columns[self.row(node)]
+    }
+
+    /// Place of the block (row, column), if it is stored.
+    fn place(&self, row: usize, column: u32) -> Option<usize> {
+        self.neighbours(row).binary_search(&column).ok().map(|at| self.row(row).start + at)
+    }
+
     /// The elements of a node, with the node's corner in each.
     pub(crate) fn elements_of(&self, node: usize) -> &[(u32, u8)] {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
@@ -92,34 +122,37 @@ impl Pattern {
     /// Colours of the nodes in `nodes` such that two of one colour are at least `steps` apart: each node gets
     /// the first colour that is free.
     pub fn colours(&self, nodes: Range<usize>, steps: usize) -> Vec<u32> {
+        const NONE: u32 = u32::MAX;
         let first = nodes.start;
-        let mut colour = vec![u32::MAX; nodes.len()];
-        let mut seen = vec![usize::MAX; nodes.len()];
+        let mut colour = vec![NONE; nodes.len()];
+        // The node that saw another node, or a colour, last.
+        let (mut seen, mut taken) = (vec![usize::MAX; nodes.len()], Vec::new());
+        let (mut ring, mut next) = (Vec::new(), Vec::new());
         for node in nodes.clone() {
-            let (mut ring, mut taken) = (vec![node], Vec::new());
+            ring.clear();
+            ring.push(node);
             seen[node - first] = node;
             for _ in 1..steps {
-                let mut next = Vec::new();
                 for &at in &ring {
-                    for &other in &self.columns[self.row(at)] {
+                    for &other in self.neighbours(at) {
                         let other = other as usize;
                         if nodes.contains(&other) && seen[other - first] != node {
                             seen[other - first] = node;
-                            taken.push(colour[other - first]);
                             next.push(other);
+                            if colour[other - first] != NONE {
+                                taken[colour[other - first] as usize] = node;
+                            }
                         }
                     }
                 }
-                ring = next;
+                std::mem::swap(&mut ring, &mut next);
+                next.clear();
             }
-            taken.sort_unstable();
-            let mut free = 0;
-            for colour in taken {
-                if colour == free {
-                    free += 1;
-                }
+            let free = taken.iter().position(|&by| by != node).unwrap_or(taken.len());
+            if free == taken.len() {
+                taken.push(node);
             }
-            colour[node - first] = free;
+            colour[node - first] = free as u32;
         }
         colour
     }
@@ -178,6 +211,56 @@ impl BlockMatrix {
             }
         });
         Self { pattern: pattern.clone(), blocks }
+    }
+
+    /// The zero matrix.
+    pub fn zero(pattern: &Arc<Pattern>) -> Self {
+        Self { pattern: pattern.clone(), blocks: vec![[0.0; 4]; pattern.n_blocks()] }
+    }
+
+    /// Adds `weight B^T B`, where the two rows of `B` hold `blocks` at `nodes` and nothing elsewhere: a
+    /// penalty on two linear combinations of unknowns.
+    ///
+    /// # Panics
+    /// When the pattern has no place for a pair of these nodes.
+    pub fn add_square(&mut self, nodes: &[u32], blocks: &[[f64; 4]], weight: f64) {
+        for (&row, a) in nodes.iter().zip(blocks) {
+            for (&column, b) in nodes.iter().zip(blocks) {
+                let Some(at) = self.pattern.place(row as usize, column) else {
+                    panic!("the pattern does not couple the nodes {row} and {column}")
+                };
+                let sum = &mut self.blocks[at];
+                sum[0] += weight * (a[0] * b[0] + a[2] * b[2]);
+                sum[1] += weight * (a[0] * b[1] + a[2] * b[3]);
+                sum[2] += weight * (a[1] * b[0] + a[3] * b[2]);
+                sum[3] += weight * (a[1] * b[1] + a[3] * b[3]);
+            }
+        }
+    }
+
+    /// The matrix of the blocks `block(row, column)`.
+    pub(super) fn from_blocks(pattern: &Arc<Pattern>, block: impl Fn(usize, usize) -> [f64; 4]) -> Self {
+        let rows = 0..pattern.n_nodes();
+        let places = rows.flat_map(|row| pattern.neighbours(row).iter().map(move |&column| (row, column as usize)));
+        let blocks = places.map(|(row, column)| block(row, column)).collect();
+        Self { pattern: pattern.clone(), blocks }
+    }
+
+    /// Adds `scale` times a matrix of the same nodes whose pattern lies within that of `self`.
+    ///
+    /// # Panics
+    /// When it does not.
+    pub fn add(&mut self, other: &Self, scale: f64) {
+        for node in 0..other.pattern.n_nodes() {
+            for (block, &column) in other.blocks[other.pattern.row(node)].iter().zip(other.pattern.neighbours(node)) {
+                let Some(at) = self.pattern.place(node, column) else {
+                    panic!("the pattern does not couple the nodes {node} and {column}")
+                };
+                for (sum, value) in self.blocks[at].iter_mut().zip(block) {
+                    *sum += scale * value;
+                }
+            }
+        }
     }
 
     /// The pattern.

@@ -4,6 +4,7 @@ use super::blocks::BlockMatrix;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
@@ -40,6 +41,25 @@ impl Cholesky {
     /// # Panics
     /// When `order` is not a permutation of the nodes.
     pub fn new(matrix: &BlockMatrix, order: &[usize]) -> Result<Self, NotPositiveDefinite> {
+        Self::with(matrix, order, CholeskySymbolicParams::default())
+    }
+
+    /// The same, always in dense pieces (supernodes), which [`super::selected_inverse`] works on.
+    pub(super) fn in_pieces(matrix: &BlockMatrix, order: &[usize]) -> Result<Self, NotPositiveDefinite> {
+        let supernodal_flop_ratio_threshold = SupernodalThreshold::FORCE_SUPERNODAL;
+        Self::with(matrix, order, CholeskySymbolicParams { supernodal_flop_ratio_threshold, ..Default::default() })
+    }
+
+    /// Structure and values of the factor.
+    pub(super) fn into_parts(self) -> (SymbolicCholesky<u32>, Vec<f64>) {
+        (self.symbolic, self.values)
+    }
+
+    fn with(
+        matrix: &BlockMatrix,
+        order: &[usize],
+        parameters: CholeskySymbolicParams<'_>,
+    ) -> Result<Self, NotPositiveDefinite> {
         let n = 2 * matrix.pattern().n_nodes();
         let (column_starts, rows, values) = lower_triangle(matrix);
         let forward: Vec<u32> = order.iter().flat_map(|&node| [2 * node as u32, 2 * node as u32 + 1]).collect();
@@ -52,7 +72,7 @@ impl Cholesky {
             pattern,
             Side::Lower,
             SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, n)),
-            CholeskySymbolicParams::default(),
+            parameters,
         )
         // The analysis fails only when an index or the memory overflows.
         .map_err(|_| NotPositiveDefinite { node: 0 })?;

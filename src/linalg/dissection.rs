@@ -1,4 +1,4 @@
-//! Nested dissection of regular grids.
+//! Nested dissection: of regular grids, and of any nodes in the plane.
 
 use super::blocks::Pattern;
 use std::ops::Range;
@@ -39,7 +39,8 @@ pub fn nested_dissection(columns: usize, rows: usize) -> Vec<usize> {
 }
 
 /// An elimination order of the nodes in `nodes`, which may lie anywhere: the set is cut in two halves across
-/// its longer side; those nodes of the first half that are coupled to the second come last, recursively.
+/// its longer side; those nodes of the first half that are coupled to the second come last, recursively. On a
+/// pattern that couples neighbours of neighbours what separates two halves of a grid is two lines wide.
 pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -> Vec<usize> {
     fn cut(mut set: Vec<usize>, pattern: &Pattern, points: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
         let extent = |k: usize| {
@@ -52,7 +53,10 @@ pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -
         }
         let axis = usize::from(extent(1) > extent(0));
         set.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]).then(a.cmp(&b)));
-        let upper = set.split_off(set.len() / 2);
+        // Nodes in line stay together, so that on a grid a straight line separates the halves.
+        let middle = points[set[set.len() / 2]][axis];
+        let in_line = set.partition_point(|&n| points[n][axis] < middle);
+        let upper = set.split_off(if in_line > 0 { in_line } else { set.len() / 2 });
         // 1: lower half, 2: upper half, 0: neither.
         set.iter().for_each(|&n| half[n] = 1);
         upper.iter().for_each(|&n| half[n] = 2);

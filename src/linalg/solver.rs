@@ -3,6 +3,7 @@
 use super::blocks::BlockMatrix;
 use super::cholesky::{Cholesky, NotPositiveDefinite};
 use super::conjugate_gradients::BlockJacobi;
+use std::sync::Arc;
 
 /// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
 /// (`benches/RESULTS.md`, table of solvers).
@@ -31,6 +32,14 @@ pub struct Solver {
     matrix: BlockMatrix,
     jacobi: BlockJacobi,
     factor: Option<Cholesky>,
+    regularised: Option<Regularised>,
+}
+
+/// The two parts of a regularised matrix.
+#[derive(Debug)]
+struct Regularised {
+    data: BlockMatrix,
+    penalty: Arc<BlockMatrix>,
 }
 
 impl Solver {
@@ -73,7 +82,50 @@ impl Solver {
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
     pub fn iterative(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
-        Self { matrix, jacobi, factor: None }
+        Self { matrix, jacobi, factor: None, regularised: None }
+    }
+
+    /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
+    /// penalty on long waves leaves the sum too badly conditioned for conjugate gradients.
+    ///
+    /// # Errors
+    /// [`NotPositiveDefinite`] when neither the data nor the penalty determines some unknown.
+    ///
+    /// # Panics
+    /// When the pattern of `data` does not lie within that of `penalty`.
+    pub fn regularised(
+        data: BlockMatrix,
+        penalty: Arc<BlockMatrix>,
+        order: &[usize],
+    ) -> Result<Self, NotPositiveDefinite> {
+        let mut sum = BlockMatrix::clone(&penalty);
+        sum.add(&data, 1.0);
+        let factor = Some(Cholesky::new(&sum, order)?);
+        let solver = Self::iterative(sum).with_factor(factor);
+        Ok(Self { regularised: Some(Regularised { data, penalty }), ..solver })
+    }
+
+    /// The matrix of the data alone: the part of [`Solver::matrix`] that is not penalty.
+    pub fn data(&self) -> &BlockMatrix {
+        self.regularised.as_ref().map_or(&self.matrix, |parts| &parts.data)
+    }
+
+    /// The penalty, if the matrix is regularised.
+    pub fn penalty(&self) -> Option<&BlockMatrix> {
+        self.regularised.as_ref().map(|parts| &*parts.penalty)
+    }
+
+    /// The correction of `displacement` for the right-hand side `rhs` of the data. A penalty acts on the whole
+    /// displacement and not on its correction: `(M + w R) da = b - w R a` (THEORY 2).
+    pub fn correction(&self, mut rhs: Vec<[f64; 2]>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        if let Some(penalty) = self.penalty() {
+            for (node, b) in rhs.iter_mut().enumerate() {
+                let [px, py] = penalty.row_times(node, displacement);
+                b[0] -= px;
+                b[1] -= py;
+            }
+        }
+        self.solve(rhs)
     }
 
     /// The matrix.

@@ -1,7 +1,7 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
 use crate::backend::Backend;
-use crate::correlate::{Correlation, Correlator, StartUsed};
+use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
 use serde::Serialize;
@@ -36,7 +36,12 @@ pub struct Summary {
     /// The whole run so far, files included, seconds.
     pub seconds_total: f64,
     /// Nodes without texture that were left out.
-    pub nodes_left_out: Vec<NodeLeftOut>,
+    pub nodes_left_out: Vec<NodeWithoutTexture>,
+    /// Nodes without texture that the regularisation holds.
+    pub nodes_held: Vec<NodeWithoutTexture>,
+    /// What to know about the zones, such as one that ends at a place without texture and has no guard.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub messages: Vec<String>,
     /// Number of frames by status.
     pub counts: BTreeMap<&'static str, usize>,
     /// The frames, in series order.
@@ -87,7 +92,7 @@ pub fn saturation_message(found: Saturation) -> Option<String> {
 
 /// A node without texture.
 #[derive(Debug, Clone, Serialize)]
-pub struct NodeLeftOut {
+pub struct NodeWithoutTexture {
     /// Its number.
     pub node: usize,
     /// Column.
@@ -96,6 +101,12 @@ pub struct NodeLeftOut {
     pub y_px: f64,
     /// Why.
     pub reason: String,
+}
+
+impl From<&TextureFault> for NodeWithoutTexture {
+    fn from(fault: &TextureFault) -> Self {
+        Self { node: fault.node, x_px: fault.at[0], y_px: fault.at[1], reason: fault.lack.name().into() }
+    }
 }
 
 /// One frame.

@@ -364,7 +364,7 @@ impl Backend for CpuBackend {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
         let rhs = level.pattern.gather(|element| field.sums[element].b.map(f64::from));
-        let correction = solver.solve(rhs);
+        let correction = solver.correction(rhs, &field.displacement);
         let (mut largest, mut worst_node) = (0.0f64, 0);
         for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
             for c in 0..2 {

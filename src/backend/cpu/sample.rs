@@ -131,7 +131,8 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
 ) -> Row<L> {
     let before = (K / 2 - 1) as isize;
     let Landing { all_inside, shift_x: (sx0, sx1), y: (y0, y1) } = *landing;
-    let combinations = (sx1 - sx0 + 1) * (y1 - y0 + 1);
+    // A wild field lands everywhere.
+    let combinations = (sx1 - sx0 + 1).saturating_mul(y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
     if !scalar && all_inside && combinations <= 6 {
         let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
