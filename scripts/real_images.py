@@ -74,6 +74,28 @@ def deviation(values):
     return rms(v - middle for v in values)
 
 
+def patches(centres, size):
+    """A Gmsh file of one square element about each place, a group for each zone."""
+    n_zones, n = len(centres), len(next(iter(centres.values())))
+    text = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", str(n_zones)]
+    text += [f'2 {tag} "{zone}"' for tag, zone in enumerate(centres, 1)]
+    text += ["$EndPhysicalNames", "$Entities", f"0 0 {n_zones} 0"]
+    text += [f"{tag} 0 0 0 1 1 0 1 {tag} 0" for tag in range(1, n_zones + 1)]
+    text += ["$EndEntities", "$Nodes", f"{n_zones} {4 * n * n_zones} 1 {4 * n * n_zones}"]
+    for tag, places in enumerate(centres.values(), 1):
+        text.append(f"2 {tag} 0 {4 * n}")
+        text += [str((tag - 1) * 4 * n + k) for k in range(1, 4 * n + 1)]
+        for x, y in places:
+            text += [f"{x + a * size / 2} {y + b * size / 2} 0" for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    text += ["$EndNodes", "$Elements", f"{n_zones} {n * n_zones} 1 {n * n_zones}"]
+    for tag in range(1, n_zones + 1):
+        text.append(f"2 {tag} 3 {n}")
+        for k in range(n):
+            first = (tag - 1) * 4 * n + 4 * k
+            text.append(f"{(tag - 1) * n + k + 1} " + " ".join(str(first + c) for c in (1, 2, 3, 4)))
+    return "\n".join([*text, "$EndElements", ""])
+
+
 class Proof:
     """Runs the program and keeps the table."""
 
@@ -216,36 +238,54 @@ exclude = [[{", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in hole)}]]
         self.say("star", "period at 90 % averaged over four phases", text)
 
     def crack(self):
-        """A crack that opens by 57 px between two zones, 20 frames."""
-        case = CRACK_CASE
+        """A crack that opens by 57 px, 20 frames: the plate as one zone, the opening between two zones."""
         images = [f"img_{30 * k:04} .png" for k in range(20)]
-        frames, field = self.run("crack", "crack-heterogeneous", images, case=case, pictures=("10,19", "uy,residual,mesh,register"))
-        if field is None:
-            return self.say("crack", "run", frames, "runs", False)
+        frames, field = self.run("crack", "crack-heterogeneous", images, "--roi", "320,40,780,1180", pictures=("10,19", "uy,exx,residual,mesh,register"))
         converged = sum(f["status"] == "converged" for f in frames)
-        self.say("crack", "frames converged", f"{converged} of 19", "all", converged == 19)
-        worst, where = 0.0, ""
-        for frame, *openings in CRACK_OPENINGS:
-            number = frame // 30
-            try:
-                now = field(number)
-            except FileNotFoundError:
-                worst, where = math.inf, f"frame {frame} has no field"
-                break
-            for x, known in zip((80, 140, 200, 230, 255), openings):
-                lower, upper = now.at(x, 620, "lower"), now.at(x, 581, "upper")
-                if lower is None or upper is None:
-                    worst, where = math.inf, f"frame {frame}, x = {x}: not measured"
-                    continue
-                off = lower[1] - upper[1] - known
-                if abs(off) > worst:
-                    worst, where = abs(off), f"frame {frame}, x = {x}: {lower[1] - upper[1]:.2f}, known {known}"
-        self.say("crack", "largest difference of the opening from the table", f"{worst:.2f} px ({where})", "<= 0.3 px", worst <= 0.3)
-        now = field(10)
-        plate = [now.at(500, y) for y in (64, 600, 1140)]
-        known = [(2.1, -33.8), (-9.1, -34.1), (2.2, -35.0)]
-        off = max(abs(p[c] - k[c]) for p, k in zip(plate, known) for c in range(2) if p)
-        self.say("crack", "plate at x = 500, frame 300: largest difference", f"{off:.2f} px", "<= 0.3 px", off <= 0.3)
+        self.say("crack, plate", "frames converged, motion to 57 px", f"{converged} of 19", "all", converged == 19)
+        known = {10: ((60, 2.1, -33.8), (600, -9.1, -34.1), (1140, 2.2, -35.0)), 19: ((600, -16.6, -56.4),)}
+        off = 0.0
+        for number, places in known.items():
+            now = field(number)
+            for y, u, v in places:
+                found = now.at(500, y)
+                off = max(off, abs(found[0] - u), abs(found[1] - v))
+        self.say("crack, plate", "largest difference at x = 500", f"{off:.2f} px", "<= 0.3 px", off <= 0.3)
+        # Beside the notch speckles come out from behind the loading blocks: the reference is renewed in every
+        # frame, and the patches (two zones of one element for each place) move along with the material.
+        size, columns = 19.0, (80, 140, 200, 230, 255)
+        centres = {"upper": [(x, 581.0) for x in columns], "lower": [(x, 620.0) for x in columns]}
+        total = {zone: [0.0] * len(columns) for zone in centres}
+        worst, lost, n_converged = [0.0] * len(columns), [], 0
+        for k in range(1, 20):
+            mesh = self.output / "crack-opening.msh"
+            mesh.write_text(patches(centres, size))
+            case = f"""[correlation]
+max_iterations = 200
+regularisation = "equilibrium-gap"
+cutoff_px = 60
+[[zone]]
+mesh = "{mesh}"
+"""
+            frames, field = self.run("crack-opening", "crack-heterogeneous", images[k - 1 : k + 1], case=case)
+            if field is None or frames[0]["status"] == "diverged":
+                self.say("crack, opening", f"frame {30 * k}", frames if field is None else "diverged", "converged", False)
+                return
+            n_converged += frames[0]["status"] == "converged"
+            now = field(1)
+            for zone, places in centres.items():
+                for i, (x, y) in enumerate(places):
+                    near = [v for (nx, ny), v in now.nodes[zone].items() if max(abs(nx - x), abs(ny - y)) < 0.51 * size]
+                    u, v = (mean(value[c] for value in near) for c in range(2))
+                    total[zone][i] += v
+                    places[i] = (x + u, y + v)
+            for frame, *openings in CRACK_OPENINGS:
+                if frame == 30 * k:
+                    for i, wanted in enumerate(openings):
+                        worst[i] = max(worst[i], abs(total["lower"][i] - total["upper"][i] - wanted))
+        self.say("crack, opening", "steps converged", f"{n_converged} of 19")
+        for i, x in enumerate(columns):
+            self.say("crack, opening", f"x = {x}: largest difference from the table, 30 to 570", f"{worst[i]:.2f} px", "<= 0.3 px", worst[i] <= 0.3)
 
     def necking(self):
         """A tensile test to necking: large strain, light that changes."""
@@ -327,8 +367,13 @@ CRACK_OPENINGS = [
     (510, 52.5, 38.9, 25.5, 15.3, 9.1),
     (570, 57.0, 42.4, 28.0, 17.2, 10.4),
 ]
-CRACK_CASE = ""
-NECKING_CASE = ""
+NECKING_CASE = """[correlation]
+element_size_px = 32
+max_iterations = 200
+[[zone]]
+name = "bar"
+roi = [100, 130, 1420, 450]
+"""
 
 
 def main():
