@@ -585,8 +585,8 @@ fn thumbnails_among_the_pages_are_no_frames() {
         u32::from_le_bytes(bytes[link..link + 4].try_into().unwrap()) as usize
     };
     let second = next(&bytes, first);
-    let unit = (0..entries(&bytes, second)).map(|k| second + 2 + 12 * k);
-    let unit = unit.filter(|&at| bytes[at..at + 2] == 296_u16.to_le_bytes()).next().expect("a resolution unit");
+    let mut unit = (0..entries(&bytes, second)).map(|k| second + 2 + 12 * k);
+    let unit = unit.find(|&at| bytes[at..at + 2] == 296_u16.to_le_bytes()).expect("a resolution unit");
     // ... with the value 1, a reduced image.
     bytes[unit..unit + 2].copy_from_slice(&254_u16.to_le_bytes());
     bytes[unit + 8..unit + 10].copy_from_slice(&1_u16.to_le_bytes());

@@ -114,7 +114,7 @@ pub fn small_shift(f: &Image, g: &Image) -> Option<[f64; 2]> {
     let (xx, xy, yy) = (xx - sx * sx / n, xy - sx * sy / n, yy - sy * sy / n);
     let (xr, yr) = (xr - sx * sr / n, yr - sy * sr / n);
     let determinant = xx * yy - xy * xy;
-    if !(determinant > 1e-6 * xx * yy) {
+    if determinant.is_nan() || determinant <= 1e-6 * xx * yy {
         return None;
     }
     Some([(yy * xr - xy * yr) / determinant, (xx * yr - xy * xr) / determinant])

@@ -507,7 +507,10 @@ fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64
     Vec::deserialize(deserializer).map(|points| Some(pairs(points)))
 }
 
-fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<Vec<[f64; 2]>>>, D::Error> {
+/// Polygons, each as its corners.
+type Polygons = Vec<Vec<[f64; 2]>>;
+
+fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Polygons>, D::Error> {
     let polygons: Vec<Vec<Point>> = Vec::deserialize(deserializer)?;
     Ok(Some(polygons.into_iter().map(pairs).collect()))
 }

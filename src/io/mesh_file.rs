@@ -330,8 +330,8 @@ impl Parsed {
                 return Err(Problem::NotFinite { node: node.number, x, y });
             }
             let reference = *first.get_or_insert(node);
-            // Written so that a NaN is a fault.
-            if !((z - reference.at[2]).abs() <= FLAT_PX) {
+            let off = (z - reference.at[2]).abs();
+            if off.is_nan() || off > FLAT_PX {
                 let (other, other_z) = (reference.number, reference.at[2]);
                 return Err(Problem::NotFlat { node: node.number, z, other, other_z });
             }

@@ -46,10 +46,7 @@ impl<'a> Appended<'a> {
     fn of(bytes: &'a [u8], cut: usize) -> Result<Self, Problem> {
         let rest = &bytes[cut..];
         let head = find(rest, b">").ok_or_else(|| Problem::Truncated("the appended data are missing".into()))?;
-        let base64 = match find(&rest[..head], b"\"raw\"").or(find(&rest[..head], b"'raw'")) {
-            Some(_) => false,
-            None => true,
-        };
+        let base64 = find(&rest[..head], b"\"raw\"").or(find(&rest[..head], b"'raw'")).is_none();
         let start =
             find(&rest[head..], b"_").ok_or_else(|| Problem::Truncated("the appended data are missing".into()))?;
         Ok(Self { base64, bytes: &rest[head + start + 1..] })
