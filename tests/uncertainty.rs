@@ -219,3 +219,32 @@ fn uncertainty_is_that_of_the_dense_inverse() {
         }
     }
 }
+
+#[test]
+fn the_mean_of_several_references_lowers_the_printed_and_the_real_scatter_alike() {
+    const REFERENCES: usize = 4;
+    let zones = inside(200, 200, 20);
+    let (mut squares, mut predicted, mut estimated) = (0.0, 0.0, 0.0);
+    let trials = 12;
+    let mut n = 0.0;
+    let exact = picture(&REST, &float(200, 200));
+    for trial in 0..trials {
+        let shots: Vec<_> = (0..=REFERENCES).map(|k| noisy(&exact, 2.0, (100 * trial + k) as u64)).collect();
+        let mean =
+            |x: usize, y: usize| shots[..REFERENCES].iter().map(|s| s.grey(x, y)).sum::<f32>() / REFERENCES as f32;
+        let reference = drawn(200, 200, mean);
+        let options = Options { n_references: REFERENCES, ..Options::default() };
+        let correlator = prepared(&reference, &zones, options);
+        let found = cold(&correlator, &shots[REFERENCES]);
+        estimated += found.zones[0].noise / trials as f64;
+        for (u, sigma) in found.measurement.displacement.iter().zip(&found.measurement.sigma) {
+            squares += u[0] * u[0] + u[1] * u[1];
+            predicted += sigma[0] * sigma[0] + sigma[1] * sigma[1];
+            n += 2.0;
+        }
+    }
+    let (scatter, predicted) = ((squares / n as f64).sqrt(), (predicted / n as f64).sqrt());
+    // 12 frames of 242 correlated numbers: the scatter is known to about 3 %. Two equal images would give 1.26 times.
+    assert!((scatter / predicted - 1.0).abs() < 0.08, "scatter {scatter}, predicted {predicted} px");
+    assert!((estimated - 2.0).abs() < 0.05, "noise {estimated} grey levels");
+}

@@ -45,6 +45,7 @@ impl Plan {
         let default = Options::default();
         let element_size = args.element_size.or(given.element_size_px.map(i64::from));
         let options = Options {
+            n_references: reference.len(),
             // A negative size is refused with the same words as 0.
             element_size: match element_size {
                 Some(size) => usize::try_from(size)

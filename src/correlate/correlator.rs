@@ -144,7 +144,7 @@ impl<B: Backend> Correlator<B> {
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
         Ok(Self {
-            noise_gain: NoiseGain::new(options.interpolation),
+            noise_gain: NoiseGain::new(options.interpolation, options.n_references),
             grey_range: f64::from(high - low),
             rounding,
             backend,
@@ -213,9 +213,10 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px; with
-    /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`.
+    /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`. With the mean of k references 1 + 1/k stands for 2.
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
-        self.spread.variance.iter().map(|v| v.map(|v| (2.0 * v).sqrt())).collect()
+        let both = self.options.noise_of_both();
+        self.spread.variance.iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
     }
 
     /// Correlates one deformed image. `start` is a displacement of all nodes to begin with (and the grey
@@ -398,7 +399,7 @@ impl<B: Backend> Correlator<B> {
                 noise.max(self.rounding) // identical images still hold the same rounding
             });
             for node in nodes.clone().filter(|&node| measured[node]) {
-                sigma[node] = variance[node].map(|v| noise * (2.0 * v).sqrt());
+                sigma[node] = variance[node].map(|v| noise * (self.options.noise_of_both() * v).sqrt());
             }
             zones.push(ZoneResult {
                 name: name.clone(),

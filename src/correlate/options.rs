@@ -26,6 +26,8 @@ pub struct Options {
     pub start: StartFrom,
     /// Standard deviation of the noise of one image, grey levels; estimated from the residual if `None`.
     pub noise: Option<f64>,
+    /// How many images the reference is the mean of: its noise is less by the square root of that.
+    pub n_references: usize,
     /// Leave nodes without texture out instead of refusing the reference.
     pub drop_textureless: bool,
     /// What holds the displacement beside the images.
@@ -45,6 +47,7 @@ impl Default for Options {
             brightness: Brightness::default(),
             start: StartFrom::default(),
             noise: None,
+            n_references: 1,
             drop_textureless: false,
             regularisation: Regularisation::default(),
             solver: SolverChoice::default(),
@@ -53,6 +56,12 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Noise variance of reference and deformed image together, in that of one image: `1 + 1/k` for the mean of k
+    /// references (THEORY 2 has 2, for one).
+    pub(super) fn noise_of_both(&self) -> f64 {
+        1.0 + 1.0 / self.n_references.max(1) as f64
+    }
+
     /// Whether the numbers among the options make sense (the element size is checked with the mesh).
     ///
     /// # Errors

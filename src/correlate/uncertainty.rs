@@ -48,22 +48,27 @@ fn colours(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<u32> {
 
 /// Variance gain of the interpolation, tabulated over the sub-pixel offset.
 #[derive(Debug)]
-pub(super) struct NoiseGain([f64; 65]);
+pub(super) struct NoiseGain {
+    deformed: [f64; 65],
+    /// Noise variance of the reference in that of one image.
+    reference: f64,
+}
 
 impl NoiseGain {
-    pub fn new(interpolation: Interpolation) -> Self {
-        Self(std::array::from_fn(|k| interpolation.noise_gain(k as f64 / 64.0)))
+    pub fn new(interpolation: Interpolation, n_references: usize) -> Self {
+        let deformed = std::array::from_fn(|k| interpolation.noise_gain(k as f64 / 64.0));
+        Self { deformed, reference: 1.0 / n_references.max(1) as f64 }
     }
 
     fn at(&self, u: f64) -> f64 {
         let t = 64.0 * (u - u.floor());
         let k = (t as usize).min(63);
-        self.0[k] + (t - k as f64) * (self.0[k + 1] - self.0[k])
+        self.deformed[k] + (t - k as f64) * (self.deformed[k + 1] - self.deformed[k])
     }
 
     /// Standard deviation of the noise of one image from the residual of one zone, grey levels: the
     /// residual holds the noise of f and the interpolated (filtered) noise of g,
-    /// `var(r) = sigma^2 (1 + gain^2 v_x v_y)`; each node and the transfer take degrees of freedom.
+    /// `var(r) = sigma^2 (1/k + gain^2 v_x v_y)` with the mean of k references; each node and the transfer take degrees of freedom.
     pub fn noise_of_residual(
         &self,
         mesh: &Mesh<Px>,
@@ -84,6 +89,6 @@ impl NoiseGain {
             gain += self.at(u[0]) * self.at(u[1]);
         }
         let freedom = (sums.n - unknowns).max(1.0);
-        (sums.rr / freedom / (1.0 + transfer.gain.powi(2) * gain / n_elements)).max(0.0).sqrt()
+        (sums.rr / freedom / (self.reference + transfer.gain.powi(2) * gain / n_elements)).max(0.0).sqrt()
     }
 }
