@@ -243,7 +243,7 @@ fn the_mean_of_several_references_lowers_the_printed_and_the_real_scatter_alike(
             n += 2.0;
         }
     }
-    let (scatter, predicted) = ((squares / n as f64).sqrt(), (predicted / n as f64).sqrt());
+    let (scatter, predicted) = ((squares / n).sqrt(), (predicted / n).sqrt());
     // 12 frames of 242 correlated numbers: the scatter is known to about 3 %. Two equal images would give 1.26 times.
     assert!((scatter / predicted - 1.0).abs() < 0.08, "scatter {scatter}, predicted {predicted} px");
     assert!((estimated - 2.0).abs() < 0.05, "noise {estimated} grey levels");
