@@ -210,3 +210,18 @@ fn a_run_draws_what_its_case_asks_for() {
     desk.correlate("--case cases/run.toml --output out --overwrite").fine();
     assert!(!desk.path("out/quantities").exists());
 }
+
+#[test]
+fn curves_are_drawn_against_the_load_or_the_frame() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    desk.write("load.csv", "load_N\n10\n20\n30\n");
+    for (against, load) in [("load_N", "--load load.csv"), ("frame", "")] {
+        desk.run(&format!("probe out --extensometer 30,40,90,40 {load} --curves --output {against}")).fine();
+        let files = desk.files(&format!("{against}/curves"));
+        for ending in ["png", "svg"] {
+            let tail = format!("-strain_true-against-{against}.{ending}");
+            assert!(files.iter().any(|file| file.ends_with(&tail)), "no {tail} among {files:?}");
+        }
+    }
+}

@@ -280,6 +280,10 @@ pub struct ProbeArgs {
     /// What other instruments recorded (CSV, a row per image): joined to every row.
     #[arg(long, value_name = "FILE")]
     pub load: Option<PathBuf>,
+    /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
+    /// and SVG into DIR/curves.
+    #[arg(long)]
+    pub curves: bool,
     /// Folder for `quantities/`. Default: DIR.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,

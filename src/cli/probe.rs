@@ -3,13 +3,17 @@
 use super::args::ProbeArgs;
 use super::quantities::{FOLDER, Fields, Frame, is_regularised, load, resolve, write};
 use super::{Outcome, Result, plural};
-use crate::field::{FrameQuantities, StrainDefinition};
+use crate::field::{Curve, FrameQuantities, StrainDefinition};
 use crate::io::case::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
 };
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::Store;
+use crate::report::{Axis, Plot, Series, Style};
 use std::path::Path;
+
+/// Folder of the pictures of curves.
+const CURVES: &str = "curves";
 
 /// Runs the command.
 pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
@@ -45,12 +49,39 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let n = wanted.len();
     let output = args.output.as_deref().unwrap_or(&args.run);
     let summary = write_of_store(&store, &asked, args.strain, &wanted, output, |_, _| ())?;
+    if args.curves {
+        draw_curves(&summary.curves, &output.join(CURVES))?;
+    }
     if !args.quiet {
         summary.notes.iter().for_each(|note| eprintln!("{note}"));
         eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
     }
     let complete = n_fields == n || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// Draws each curve of at least two points, with a band of two standard uncertainties.
+fn draw_curves(curves: &[Curve], folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
+    for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
+        let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
+        let series = Series::new(&curve.name, Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
+        let plot = Plot {
+            title: format!("{}: {} against {}", curve.name, curve.quantity, curve.against),
+            x: Axis::linear(&curve.against),
+            y: Axis::linear(&curve.quantity),
+            series: vec![series],
+            notes: vec!["bars: two standard uncertainties".into()],
+        };
+        let picture = plot.draw()?;
+        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let name: String =
+            format!("{}-{}-against-{}", curve.name, curve.quantity, curve.against).chars().map(plain).collect();
+        for ending in ["png", "svg"] {
+            picture.save(folder.join(format!("{name}.{ending}")))?;
+        }
+    }
+    Ok(())
 }
 
 /// Draws what is `asked` for from the frames `numbers` of a store into `output/quantities`; each frame is shown to
