@@ -85,7 +85,9 @@ fn residual_pass(bencher: Bencher, interpolation: &str, element: usize) {
     let mut reference = backend.frame(REFERENCE.clone(), &options).expect("a frame");
     let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).expect("a level");
     let mut deformed = backend.frame(DEFORMED.clone(), &options).expect("a frame");
-    let mut field = backend.start(&level, &exact_at(&SHIFT, mesh.mesh.nodes()), &[GreyTransfer::NONE]);
+    let mut field = backend
+        .start(&level, &mut deformed, &exact_at(&SHIFT, mesh.mesh.nodes()), &[GreyTransfer::NONE])
+        .expect("a field");
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
         .bench_local(|| backend.observe(&level, &mut deformed, &mut field).expect("a pass"));

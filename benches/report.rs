@@ -124,7 +124,8 @@ fn kernels() {
                 let residual = [0.03, 1.0].map(|scale| {
                     let exact = exact_at(&Accuracy::new(size, size), mesh.mesh.nodes());
                     let exact: Vec<_> = exact.iter().map(|u| u.map(|u| 0.37 + u * scale)).collect();
-                    let mut field = backend.start(&level, &exact, &[GreyTransfer::NONE]);
+                    let mut field =
+                        backend.start(&level, &mut deformed, &exact, &[GreyTransfer::NONE]).expect("a field");
                     backend.observe(&level, &mut deformed, &mut field).expect("a pass");
                     time(9, || backend.observe(&level, &mut deformed, &mut field))
                 });
@@ -264,7 +265,7 @@ fn gate() {
         let mut frame = backend.frame(reference.clone(), &options).expect("a frame");
         let (level, _) = backend.reference(&mut frame, 0, &mesh, &options).expect("a level");
         let mut deformed = backend.frame(deformed.clone(), &options).expect("a frame");
-        let mut field = backend.start(&level, &exact, &[GreyTransfer::NONE]);
+        let mut field = backend.start(&level, &mut deformed, &exact, &[GreyTransfer::NONE]).expect("a field");
         time(15, || backend.observe(&level, &mut deformed, &mut field))[0]
     };
     let ratio = threads(1).install(|| {

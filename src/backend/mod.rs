@@ -1,15 +1,17 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
 pub mod cpu;
+mod pyramid;
 mod sums;
 
-pub use sums::{ElementMoments, PixelSums};
+pub use sums::{ElementMatch, ElementMoments, PixelSums};
 
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
-use crate::linalg::Solver;
+use crate::linalg::{Solver, SolverChoice};
 use crate::mesh::PixelMesh;
+use std::ops::Deref;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -69,15 +71,61 @@ pub const KEPT_SHARE: f64 = 0.5;
 /// and comes back only with this share, so that it does not flicker while the field settles.
 pub const BACK_SHARE: f64 = 0.6;
 
+/// An element that has lost more than this share of its pixels makes the constant matrix too stiff for the
+/// right-hand side.
+pub const LOST_SHARE: f64 = 0.05;
+
 /// What one Gauss-Newton step found, at the field before its correction.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// Largest component of the nodal correction, px of the level.
+    /// Largest component of the nodal correction, px of the level; not a number when one of them is none.
     pub correction_px: f64,
     /// The node that it belongs to.
     pub worst_node: usize,
-    /// Sums over the pixels of each zone that are inside the deformed image.
+    /// Smallest correlation coefficient of a zone.
+    pub correlation: f64,
+    /// Smallest change of a zone's correlation coefficient since the first evaluation of the field.
+    pub gained: f64,
+    /// Pixels counted.
+    pub counted: f64,
+    /// Whether some element has lost more than [`LOST_SHARE`] of its pixels.
+    pub lossy: bool,
+}
+
+/// What an iteration has found when it ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The displacement, px of the level, per node.
+    pub displacement: Vec<[f64; 2]>,
+    /// Sums of the last evaluation, per zone.
     pub zones: Vec<PixelSums>,
+    /// How the elements matched at the last evaluation.
+    pub elements: Vec<ElementMatch>,
+    /// Transfer of grey levels per zone; the mean over its elements where each has its own.
+    pub transfer: Vec<GreyTransfer>,
+}
+
+/// Where a node of a level lies in the mesh of the next coarser one: its displacement there is the sum of
+/// those of four nodes by these weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// Nodes of the coarser mesh.
+    pub nodes: [u32; 4],
+    /// Their shape functions.
+    pub weights: [f64; 4],
+}
+
+/// What went between the host and a device for one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Traffic {
+    /// Batches of work handed to the device.
+    pub submissions: usize,
+    /// Times that the host waited for results of the device.
+    pub readbacks: usize,
+    /// Bytes sent to the device, the image among them.
+    pub bytes_up: usize,
+    /// Bytes fetched from it.
+    pub bytes_down: usize,
 }
 
 /// A device that correlates: images and fields live on it, small sums come back.
@@ -91,6 +139,8 @@ pub trait Backend: Sync {
     type Level: Send + Sync;
     /// A displacement field being iterated, on the device.
     type Field: Send;
+    /// A solver of the normal equations, on the device too.
+    type Solver: Deref<Target = Solver> + Send + Sync;
 
     /// What device this is: its name and the instruction path or driver.
     fn device(&self) -> String;
@@ -100,17 +150,24 @@ pub trait Backend: Sync {
         Isa::detect()
     }
 
+    /// The solver to prepare when `asked` is wanted: a device need not make a factor that it would not use.
+    fn solver_choice(&self, asked: SolverChoice) -> SolverChoice {
+        asked
+    }
+
+    /// Frames worth correlating at the same time, when they do not depend on each other.
+    fn frames_in_flight(&self) -> usize {
+        1
+    }
+
     /// Brings an image to the device; pyramid levels are made when first asked for.
     ///
     /// # Errors
     /// When the device fails.
     fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError>;
 
-    /// Grey levels of one pyramid level (0 is the image itself), for the search of a start.
-    ///
-    /// # Errors
-    /// When the device fails.
-    fn grey_map(&self, frame: &mut Self::Frame, level: usize) -> Result<GreyMap, BackendError>;
+    /// Grey levels of one pyramid level (0 is the image itself) on the host, for the search of a start.
+    fn grey_map(&self, frame: &mut Self::Frame, level: usize) -> GreyMap;
 
     /// Prepares a reference at one scale: grey levels and gradients of `frame`, and the sums of every
     /// element of `mesh` (in pixels of that level).
@@ -125,10 +182,49 @@ pub trait Backend: Sync {
         options: &KernelOptions,
     ) -> Result<(Self::Level, Vec<ElementMoments>), BackendError>;
 
-    /// Starts an iteration at `displacement` (px of the level, per node) and `transfer` (per zone).
-    fn start(&self, level: &Self::Level, displacement: &[[f64; 2]], transfer: &[GreyTransfer]) -> Self::Field;
+    /// Leaves the elements where `active` is false out of all sums.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn restrict(&self, level: &mut Self::Level, active: &[bool]) -> Result<(), BackendError>;
 
-    /// Evaluates the sums at the field as it is and sets its transfer from them; no correction.
+    /// Tells a level where its nodes lie in the next coarser one.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn link(&self, level: &mut Self::Level, places: Vec<Place>) -> Result<(), BackendError>;
+
+    /// Brings a solver of a level's normal equations to the device.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn solver(&self, level: &Self::Level, solver: Solver) -> Result<Self::Solver, BackendError>;
+
+    /// Starts an iteration at `displacement` (px of the level, per node) and `transfer` (per zone).
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn start(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<Self::Field, BackendError>;
+
+    /// Starts an iteration where that of the next coarser level `coarse` ended; where it began, unless `moved`.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn start_finer(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        coarse: &Self::Field,
+        moved: bool,
+    ) -> Result<Self::Field, BackendError>;
+
+    /// Evaluates the sums at the field as it is, per zone, and sets its transfer from them; no correction.
     ///
     /// # Errors
     /// When the device fails.
@@ -137,10 +233,7 @@ pub trait Backend: Sync {
         level: &Self::Level,
         frame: &mut Self::Frame,
         field: &mut Self::Field,
-    ) -> Result<Vec<PixelSums>, BackendError>;
-
-    /// Leaves the elements where `active` is false out of all sums.
-    fn restrict(&self, level: &mut Self::Level, active: &[bool]);
+    ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError>;
 
     /// One Gauss-Newton step: right-hand side, solution, update of the field by `damping` times the
     /// correction, and of its transfer.
@@ -152,11 +245,23 @@ pub trait Backend: Sync {
         level: &Self::Level,
         frame: &mut Self::Frame,
         field: &mut Self::Field,
-        solver: &Solver,
+        solver: &Self::Solver,
         damping: f64,
     ) -> Result<Step, BackendError>;
 
-    /// The moments of the elements that have lost pixels, counting only those inside the deformed image.
+    /// The right-hand side of the last evaluation, per node: what checks compare.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn right_hand_side(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<Vec<[f64; 2]>, BackendError>;
+
+    /// The moments of the elements that have lost pixels at the last evaluation, counting only those inside
+    /// the deformed image; none at all of elements that are left out.
     ///
     /// # Errors
     /// When the device fails.
@@ -167,18 +272,14 @@ pub trait Backend: Sync {
         field: &Self::Field,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError>;
 
-    /// The displacement, px of the level, per node.
+    /// What the iteration has found.
     ///
     /// # Errors
     /// When the device fails.
-    fn displacement(&self, field: &Self::Field) -> Result<Vec<[f64; 2]>, BackendError>;
+    fn found(&self, level: &Self::Level, frame: &mut Self::Frame, field: &Self::Field) -> Result<Found, BackendError>;
 
-    /// Transfer of grey levels per zone; the mean over its elements where each has its own.
-    fn transfer(&self, level: &Self::Level, field: &Self::Field) -> Vec<GreyTransfer>;
-
-    /// Sums of the last evaluation, per element.
-    ///
-    /// # Errors
-    /// When the device fails.
-    fn element_sums(&self, level: &Self::Level, field: &Self::Field) -> Result<Vec<PixelSums>, BackendError>;
+    /// What went between the host and the device for a frame, when they are two.
+    fn traffic(&self, _frame: &Self::Frame) -> Option<Traffic> {
+        None
+    }
 }

@@ -57,14 +57,6 @@ impl PixelSums {
         if variance > 0.0 { (1.0 - self.rr / variance).max(0.0).sqrt() } else { 0.0 }
     }
 
-    /// Mean correlation coefficient, by pixels, of several sets that each have a gain and offset of their
-    /// own; a set that is anticorrelated counts as 0, as a flat one does.
-    pub fn mean_correlation(sets: &[Self]) -> f64 {
-        let n: f64 = sets.iter().map(|s| s.n).sum();
-        let sum: f64 = sets.iter().map(|s| s.n * s.correlation().max(0.0)).sum();
-        if n > 0.0 { sum / n } else { 0.0 }
-    }
-
     /// Gain and offset that bring g closest to f: `(gain, offset)`; `None` when g is constant or the
     /// two are not positively correlated (no sensible change of light turns dark into bright).
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
@@ -82,6 +74,33 @@ impl PixelSums {
     /// Root mean square of the residual, grey levels; 0 when nothing is counted.
     pub fn residual_rms(&self) -> f64 {
         if self.n > 0.0 { (self.rr / self.n).max(0.0).sqrt() } else { 0.0 }
+    }
+}
+
+/// How one element matched, from its sums.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ElementMatch {
+    /// Pixels counted: 0 when the element is left out.
+    pub n: f64,
+    /// Root mean square of the residual, grey levels.
+    pub residual_rms: f64,
+    /// Correlation coefficient of f and g.
+    pub correlation: f64,
+}
+
+impl From<&PixelSums> for ElementMatch {
+    fn from(sums: &PixelSums) -> Self {
+        Self { n: sums.n, residual_rms: sums.residual_rms(), correlation: sums.correlation() }
+    }
+}
+
+impl ElementMatch {
+    /// Mean correlation coefficient, by pixels, of several elements that each have a gain and offset of their
+    /// own; one that is anticorrelated counts as 0, as a flat one does.
+    pub fn mean_correlation(elements: &[Self]) -> f64 {
+        let n: f64 = elements.iter().map(|e| e.n).sum();
+        let sum: f64 = elements.iter().map(|e| e.n * e.correlation.max(0.0)).sum();
+        if n > 0.0 { sum / n } else { 0.0 }
     }
 }
 

@@ -9,7 +9,7 @@ use super::options::Options;
 use super::search::{Motion, motions};
 use super::texture::{TextureFault, assumed_noise, rounding};
 use super::uncertainty::{NoiseGain, spread_of};
-use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions, PixelSums};
+use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::Spread;
@@ -54,6 +54,8 @@ pub struct Correlation {
     pub measurement: Measurement<Px>,
     /// Gauss-Newton iterations on the finest level.
     pub iterations: usize,
+    /// Those on the coarser levels.
+    pub coarse_iterations: usize,
     /// Largest nodal correction of the last iteration, px.
     pub correction_px: f64,
     /// Place of the node of that correction in the reference image, px: where to look when a frame does
@@ -75,12 +77,16 @@ pub struct Correlation {
     /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
     /// a shadow, or a false match).
     pub poor_elements: usize,
+    /// What went between host and device for the frame so far, when they are two.
+    pub traffic: Option<Traffic>,
     /// Displacement of all nodes, those not measured included: the start of the next frame.
     pub(super) full_displacement: Vec<[f64; 2]>,
 }
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
 const MATCHED: f64 = 0.5;
+/// A level that takes more than this from a zone's correlation coefficient has harmed it.
+const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
 /// A zone of which this share of elements has left the deformed image is lost.
@@ -139,10 +145,13 @@ impl<B: Backend> Correlator<B> {
         for level in 1..=search_level(&laid.mesh) {
             let size = size.map(|n| n >> level);
             let Some(coarse) = laid.halved(options.element_size, size) else { break };
-            levels.push(Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel, options.regularisation)?);
+            let coarse_level =
+                Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel, options.regularisation)?;
+            levels[level - 1].link(&backend, &coarse_level.mesh)?;
+            levels.push(coarse_level);
             laid = coarse;
         }
-        let search_map = backend.grey_map(&mut frame, levels.len() - 1)?;
+        let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         Ok(Self {
             noise_gain: NoiseGain::new(options.interpolation, options.n_references),
             grey_range: f64::from(high - low),
@@ -230,6 +239,14 @@ impl<B: Backend> Correlator<B> {
         image: Arc<Image>,
         start: Option<(Vec<[f64; 2]>, &[GreyTransfer])>,
     ) -> Result<Correlation, CorrelationError> {
+        self.correlate_frame(self.frame(image)?, start)
+    }
+
+    /// Brings a deformed image to the device: worth doing while the frame before it is correlated.
+    ///
+    /// # Errors
+    /// An image of another size or without contrast, or a device that fails.
+    pub fn frame(&self, image: Arc<Image>) -> Result<B::Frame, CorrelationError> {
         if [image.width(), image.height()] != self.size {
             return Err(CorrelationError::Size {
                 width: image.width(),
@@ -241,7 +258,18 @@ impl<B: Backend> Correlator<B> {
         if image.is_constant() {
             return Err(CorrelationError::Constant { grey: image.grey(0, 0) });
         }
-        let mut frame = self.backend.frame(image, &self.kernel)?;
+        Ok(self.backend.frame(image, &self.kernel)?)
+    }
+
+    /// As [`Correlator::correlate`], for an image that is on the device.
+    ///
+    /// # Errors
+    /// A start for another mesh, or a device that fails.
+    pub fn correlate_frame(
+        &self,
+        mut frame: B::Frame,
+        start: Option<(Vec<[f64; 2]>, &[GreyTransfer])>,
+    ) -> Result<Correlation, CorrelationError> {
         if let Some((displacement, transfer)) = start {
             let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
             let (nodes, zones) = (displacement.len(), transfer.len());
@@ -271,10 +299,10 @@ impl<B: Backend> Correlator<B> {
         transfer: &[GreyTransfer],
     ) -> Result<Correlation, CorrelationError> {
         let finest = &self.levels[0];
-        let mut field = self.backend.start(&finest.prepared, displacement, transfer);
+        let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
         let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
-        let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first.iter().all(matched);
-        let result = self.finish(&field, outcome, StartUsed::Predicted)?;
+        let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
+        let result = self.finish(frame, &field, outcome, StartUsed::Predicted, 0)?;
         if near && result.measurement.status == Status::Converged {
             return Ok(result);
         }
@@ -289,7 +317,7 @@ impl<B: Backend> Correlator<B> {
     fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
         let top = self.levels.len() - 1;
         let level = &self.levels[top];
-        let deformed = self.backend.grey_map(frame, top)?;
+        let deformed = self.backend.grey_map(frame, top);
         let n_zones = level.mesh.zones().len();
         let of_zone = |zone| motions(&self.search_map, &deformed, level.mesh.bounds(zone), &self.search_pixels[zone]);
         let candidates: Vec<Vec<Motion>> = (0..n_zones).map(of_zone).collect();
@@ -303,10 +331,11 @@ impl<B: Backend> Correlator<B> {
             }
             let tried: Vec<Motion> = candidates.iter().map(|c| c[round.min(c.len() - 1)].clone()).collect();
             let displacement = self.moved(level, &tried);
-            let mut field = self.backend.start(&level.prepared, &displacement, &vec![GreyTransfer::NONE; n_zones]);
-            let sums = self.backend.observe(&level.prepared, frame, &mut field)?;
-            for (zone, transfer) in self.backend.transfer(&level.prepared, &field).into_iter().enumerate() {
-                let score = sums[zone].correlation();
+            let transfer = vec![GreyTransfer::NONE; n_zones];
+            let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
+            let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
+            for (zone, (sums, transfer)) in observed.into_iter().enumerate() {
+                let score = sums.correlation();
                 if score > best[zone].0 {
                     best[zone] = (score, tried[zone].clone(), transfer);
                 }
@@ -327,42 +356,44 @@ impl<B: Backend> Correlator<B> {
     fn down_the_pyramid(
         &self,
         frame: &mut B::Frame,
-        mut displacement: Vec<[f64; 2]>,
-        mut transfer: Vec<GreyTransfer>,
+        displacement: Vec<[f64; 2]>,
+        transfer: Vec<GreyTransfer>,
         start: StartUsed,
     ) -> Result<Correlation, CorrelationError> {
-        for at in (1..self.levels.len()).rev() {
-            let level = &self.levels[at];
-            let mut field = self.backend.start(&level.prepared, &displacement, &transfer);
+        let top = &self.levels[self.levels.len() - 1];
+        let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
+        let mut coarse_iterations = 0;
+        for pair in self.levels.windows(2).rev() {
+            let [finer, level] = pair else { continue };
             let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel)?;
-            // A coarse level whose texture is gone can only harm: keep what it made worse as it was.
-            let usable = outcome.correction_px.is_finite()
-                && outcome.first.iter().zip(&outcome.last).all(|(a, b)| b.correlation() >= a.correlation() - 0.02);
-            if usable {
-                displacement = self.backend.displacement(&field)?;
-                transfer = self.backend.transfer(&level.prepared, &field);
-            }
-            displacement = self.levels[at - 1].taken_from_coarser(&level.mesh, &displacement);
+            coarse_iterations += outcome.iterations;
+            // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
+            let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
+            field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let finest = &self.levels[0];
-        let mut field = self.backend.start(&finest.prepared, &displacement, &transfer);
-        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
-        self.finish(&field, outcome, start)
+        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel)?;
+        self.finish(frame, &field, outcome, start, coarse_iterations)
     }
 
     /// Status, uncertainty and summary of a finished iteration.
-    fn finish(&self, field: &B::Field, outcome: Outcome, start: StartUsed) -> Result<Correlation, CorrelationError> {
+    fn finish(
+        &self,
+        frame: &mut B::Frame,
+        field: &B::Field,
+        outcome: Outcome<B>,
+        start: StartUsed,
+        coarse_iterations: usize,
+    ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
-        let full_displacement = self.backend.displacement(field)?;
-        let elements = self.backend.element_sums(&level.prepared, field)?;
-        let transfers = self.backend.transfer(&level.prepared, field);
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } =
+            self.backend.found(&level.prepared, frame, field)?;
         let matches: Vec<f64> = (0..mesh.zones().len())
             .map(|zone| match self.options.brightness {
-                Brightness::Element => PixelSums::mean_correlation(&elements[mesh.zone_elements(zone)]),
+                Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
                 // Without a transfer a change of light is misfit, although it correlates.
-                Brightness::Off => outcome.last[zone].explained(),
-                Brightness::Zone => outcome.last[zone].correlation(),
+                Brightness::Off => last[zone].explained(),
+                Brightness::Zone => last[zone].correlation(),
             })
             .collect();
         let mut measured = vec![false; mesh.n_nodes()];
@@ -384,7 +415,7 @@ impl<B: Backend> Correlator<B> {
         let mut zones = Vec::new();
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
-            let sums = &outcome.last[zone];
+            let sums = &last[zone];
             let transfer = transfers[zone];
             let n_transfers = match self.options.brightness {
                 Brightness::Zone => 1,
@@ -411,7 +442,7 @@ impl<B: Backend> Correlator<B> {
             });
         }
         let mut all = PixelSums::default();
-        outcome.last.iter().for_each(|sums| all.add(sums));
+        last.iter().for_each(|sums| all.add(sums));
         let displacement =
             full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
         let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
@@ -422,9 +453,11 @@ impl<B: Backend> Correlator<B> {
                 displacement,
                 sigma,
                 measured,
-                element_residual: elements.iter().map(PixelSums::residual_rms).collect(),
+                element_residual: elements.iter().map(|e| e.residual_rms).collect(),
             },
             iterations: outcome.iterations,
+            coarse_iterations,
+            traffic: self.backend.traffic(frame),
             correction_px: outcome.correction_px,
             correction_at: mesh.nodes()[outcome.worst_node],
             residual_rms: all.residual_rms(),
@@ -433,17 +466,16 @@ impl<B: Backend> Correlator<B> {
             zones,
             start,
             nodes_left,
-            poor_elements: elements.iter().filter(|s| s.n > 0.0 && s.correlation() < MATCHED).count(),
+            poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             full_displacement,
         })
     }
 
-    fn judge(&self, outcome: &Outcome, elements: &[PixelSums], matches: &[f64]) -> Status {
-        let mesh = &self.levels[0].mesh;
+    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64]) -> Status {
+        let Level { mesh, moments, .. } = &self.levels[0];
         let left = (0..mesh.zones().len()).any(|zone| {
-            let of_zone = &elements[mesh.zone_elements(zone)];
-            let all = of_zone.iter().filter(|s| s.n_all > 0.0).count();
-            let left = of_zone.iter().filter(|s| s.n_all > 0.0 && s.n == 0.0).count();
+            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+            let (all, left) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
             left as f64 > LEFT_SHARE * all as f64
         });
         if left {
@@ -454,10 +486,6 @@ impl<B: Backend> Correlator<B> {
             outcome.status
         }
     }
-}
-
-fn matched(sums: &PixelSums) -> bool {
-    sums.correlation() > MATCHED
 }
 
 fn worst(correlation: &Correlation) -> f64 {

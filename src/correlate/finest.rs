@@ -71,7 +71,7 @@ pub(super) fn finest_level<B: Backend>(
                     let solver = Solver::iterative(matrix);
                     // Two long pieces of work that need the matrix alone.
                     let (factor, spread) = rayon::join(
-                        || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
+                        || solver.factor(backend.solver_choice(options.solver), || elimination_order(&mesh, &pattern)),
                         || spread_of(backend.host_isa(), &mesh, &solver, None),
                     );
                     let has_factor = factor.is_ok();
@@ -83,7 +83,8 @@ pub(super) fn finest_level<B: Backend>(
                 found = least_determined(&mesh, &spread.variance, &keep);
             }
             if found.is_empty() {
-                backend.restrict(&mut prepared, &active);
+                backend.restrict(&mut prepared, &active)?;
+                let solver = backend.solver(&prepared, solver)?;
                 dropped.sort_by_key(|fault| fault.node);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser };
                 return Ok(Finest { level, spread, dropped, held });

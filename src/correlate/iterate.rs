@@ -1,7 +1,7 @@
 //! The Gauss-Newton iteration on one level.
 
 use super::level::{Level, assemble};
-use crate::backend::{Backend, BackendError, KernelOptions, PixelSums};
+use crate::backend::{Backend, BackendError, KernelOptions};
 use crate::field::Status;
 use crate::linalg::Solver;
 
@@ -13,8 +13,7 @@ pub(super) struct Limits {
 }
 
 /// How an iteration ended.
-#[derive(Debug)]
-pub(super) struct Outcome {
+pub(super) struct Outcome<B: Backend> {
     pub status: Status,
     pub iterations: usize,
     pub correction_px: f64,
@@ -22,17 +21,14 @@ pub(super) struct Outcome {
     pub worst_node: usize,
     /// Largest correction of the first step: how far off the start was.
     pub first_correction_px: f64,
-    /// Sums at the start.
-    pub first: Vec<PixelSums>,
-    /// Sums at the last evaluation, before the last correction.
-    pub last: Vec<PixelSums>,
+    /// Smallest correlation coefficient of a zone at the start.
+    pub first_correlation: f64,
+    /// Smallest change of a zone's correlation coefficient from the start to the last evaluation.
+    pub gained: f64,
     /// The frame's own solver, when it has lost pixels.
-    pub own: Option<Solver>,
+    pub own: Option<B::Solver>,
 }
 
-/// Elements that have lost more than this share of their pixels make the constant matrix too stiff for
-/// the right-hand side: the frame then gets its own.
-const LOST_SHARE: f64 = 0.05;
 /// The frame's own matrix is renewed when the pixels counted have changed by this share since.
 const RENEW_SHARE: f64 = 2e-3;
 /// A correction that falls by less than this has stalled.
@@ -51,7 +47,7 @@ pub(super) fn iterate<B: Backend>(
     field: &mut B::Field,
     limits: Limits,
     options: &KernelOptions,
-) -> Result<Outcome, BackendError> {
+) -> Result<Outcome<B>, BackendError> {
     let size = level.mesh.element_size();
     let mut outcome = Outcome {
         status: Status::IterationLimit,
@@ -59,20 +55,19 @@ pub(super) fn iterate<B: Backend>(
         correction_px: f64::INFINITY,
         worst_node: 0,
         first_correction_px: 0.0,
-        first: Vec::new(),
-        last: Vec::new(),
+        first_correlation: 0.0,
+        gained: 0.0,
         own: None,
     };
     let (mut previous, mut stalls) = (f64::INFINITY, 0);
-    let mut counted_then: Option<f64> = None;
+    // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
+    let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
     for iteration in 1..=limits.max_iterations {
-        // Most frames lose no pixel: the zones' sums say so without asking for every element.
-        let any_lost = outcome.last.iter().any(|zone| zone.n < zone.n_all);
-        if any_lost
-            && let Some(counted) = counted_with_loss(backend, level, field)?
+        if let Some(counted) = counted_now
             && counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted)
         {
-            outcome.own = Some(own_solver(backend, level, frame, field, options)?);
+            let own = own_solver(backend, level, frame, field, options)?;
+            outcome.own = Some(backend.solver(&level.prepared, own)?);
             counted_then = Some(counted);
         }
         let solver = outcome.own.as_ref().unwrap_or(&level.solver);
@@ -84,9 +79,10 @@ pub(super) fn iterate<B: Backend>(
         outcome.iterations = iteration;
         outcome.correction_px = correction;
         outcome.worst_node = step.worst_node;
-        outcome.last = step.zones;
+        outcome.gained = step.gained;
+        counted_now = step.lossy.then_some(step.counted);
         if iteration == 1 {
-            outcome.first = outcome.last.clone();
+            outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
         }
         if !correction.is_finite() || correction > WILD_ELEMENTS * size {
@@ -105,13 +101,6 @@ pub(super) fn iterate<B: Backend>(
     Ok(outcome)
 }
 
-/// Number of pixels counted, when some element has lost enough of its own; `None` when none has.
-fn counted_with_loss<B: Backend>(backend: &B, level: &Level<B>, field: &B::Field) -> Result<Option<f64>, BackendError> {
-    let sums = backend.element_sums(&level.prepared, field)?;
-    let lost = sums.iter().any(|s| s.n < (1.0 - LOST_SHARE) * s.n_all);
-    Ok(lost.then(|| sums.iter().map(|s| s.n).sum()))
-}
-
 /// The solver of the pixels that are inside the deformed image.
 fn own_solver<B: Backend>(
     backend: &B,
@@ -120,10 +109,9 @@ fn own_solver<B: Backend>(
     field: &B::Field,
     options: &KernelOptions,
 ) -> Result<Solver, BackendError> {
-    let sums = backend.element_sums(&level.prepared, field)?;
     let mut moments = level.moments.clone();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
-        moments[element] = if sums[element].n > 0.0 { partial } else { Default::default() };
+        moments[element] = partial;
     }
     let mut matrix = assemble(&level.mesh, &level.pattern, &moments, options);
     matrix.hold(&level.keep);

@@ -1,10 +1,10 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its factor.
 
 use super::regularisation::{Regularisation, Regulariser, Texture};
-use crate::backend::{Backend, ElementMoments, KernelOptions};
+use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place};
 use crate::field::Brightness;
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
-use crate::mesh::{Mesh, PixelMesh};
+use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ pub(super) struct Level<B: Backend> {
     pub prepared: B::Level,
     pub moments: Vec<ElementMoments>,
     pub pattern: Arc<Pattern>,
-    pub solver: Solver,
+    pub solver: B::Solver,
     /// Nodes that are solved for; the others see no texture.
     pub keep: Vec<bool>,
     /// What holds the displacement beside the images, if anything does.
@@ -23,11 +23,11 @@ pub(super) struct Level<B: Backend> {
 
 /// Position on the finer level of the point `x` of the next coarser one, and back: a coarse pixel is the
 /// mean of two fine ones, so its centre lies between theirs.
-pub(super) fn finer(x: f64) -> f64 {
+fn finer(x: f64) -> f64 {
     2.0 * x + 0.5
 }
 
-pub(super) fn coarser(x: f64) -> f64 {
+fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 
@@ -93,7 +93,7 @@ impl<B: Backend> Level<B> {
         noise: f64,
         options: &KernelOptions,
         regularisation: Regularisation,
-    ) -> Result<Self, crate::backend::BackendError> {
+    ) -> Result<Self, BackendError> {
         let (prepared, moments) = backend.reference(frame, level, mesh, options)?;
         let mesh = mesh.mesh.clone();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
@@ -112,47 +112,53 @@ impl<B: Backend> Level<B> {
             && let Ok(solver) = regulariser.solver(matrix.clone())
         {
             let keep = vec![true; mesh.n_nodes()];
+            let solver = backend.solver(&prepared, solver)?;
             return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser) });
         }
         matrix.hold(&keep);
-        let solver = iterative_or_direct(matrix, &mesh);
+        let solver = iterative_or_direct(backend, matrix, &mesh);
+        let solver = backend.solver(&prepared, solver)?;
         Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None })
     }
 
-    /// The displacement on this level's nodes from that on the next coarser level's.
-    pub fn taken_from_coarser(&self, coarse: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        resample(coarse, displacement, &self.mesh, coarser, 2.0)
+    /// Tells the device where the nodes lie in the next coarser level.
+    pub fn link(&mut self, backend: &B, coarse: &Mesh<Px>) -> Result<(), BackendError> {
+        let places = places(&self.mesh, coarse, coarser).collect();
+        backend.link(&mut self.prepared, places)
     }
 
     /// The displacement on this level's nodes from that on the next finer level's.
     pub fn taken_from_finer(&self, fine: &Mesh<Px>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        resample(fine, displacement, &self.mesh, finer, 0.5)
+        let value = |place: Place| {
+            std::array::from_fn(|c| {
+                let of_node = |node: &u32| displacement[*node as usize][c];
+                0.5 * place.nodes.iter().zip(place.weights).map(|(node, weight)| weight * of_node(node)).sum::<f64>()
+            })
+        };
+        places(&self.mesh, fine, finer).map(value).collect()
     }
 }
 
 /// A factor where it exists, conjugate gradients else (a coarse level must not refuse what the fine one
 /// accepts).
-fn iterative_or_direct(matrix: BlockMatrix, mesh: &Mesh<Px>) -> Solver {
+fn iterative_or_direct<B: Backend>(backend: &B, matrix: BlockMatrix, mesh: &Mesh<Px>) -> Solver {
     let pattern = matrix.pattern().clone();
-    match Solver::new(matrix.clone(), SolverChoice::Auto, || elimination_order(mesh, &pattern)) {
+    let choice = backend.solver_choice(SolverChoice::Auto);
+    match Solver::new(matrix.clone(), choice, || elimination_order(mesh, &pattern)) {
         Ok(solver) => solver,
         Err(_) => Solver::iterative(matrix),
     }
 }
 
-fn resample(
-    from: &Mesh<Px>,
-    displacement: &[[f64; 2]],
-    to: &Mesh<Px>,
-    place: impl Fn(f64) -> f64,
-    scale: f64,
-) -> Vec<[f64; 2]> {
-    let mut values = Vec::with_capacity(to.n_nodes());
-    for zone in 0..to.zones().len() {
-        for node in to.zone_nodes(zone) {
-            let [x, y] = to.nodes()[node].map(&place);
-            values.push(from.interpolate(displacement, from.nearest(zone, x, y)).map(|u| scale * u));
-        }
-    }
-    values
+/// Where the nodes of `mesh` lie in the mesh `other` of a neighbouring level.
+fn places<'a>(
+    mesh: &'a Mesh<Px>,
+    other: &'a Mesh<Px>,
+    at: impl Fn(f64) -> f64 + 'a,
+) -> impl Iterator<Item = Place> + 'a {
+    mesh.nodes().iter().zip(mesh.node_zone()).map(move |(node, &zone)| {
+        let [x, y] = node.map(&at);
+        let (element, xi, eta) = other.nearest(zone as usize, x, y);
+        Place { nodes: other.elements()[element], weights: shape_functions(xi, eta) }
+    })
 }

@@ -180,6 +180,8 @@ impl Pattern {
 pub struct BlockMatrix {
     pattern: Arc<Pattern>,
     blocks: Vec<[f64; 4]>,
+    /// Nodes whose unknowns stay zero.
+    held: Vec<u32>,
 }
 
 impl BlockMatrix {
@@ -210,12 +212,12 @@ impl BlockMatrix {
                 }
             }
         });
-        Self { pattern: pattern.clone(), blocks }
+        Self { pattern: pattern.clone(), blocks, held: Vec::new() }
     }
 
     /// The zero matrix.
     pub fn zero(pattern: &Arc<Pattern>) -> Self {
-        Self { pattern: pattern.clone(), blocks: vec![[0.0; 4]; pattern.n_blocks()] }
+        Self { pattern: pattern.clone(), blocks: vec![[0.0; 4]; pattern.n_blocks()], held: Vec::new() }
     }
 
     /// Adds `weight B^T B`, where the two rows of `B` hold `blocks` at `nodes` and nothing elsewhere: a
@@ -243,7 +245,7 @@ impl BlockMatrix {
         let rows = 0..pattern.n_nodes();
         let places = rows.flat_map(|row| pattern.neighbours(row).iter().map(move |&column| (row, column as usize)));
         let blocks = places.map(|(row, column)| block(row, column)).collect();
-        Self { pattern: pattern.clone(), blocks }
+        Self { pattern: pattern.clone(), blocks, held: Vec::new() }
     }
 
     /// Adds `scale` times a matrix of the same nodes whose pattern lies within that of `self`.
@@ -282,8 +284,9 @@ impl BlockMatrix {
     }
 
     /// Replaces the rows and columns of the nodes where `keep` is false by those of the identity: their
-    /// unknowns stay zero and couple to nothing.
+    /// unknowns stay zero (a solver takes no right-hand side there) and couple to nothing.
     pub fn hold(&mut self, keep: &[bool]) {
+        self.held = (0..).zip(keep).filter(|(_, keep)| !**keep).map(|(node, _)| node).collect();
         for node in 0..self.pattern.n_nodes() {
             for at in self.pattern.row(node) {
                 let other = self.pattern.columns[at] as usize;
@@ -292,6 +295,11 @@ impl BlockMatrix {
                 }
             }
         }
+    }
+
+    /// The nodes whose unknowns stay zero.
+    pub fn held(&self) -> &[u32] {
+        &self.held
     }
 
     /// `self * x`.

@@ -150,6 +150,7 @@ impl Solver {
 
     /// Solves for `rhs`: exactly with a factor, else to 1 % (enough inside an outer iteration).
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
         match &self.factor {
             Some(factor) => {
                 factor.solve(&mut rhs);

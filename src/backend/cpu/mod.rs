@@ -11,9 +11,10 @@ mod residual;
 mod sample;
 mod spline;
 
+use crate::backend::pyramid::Pyramid;
 use crate::backend::{
-    BACK_SHARE, Backend, BackendError, ElementMoments, GreyMap, GreyTransfer, KEPT_SHARE, KernelOptions, PixelSums,
-    Step,
+    BACK_SHARE, Backend, BackendError, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
+    KernelOptions, LOST_SHARE, PixelSums, Place, Step,
 };
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
@@ -60,60 +61,25 @@ impl Default for CpuBackend {
     }
 }
 
-/// One pyramid level of an image.
-#[derive(Debug, Default)]
-struct FrameLevel {
-    grey: Option<GreyMap>,
-    coefficients: Option<Plane>,
-}
-
 /// An image and what has been made of it so far.
 #[derive(Debug)]
 pub struct CpuFrame {
-    image: Arc<Image>,
+    grey: Pyramid,
     options: KernelOptions,
-    levels: Vec<FrameLevel>,
+    /// Interpolation coefficients per level.
+    coefficients: Vec<Option<Plane>>,
 }
 
 impl CpuFrame {
-    fn level(&mut self, level: usize) -> &mut FrameLevel {
-        if self.levels.len() <= level {
-            self.levels.resize_with(level + 1, FrameLevel::default);
-        }
-        &mut self.levels[level]
-    }
-
-    fn grey(&mut self, level: usize) -> &GreyMap {
-        if self.level(level).grey.is_none() {
-            let (offset, image) = (self.options.grey_offset, self.image.clone());
-            let (width, height) = (image.width(), image.height());
-            let grey = match level {
-                0 => match image.pixels() {
-                    Pixels::U8(p) => pixels::convert(p, width, height, offset),
-                    Pixels::U16(p) => pixels::convert(p, width, height, offset),
-                    Pixels::F32(p) => pixels::convert(p, width, height, offset),
-                },
-                1 => match image.pixels() {
-                    Pixels::U8(p) => pixels::halve(p, width, height, offset),
-                    Pixels::U16(p) => pixels::halve(p, width, height, offset),
-                    Pixels::F32(p) => pixels::halve(p, width, height, offset),
-                },
-                _ => {
-                    let finer = self.grey(level - 1);
-                    pixels::halve(&finer.values, finer.width, finer.height, 0.0)
-                }
-            };
-            self.level(level).grey = Some(grey);
-        }
-        self.levels[level].grey.as_ref().expect("made above")
-    }
-
     fn coefficients(&mut self, backend: &CpuBackend, level: usize) -> Result<&Plane, BackendError> {
-        if self.level(level).coefficients.is_none() {
+        if self.coefficients.len() <= level {
+            self.coefficients.resize_with(level + 1, || None);
+        }
+        if self.coefficients[level].is_none() {
             let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
             let (isa, pool) = (backend.isa, &backend.pool);
             let plane = if level == 0 {
-                let image = self.image.clone();
+                let image = &self.grey.image;
                 let (width, height) = (image.width(), image.height());
                 match image.pixels() {
                     Pixels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
@@ -121,12 +87,12 @@ impl CpuFrame {
                     Pixels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
                 }
             } else {
-                let grey = self.grey(level);
+                let grey = self.grey.level(level);
                 prefilter::coefficients(pool, isa, &grey.values, grey.width, grey.height, 0.0, interpolation)
             }?;
-            self.level(level).coefficients = Some(plane);
+            self.coefficients[level] = Some(plane);
         }
-        Ok(self.levels[level].coefficients.as_ref().expect("made above"))
+        Ok(self.coefficients[level].as_ref().expect("made above"))
     }
 }
 
@@ -141,12 +107,18 @@ pub struct CpuLevel {
     level: usize,
     narrow: bool,
     options: KernelOptions,
+    /// Where the nodes lie in the next coarser level.
+    places: Vec<Place>,
 }
 
 /// A displacement field under iteration.
 #[derive(Debug)]
 pub struct CpuField {
     displacement: Vec<[f64; 2]>,
+    /// Displacement and transfer at the start.
+    started: (Vec<[f64; 2]>, Vec<GreyTransfer>),
+    /// Correlation coefficients of the zones at the first evaluation.
+    first: Vec<f64>,
     /// Per zone.
     transfer: Vec<GreyTransfer>,
     corners: Vec<Corners>,
@@ -247,6 +219,27 @@ impl CpuLevel {
             .collect()
     }
 
+    fn right_hand_side(&self, field: &CpuField) -> Vec<[f64; 2]> {
+        self.pattern.gather(|element| field.sums[element].b.map(f64::from))
+    }
+
+    /// Transfer of grey levels per zone; the mean over its elements where each has its own.
+    fn transfer(&self, field: &CpuField) -> Vec<GreyTransfer> {
+        if !self.own_transfer() {
+            return field.transfer.clone();
+        }
+        let mean = |zone: usize| {
+            let elements = self.mesh.zone_elements(zone);
+            let n = elements.len() as f64;
+            let of_zone = &field.element_transfer[elements];
+            GreyTransfer {
+                gain: of_zone.iter().map(|t| f64::from(t.0)).sum::<f64>() / n,
+                offset: of_zone.iter().map(|t| f64::from(t.1)).sum::<f64>() / n,
+            }
+        };
+        (0..self.mesh.zones().len()).map(mean).collect()
+    }
+
     /// The gain and offset of each zone that the last sums ask for (kept where they say nothing).
     fn fit_transfer(&self, zones: &[PixelSums], field: &mut CpuField) {
         if self.options.brightness != Brightness::Zone {
@@ -264,6 +257,7 @@ impl Backend for CpuBackend {
     type Frame = CpuFrame;
     type Level = CpuLevel;
     type Field = CpuField;
+    type Solver = Arc<Solver>;
 
     fn device(&self) -> String {
         format!("cpu ({})", self.isa)
@@ -274,11 +268,12 @@ impl Backend for CpuBackend {
     }
 
     fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<CpuFrame, BackendError> {
-        Ok(CpuFrame { image, options: *options, levels: Vec::new() })
+        let grey = Pyramid::new(image, options.grey_offset);
+        Ok(CpuFrame { grey, options: *options, coefficients: Vec::new() })
     }
 
-    fn grey_map(&self, frame: &mut CpuFrame, level: usize) -> Result<GreyMap, BackendError> {
-        Ok(frame.grey(level).clone())
+    fn grey_map(&self, frame: &mut CpuFrame, level: usize) -> GreyMap {
+        frame.grey.level(level).clone()
     }
 
     fn reference(
@@ -289,16 +284,17 @@ impl Backend for CpuBackend {
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
         let (fx, fy) = pixels::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
-        frame.level(level).coefficients = None;
+        frame.coefficients[level] = None;
         let f = if level == 0 {
-            let (width, height, offset) = (frame.image.width(), frame.image.height(), options.grey_offset);
-            match frame.image.pixels() {
+            let image = &frame.grey.image;
+            let (width, height, offset) = (image.width(), image.height(), options.grey_offset);
+            match image.pixels() {
                 Pixels::U8(p) => pixels::plane_of(&self.pool, p, width, height, offset),
                 Pixels::U16(p) => pixels::plane_of(&self.pool, p, width, height, offset),
                 Pixels::F32(p) => pixels::plane_of(&self.pool, p, width, height, offset),
             }
         } else {
-            let grey = frame.grey(level);
+            let grey = frame.grey.level(level);
             pixels::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
         }?;
         let elements = mesh.pixels.elements.clone();
@@ -317,19 +313,61 @@ impl Backend for CpuBackend {
         });
         let whole = moments.iter().map(|m| [m.n, m.f, m.ff]).collect();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-        Ok((CpuLevel { mesh, pattern, reference, whole, level, narrow, options: *options }, moments))
+        let places = Vec::new();
+        Ok((CpuLevel { mesh, pattern, reference, whole, level, narrow, options: *options, places }, moments))
     }
 
-    fn start(&self, level: &CpuLevel, displacement: &[[f64; 2]], transfer: &[GreyTransfer]) -> CpuField {
+    fn link(&self, level: &mut CpuLevel, places: Vec<Place>) -> Result<(), BackendError> {
+        level.places = places;
+        Ok(())
+    }
+
+    fn solver(&self, _: &CpuLevel, solver: Solver) -> Result<Arc<Solver>, BackendError> {
+        Ok(Arc::new(solver))
+    }
+
+    fn start(
+        &self,
+        level: &CpuLevel,
+        _: &mut CpuFrame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<CpuField, BackendError> {
         let n = level.mesh.n_elements();
-        CpuField {
+        Ok(CpuField {
             displacement: displacement.to_vec(),
+            started: (displacement.to_vec(), transfer.to_vec()),
+            first: Vec::new(),
             transfer: transfer.to_vec(),
             corners: vec![Corners::new([[0.0; 2]; 4]); n],
             sums: vec![ElementSums::default(); n],
             element_transfer: vec![(1.0, 0.0); n],
             out: vec![false; n],
-        }
+        })
+    }
+
+    fn start_finer(
+        &self,
+        level: &CpuLevel,
+        frame: &mut CpuFrame,
+        coarse: &CpuField,
+        moved: bool,
+    ) -> Result<CpuField, BackendError> {
+        let (start, start_transfer) = &coarse.started;
+        let (from, transfer) = if moved { (&coarse.displacement, &coarse.transfer) } else { (start, start_transfer) };
+        let displacement: Vec<[f64; 2]> = level
+            .places
+            .iter()
+            .map(|place| {
+                let mut u = [0.0; 2];
+                for (node, weight) in place.nodes.iter().zip(place.weights) {
+                    let of_node = from[*node as usize];
+                    u = [u[0] + weight * of_node[0], u[1] + weight * of_node[1]];
+                }
+                u.map(|u| 2.0 * u) // a pixel of the coarser level is two of this one
+            })
+            .collect();
+        self.start(level, frame, &displacement, transfer)
     }
 
     fn observe(
@@ -337,20 +375,21 @@ impl Backend for CpuBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &mut CpuField,
-    ) -> Result<Vec<PixelSums>, BackendError> {
+    ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
         level.fit_transfer(&zones, field);
-        Ok(zones)
+        Ok(zones.into_iter().zip(level.transfer(field)).collect())
     }
 
-    fn restrict(&self, level: &mut CpuLevel, active: &[bool]) {
+    fn restrict(&self, level: &mut CpuLevel, active: &[bool]) -> Result<(), BackendError> {
         for (at, active) in active.iter().enumerate() {
             if !active {
                 level.reference.elements[at] = ElementPixels::NONE;
                 level.whole[at] = [0.0; 3];
             }
         }
+        Ok(())
     }
 
     fn step(
@@ -358,13 +397,17 @@ impl Backend for CpuBackend {
         level: &CpuLevel,
         frame: &mut CpuFrame,
         field: &mut CpuField,
-        solver: &Solver,
+        solver: &Arc<Solver>,
         damping: f64,
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
-        let rhs = level.pattern.gather(|element| field.sums[element].b.map(f64::from));
-        let correction = solver.correction(rhs, &field.displacement);
+        let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
+        if field.first.is_empty() {
+            field.first = correlations.clone();
+        }
+        let smallest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
+        let correction = solver.correction(level.right_hand_side(field), &field.displacement);
         let (mut largest, mut worst_node) = (0.0f64, 0);
         for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
             for c in 0..2 {
@@ -376,7 +419,15 @@ impl Backend for CpuBackend {
             }
         }
         level.fit_transfer(&zones, field);
-        Ok(Step { correction_px: largest, worst_node, zones })
+        let kept = |(sums, whole): (&ElementSums, &[f64; 3])| f64::from(sums.n) < (1.0 - LOST_SHARE) * whole[0];
+        Ok(Step {
+            correction_px: largest,
+            worst_node,
+            correlation: smallest(&mut correlations.iter().copied()),
+            gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
+            counted: zones.iter().map(|zone| zone.n).sum(),
+            lossy: field.sums.iter().zip(&level.whole).any(kept),
+        })
     }
 
     fn remaining_moments(
@@ -389,6 +440,9 @@ impl Backend for CpuBackend {
         let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums[e].n) < level.whole[e][0]);
         Ok(lost
             .map(|at| {
+                if field.sums[at].n == 0.0 {
+                    return (at, ElementMoments::default());
+                }
                 let element = &level.reference.elements[at];
                 let corners = &field.corners[at];
                 let weight = |x, y, xi, eta| corners.weight(x, y, xi, eta, deformed);
@@ -398,27 +452,22 @@ impl Backend for CpuBackend {
             .collect())
     }
 
-    fn displacement(&self, field: &CpuField) -> Result<Vec<[f64; 2]>, BackendError> {
-        Ok(field.displacement.clone())
+    fn right_hand_side(
+        &self,
+        level: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &CpuField,
+    ) -> Result<Vec<[f64; 2]>, BackendError> {
+        Ok(level.right_hand_side(field))
     }
 
-    fn transfer(&self, level: &CpuLevel, field: &CpuField) -> Vec<GreyTransfer> {
-        if !level.own_transfer() {
-            return field.transfer.clone();
-        }
-        let mean = |zone: usize| {
-            let elements = level.mesh.zone_elements(zone);
-            let n = elements.len() as f64;
-            let of_zone = &field.element_transfer[elements];
-            GreyTransfer {
-                gain: of_zone.iter().map(|t| f64::from(t.0)).sum::<f64>() / n,
-                offset: of_zone.iter().map(|t| f64::from(t.1)).sum::<f64>() / n,
-            }
-        };
-        (0..level.mesh.zones().len()).map(mean).collect()
-    }
-
-    fn element_sums(&self, level: &CpuLevel, field: &CpuField) -> Result<Vec<PixelSums>, BackendError> {
-        Ok(field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect())
+    fn found(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {
+        let sums = field.sums.iter().enumerate();
+        Ok(Found {
+            displacement: field.displacement.clone(),
+            zones: level.zone_sums(field),
+            elements: sums.map(|(at, sums)| ElementMatch::from(&level.pixel_sums(at, sums))).collect(),
+            transfer: level.transfer(field),
+        })
     }
 }

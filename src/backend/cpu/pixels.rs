@@ -1,39 +1,12 @@
-//! Conversion, downsampling and gradients of pixels.
+//! Conversion and gradients of pixels.
 
 use super::plane::{Plane, Pool, View};
-use super::prefilter::Grey;
 use super::spline::at_pixel;
-use crate::backend::{BackendError, GreyMap};
+use crate::backend::BackendError;
+use crate::backend::pyramid::Grey;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
-
-/// Grey levels less `offset`.
-pub(super) fn convert<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> GreyMap {
-    let mut values = vec![0.0; grey.len()];
-    values.par_chunks_mut(width).with_min_len(64).zip(grey.par_chunks(width)).for_each(|(out, row)| {
-        for (out, grey) in out.iter_mut().zip(row) {
-            *out = grey.value() - offset;
-        }
-    });
-    GreyMap { width, height, values }
-}
-
-/// Mean of each 2x2 block of pixels; an odd last column or row is left out.
-pub(super) fn halve<G: Grey>(grey: &[G], width: usize, height: usize, offset: f32) -> GreyMap {
-    let (w, h) = (width / 2, height / 2);
-    let mut values = vec![0.0; w * h];
-    if w > 0 {
-        values.par_chunks_mut(w).with_min_len(32).enumerate().for_each(|(y, out)| {
-            let upper = &grey[2 * y * width..][..2 * w];
-            let lower = &grey[(2 * y + 1) * width..][..2 * w];
-            for ((out, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
-                *out = 0.25 * ((a[0].value() + a[1].value()) + (b[0].value() + b[1].value())) - offset;
-            }
-        });
-    }
-    GreyMap { width: w, height: h, values }
-}
 
 /// Grey levels as a plane (its border is not filled).
 pub(super) fn plane_of<G: Grey>(

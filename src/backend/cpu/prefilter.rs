@@ -8,38 +8,13 @@
 
 use super::plane::{Plane, Pool};
 use crate::backend::BackendError;
+use crate::backend::pyramid::Grey;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
 
 const BAND: usize = 16;
 const STRIP: usize = 32;
-
-/// A grey level in its recorded depth.
-pub(super) trait Grey: Copy + Send + Sync {
-    fn value(self) -> f32;
-}
-
-impl Grey for u8 {
-    #[inline(always)]
-    fn value(self) -> f32 {
-        f32::from(self)
-    }
-}
-
-impl Grey for u16 {
-    #[inline(always)]
-    fn value(self) -> f32 {
-        f32::from(self)
-    }
-}
-
-impl Grey for f32 {
-    #[inline(always)]
-    fn value(self) -> f32 {
-        self
-    }
-}
 
 /// Coefficients of `grey - offset`, border included.
 #[allow(clippy::too_many_arguments)]
