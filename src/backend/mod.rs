@@ -1,7 +1,9 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
 pub mod cpu;
+pub mod gpu;
 mod pyramid;
+mod spline;
 mod sums;
 
 pub use sums::{ElementMatch, ElementMoments, PixelSums};
@@ -24,6 +26,14 @@ pub enum BackendError {
     OutOfMemory {
         /// What was to be stored.
         what: String,
+    },
+    /// A graphics device failed.
+    #[error("{device} failed: {message}")]
+    Device {
+        /// Its name.
+        device: String,
+        /// What it said.
+        message: String,
     },
 }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Bias of a displacement by a quarter pixel, speckles of 4 to 5 px: cubic about 7e-4 px, quintic
 /// about 6e-5 px. Keys and bilinear need no prefilter and are less accurate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {
     /// Cubic B-spline through the grey levels (exact recursive prefilter); the default.

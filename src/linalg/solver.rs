@@ -148,6 +148,17 @@ impl Solver {
         if self.factor.is_some() { "direct" } else { "iterative" }
     }
 
+    /// Conjugate gradient iterations that a right-hand side without any order needs until its residual has fallen
+    /// by `reduction`, `most` at most: what a device that does a fixed number of them should do.
+    pub fn trial_iterations(&self, reduction: f64, most: usize) -> usize {
+        // Multiplicative hashing: as good as noise, and the same every time.
+        let noise = |k: usize| f64::from((k as u32).wrapping_mul(2_654_435_769) >> 16) / 32768.0 - 1.0;
+        let mut rhs: Vec<[f64; 2]> =
+            (0..self.matrix.pattern().n_nodes()).map(|node| [noise(2 * node + 1), noise(2 * node + 2)]).collect();
+        self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
+        self.jacobi.solve(&self.matrix, &rhs, reduction, most).1.iterations
+    }
+
     /// Solves for `rhs`: exactly with a factor, else to 1 % (enough inside an outer iteration).
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);

@@ -9,9 +9,9 @@ mod plane;
 mod prefilter;
 mod residual;
 mod sample;
-mod spline;
 
 use crate::backend::pyramid::Pyramid;
+use crate::backend::spline::{self, Spline};
 use crate::backend::{
     BACK_SHARE, Backend, BackendError, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
     KernelOptions, LOST_SHARE, PixelSums, Place, Step,
@@ -25,7 +25,6 @@ use crate::units::Px;
 use plane::{Plane, Pool};
 use rayon::prelude::*;
 use residual::{Corners, ElementSums, Pass, Reference, Scratch};
-use spline::Spline;
 use std::sync::Arc;
 
 /// Elements per piece of parallel work.

@@ -1,7 +1,7 @@
 //! Conversion and gradients of pixels.
 
 use super::plane::{Plane, Pool, View};
-use super::spline::at_pixel;
+use crate::backend::spline::at_pixel;
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;
 use crate::imaging::Interpolation;

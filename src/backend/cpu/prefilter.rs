@@ -9,6 +9,7 @@
 use super::plane::{Plane, Pool};
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;
+use crate::backend::spline::causal_start;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
@@ -122,27 +123,6 @@ fn transpose(from: &[[f32; BAND]], to: &mut [[f32; BAND]]) {
         a = b;
     }
     to[..BAND].copy_from_slice(&a);
-}
-
-/// Weights of the samples in the first causal value, `sum_k z^k s(-k)` of the signal continued through its
-/// end samples, `s(-k) = 2 s(0) - s(k)`; exact but for powers of the pole below f32.
-fn causal_start(pole: f64, n: usize) -> Vec<f32> {
-    let horizon = (1e-10f64.ln() / pole.abs().ln()).ceil() as isize;
-    let last = n as isize - 1;
-    let mut weights = vec![0.0; n.min(horizon as usize + 1)];
-    // A signal shorter than the horizon is continued through both ends in turn.
-    weights.resize(if last < horizon { n } else { weights.len() }, 0.0);
-    for k in 0..=horizon {
-        let (mut at, mut sign, power) = (-k, 1.0, pole.powi(k as i32));
-        while !(0..=last).contains(&at) {
-            let (end, through) = if at < 0 { (0, 0) } else { (n - 1, 2 * last) };
-            weights[end] += 2.0 * sign * power;
-            sign = -sign;
-            at = through - at;
-        }
-        weights[at as usize] += sign * power;
-    }
-    weights.into_iter().map(|w| w as f32).collect()
 }
 
 /// The recursion for one pole along `line`, `W` independent signals side by side.

@@ -12,7 +12,7 @@
 
 use super::plane::{BORDER, Plane, View};
 use super::sample::{interpolate, load, next_taps, place, prefetch, sample_lanes, sample_row, weight};
-use super::spline::Spline;
+use crate::backend::spline::Spline;
 use crate::isa::{Isa, Path, mul_add, multiversioned};
 use crate::mesh::{ElementPixels, PixelMap};
 use std::sync::Arc;

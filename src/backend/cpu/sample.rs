@@ -2,7 +2,7 @@
 //! and the interpolation itself.
 
 use super::plane::View;
-use super::spline::Spline;
+use crate::backend::spline::Spline;
 use crate::isa::mul_add;
 
 /// A pixel that lands beyond the outermost pixel centres fades out over this distance, px. A sharp edge

@@ -1,4 +1,4 @@
-//! Weights of the sub-pixel interpolations, and the derivative at the pixels.
+//! Weights of the sub-pixel interpolations, their derivative at the pixels, and the start of their prefilter.
 
 use crate::imaging::Interpolation;
 use crate::isa::mul_add;
@@ -109,6 +109,27 @@ pub(super) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
         // takes the same.
         Interpolation::Keys | Interpolation::Bilinear => ([0.0, 0.0, 1.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
     }
+}
+
+/// Weights of the samples in the first causal value, `sum_k z^k s(-k)` of the signal continued through its
+/// end samples, `s(-k) = 2 s(0) - s(k)`; exact but for powers of the pole below f32.
+pub(super) fn causal_start(pole: f64, n: usize) -> Vec<f32> {
+    let horizon = (1e-10f64.ln() / pole.abs().ln()).ceil() as isize;
+    let last = n as isize - 1;
+    let mut weights = vec![0.0; n.min(horizon as usize + 1)];
+    // A signal shorter than the horizon is continued through both ends in turn.
+    weights.resize(if last < horizon { n } else { weights.len() }, 0.0);
+    for k in 0..=horizon {
+        let (mut at, mut sign, power) = (-k, 1.0, pole.powi(k as i32));
+        while !(0..=last).contains(&at) {
+            let (end, through) = if at < 0 { (0, 0) } else { (n - 1, 2 * last) };
+            weights[end] += 2.0 * sign * power;
+            sign = -sign;
+            at = through - at;
+        }
+        weights[at as usize] += sign * power;
+    }
+    weights.into_iter().map(|w| w as f32).collect()
 }
 
 #[cfg(test)]

@@ -1,0 +1,56 @@
+// The field plus `damping` times the correction, and the largest component of the correction. Thread = node.
+#import types
+#import index
+
+struct Correct {
+    n_nodes: u32,
+    damping: f32,
+    unused0: u32,
+    unused1: u32,
+}
+
+struct Worst {
+    bits: u32,
+    node: u32,
+}
+
+@group(0) @binding(0) var<uniform> correct: Correct;
+@group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
+@group(0) @binding(3) var<storage, read_write> worst: array<Worst>;
+
+var<workgroup> bits: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups);
+    let node = number * 256u + thread;
+    bits[thread] = 0u;
+    if node < correct.n_nodes {
+        let du = solution[node];
+        let u = displacement[node];
+        let moved = u.rest + correct.damping * du;
+        let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
+        displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));
+        displacement[node].rest = moved - floors;
+        // As bits, what is no number is larger than any that is.
+        let size = bitcast<vec2<u32>>(abs(du));
+        bits[thread] = max(size.x, size.y);
+    }
+    workgroupBarrier();
+    if thread == 0u && number * 256u < correct.n_nodes {
+        var largest = bits[0];
+        var at = 0u;
+        for (var i = 1u; i < 256u; i++) {
+            if bits[i] > largest {
+                largest = bits[i];
+                at = i;
+            }
+        }
+        worst[number] = Worst(largest, number * 256u + at);
+    }
+}

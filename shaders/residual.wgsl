@@ -1,0 +1,135 @@
+// Residual and right-hand side of the elements that are rectangles of pixels, in one pass (THEORY 2):
+// b_i = sum (psi_i . grad f)(f - gain g(X + u) - offset). Twin: src/backend/cpu/residual.rs.
+// Thread = pixel column of an element, LANES of them side by side; a workgroup holds 64 / LANES elements. A
+// thread goes down its column with the taps in registers; the weights in xi come once, at the end.
+#import types
+#import index
+#import q4
+#import place
+#import spline
+
+override LANES: u32 = 16u;
+
+@group(0) @binding(0) var<uniform> run: Pass;
+@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(2) var<storage, read> deformed: array<f32>;
+@group(0) @binding(3) var<storage, read> elements: array<Element>;
+@group(0) @binding(4) var<storage, read> displacement: array<Displacement>;
+@group(0) @binding(5) var<storage, read> transfer: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> sums: array<f32>;
+
+const QUANTITIES: u32 = 15u;
+var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let slot = thread / LANES;
+    let lane = thread % LANES;
+    let at_element = group_number(group, groups) * (64u / LANES) + slot;
+    let e = min(at_element, run.n_elements - 1u);
+    let element = elements[e];
+    let mine = at_element < run.n_elements && element.n_runs == 0u
+        && element.corner.y >= run.elements_from && element.corner.y < run.elements_to;
+    var near_left = vec2<f32>(0.0);
+    var near_right = vec2<f32>(0.0);
+    var far_right = vec2<f32>(0.0);
+    var far_left = vec2<f32>(0.0);
+    var n = 0.0;
+    var rr = 0.0;
+    var g = 0.0;
+    var gg = 0.0;
+    var fg = 0.0;
+    var lost = vec2<f32>(0.0);
+    if mine {
+        let corners = corners_of(element.nodes);
+        let light = transfer[select(element.zone, e, run.own_transfer != 0u)];
+        for (var column = lane; column < element.size.x; column += LANES) {
+            let x = element.corner.x + i32(column);
+            let xi = element.local.x + f32(column) * element.local.y;
+            var at_reference = 3 * (element.corner.y - run.reference_first) * run.stride + x;
+            var whole = vec2<f32>(0.0);
+            var far = vec2<f32>(0.0);
+            var taps: Taps;
+            var taps_place = -2 * run.stride; // of no pixel, nor above one
+            for (var row = 0u; row < element.size.y; row++) {
+                let eta = element.local.z + f32(row) * element.local.w;
+                let ux = along(corners.x, xi, eta);
+                let uy = along(corners.y, xi, eta);
+                let floor_x = whole_floor(ux);
+                let floor_y = whole_floor(uy);
+                let tx = ux - f32(floor_x);
+                let ty = uy - f32(floor_y);
+                let px = x + corners.whole.x + floor_x;
+                let py = element.corner.y + i32(row) + corners.whole.y + floor_y;
+                let window = clamp(py, 0, run.image.y - 1);
+                if window >= run.floors_from && window < run.floors_to {
+                    let f = reference[at_reference];
+                    let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
+                    if weight > 0.0 {
+                        let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
+                        if at == taps_place + run.stride {
+                            taps = taps_below(taps, at, run.stride);
+                        } else {
+                            taps = taps_at(at, run.stride);
+                        }
+                        taps_place = at;
+                        let grey = interpolate(taps, tx, ty);
+                        let difference = (f - light.y) - light.x * grey;
+                        let r = weight * difference;
+                        let gradient = vec2<f32>(
+                            reference[at_reference + run.stride],
+                            reference[at_reference + 2 * run.stride],
+                        );
+                        whole += r * gradient;
+                        far += (eta * r) * gradient;
+                        rr += r * difference;
+                        n += weight;
+                        g += weight * grey;
+                        gg += weight * grey * grey;
+                        fg += weight * grey * f;
+                    }
+                    lost += (1.0 - weight) * vec2<f32>(f, f * f);
+                }
+                at_reference += 3 * run.stride;
+            }
+            let near = whole - far;
+            near_right += xi * near;
+            near_left += near - xi * near;
+            far_right += xi * far;
+            far_left += far - xi * far;
+        }
+    }
+    partial[thread] = near_left.x;
+    partial[64u + thread] = near_left.y;
+    partial[128u + thread] = near_right.x;
+    partial[192u + thread] = near_right.y;
+    partial[256u + thread] = far_right.x;
+    partial[320u + thread] = far_right.y;
+    partial[384u + thread] = far_left.x;
+    partial[448u + thread] = far_left.y;
+    partial[512u + thread] = n;
+    partial[576u + thread] = rr;
+    partial[640u + thread] = g;
+    partial[704u + thread] = gg;
+    partial[768u + thread] = fg;
+    partial[832u + thread] = lost.x;
+    partial[896u + thread] = lost.y;
+    workgroupBarrier();
+    if mine {
+        for (var k = lane; k < QUANTITIES; k += LANES) {
+            var sum = 0.0;
+            for (var i = 0u; i < LANES; i++) {
+                sum += partial[64u * k + slot * LANES + i];
+            }
+            let at = e * SUMS + k;
+            if run.accumulate != 0u {
+                sum += sums[at];
+            }
+            sums[at] = sum;
+        }
+    }
+}

@@ -1,0 +1,515 @@
+//! Adapters, the device, and the way to and from it.
+
+use super::shader::{Binding, Kernel, source};
+use crate::backend::{BackendError, Traffic};
+use crate::imaging::Interpolation;
+use bytemuck::Pod;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use wgpu::BufferUsages;
+use wgpu::util::DeviceExt;
+
+/// What a graphics adapter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AdapterKind {
+    /// A graphics card.
+    Discrete,
+    /// Part of the processor.
+    Integrated,
+    /// Seen through a virtual machine.
+    Virtual,
+    /// A driver that computes on the CPU.
+    Software,
+    /// Something else.
+    Other,
+}
+
+impl AdapterKind {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Software => "software",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// A graphics adapter that this machine has.
+#[derive(Debug, Clone)]
+pub struct GpuAdapter {
+    adapter: wgpu::Adapter,
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: AdapterKind,
+    /// Interface it is reached by: `vulkan`, `metal`, `dx12`.
+    pub api: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Largest buffer that a kernel can see at once, bytes.
+    pub max_binding_bytes: u64,
+    /// Largest buffer, bytes.
+    pub max_buffer_bytes: u64,
+    /// Whether it can time its own work.
+    pub has_timestamps: bool,
+    /// Why quadrille cannot use it, if it cannot.
+    pub unusable: Option<String>,
+}
+
+/// Storage buffers that a kernel uses at most: what every WebGPU device offers.
+const STORAGE_BUFFERS: u32 = 8;
+/// Threads of a workgroup, and bytes they share: likewise.
+const THREADS: u32 = 256;
+const SHARED_BYTES: u32 = 16384;
+
+/// The adapters of this machine, in the order the drivers give them.
+pub fn adapters() -> Vec<GpuAdapter> {
+    let descriptor = wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::PRIMARY,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    };
+    let instance = wgpu::Instance::new(descriptor);
+    let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    found.into_iter().map(GpuAdapter::new).collect()
+}
+
+impl GpuAdapter {
+    fn new(adapter: wgpu::Adapter) -> Self {
+        let (info, limits) = (adapter.get_info(), adapter.limits());
+        let kind = match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
+            wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
+            wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
+            wgpu::DeviceType::Cpu => AdapterKind::Software,
+            wgpu::DeviceType::Other => AdapterKind::Other,
+        };
+        let lacks = [
+            (limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS, "storage buffers per kernel"),
+            (limits.max_compute_invocations_per_workgroup < THREADS, "threads per workgroup"),
+            (limits.max_compute_workgroup_storage_size < SHARED_BYTES, "bytes shared by a workgroup"),
+        ];
+        let unusable = lacks.iter().find(|(lacks, _)| *lacks).map(|(_, what)| format!("too few {what}"));
+        Self {
+            name: info.name,
+            kind,
+            api: info.backend.to_string(),
+            driver: [info.driver, info.driver_info].into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" "),
+            max_binding_bytes: limits.max_storage_buffer_binding_size,
+            max_buffer_bytes: limits.max_buffer_size,
+            has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+            unusable,
+            adapter,
+        }
+    }
+}
+
+/// Choices of a device.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
+    pub max_binding_bytes: Option<u64>,
+    /// Readbacks after which the device fails, as a lost one would: to test what happens then.
+    pub fail_after: Option<usize>,
+}
+
+/// The first fault of a device, kept until somebody asks.
+#[derive(Debug, Default)]
+struct Faults(Mutex<Option<BackendError>>);
+
+impl Faults {
+    fn note(&self, fault: BackendError) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(fault);
+    }
+}
+
+/// An open device with its compiled kernels and its memory.
+#[derive(Debug)]
+pub(super) struct Gpu {
+    pub adapter: GpuAdapter,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    faults: Arc<Faults>,
+    /// Readbacks that are left before an injected failure.
+    left: Option<AtomicUsize>,
+    pub max_binding_bytes: u64,
+    alignment: u64,
+    pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
+    free: Arc<Free>,
+}
+
+/// A kernel, its interpolation, and its threads per element.
+type Variant = (Kernel, Option<Interpolation>, Option<u32>);
+
+/// A compiled kernel.
+#[derive(Debug)]
+pub(super) struct Pipeline {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    kernel: Kernel,
+}
+
+/// Buffers that nobody uses at the moment, by size and usage: allocation is slow, and zeroes the memory.
+#[derive(Debug, Default)]
+struct Free(Mutex<HashMap<(u64, BufferUsages), Vec<wgpu::Buffer>>>);
+
+/// A buffer of the device. One that is returned for others to use when dropped must not be dropped between the
+/// recording of work on it and its submission.
+#[derive(Debug)]
+pub(super) struct Buffer {
+    buffer: Option<wgpu::Buffer>,
+    free: Option<Arc<Free>>,
+}
+
+/// Buffers of one size kept at most.
+const KEPT: usize = 8;
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        let (Some(buffer), Some(free)) = (self.buffer.take(), &self.free) else { return };
+        let mut free = free.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let same = free.entry((buffer.size(), buffer.usage())).or_default();
+        if same.len() < KEPT {
+            same.push(buffer);
+        }
+    }
+}
+
+impl Buffer {
+    fn raw(&self) -> &wgpu::Buffer {
+        self.buffer.as_ref().expect("taken only when dropped")
+    }
+
+    /// The whole of it.
+    pub fn whole(&self) -> wgpu::BindingResource<'_> {
+        self.raw().as_entire_binding()
+    }
+
+    /// A part of it, in bytes; `from` is a multiple of the alignment.
+    pub fn part(&self, from: u64, bytes: u64) -> wgpu::BindingResource<'_> {
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: self.raw(),
+            offset: from,
+            size: std::num::NonZeroU64::new(bytes),
+        })
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.raw().size()
+    }
+}
+
+/// How long a device may take for one batch of work before it counts as hung.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+impl Gpu {
+    /// Opens `adapter`, with no optional feature and larger limits in size alone.
+    pub fn open(adapter: GpuAdapter, options: &GpuOptions) -> Result<Self, BackendError> {
+        let offered = adapter.adapter.limits();
+        let required_limits = wgpu::Limits {
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            max_buffer_size: offered.max_buffer_size,
+            ..wgpu::Limits::default()
+        };
+        let required_limits = required_limits.or_worse_values_from(&offered);
+        let timestamps = adapter.adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("quadrille"),
+            required_features: timestamps,
+            required_limits,
+            ..Default::default()
+        };
+        let failed = |message: String| BackendError::Device { device: adapter.name.clone(), message };
+        let (device, queue) = pollster::block_on(adapter.adapter.request_device(&descriptor))
+            .map_err(|error| failed(error.to_string()))?;
+        let faults = Arc::new(Faults::default());
+        let (of_errors, name) = (faults.clone(), adapter.name.clone());
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            of_errors.note(match error {
+                wgpu::Error::OutOfMemory { .. } => BackendError::OutOfMemory { what: format!("a buffer on {name}") },
+                error => BackendError::Device { device: name.clone(), message: error.to_string() },
+            });
+        }));
+        let (of_loss, name) = (faults.clone(), adapter.name.clone());
+        device.set_device_lost_callback(move |reason, message| {
+            let message = format!("the device was lost ({reason:?}) {message}");
+            of_loss.note(BackendError::Device { device: name.clone(), message });
+        });
+        let limit = options.max_binding_bytes.unwrap_or(u64::MAX);
+        Ok(Self {
+            max_binding_bytes: adapter.max_binding_bytes.min(limit),
+            alignment: u64::from(device.limits().min_storage_buffer_offset_alignment),
+            adapter,
+            device,
+            queue,
+            faults,
+            left: options.fail_after.map(AtomicUsize::new),
+            pipelines: Mutex::default(),
+            free: Arc::default(),
+        })
+    }
+
+    /// The error that the device has met, if any: it is no longer to be trusted.
+    pub fn check(&self) -> Result<(), BackendError> {
+        let fault = self.faults.0.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.clone().map_or(Ok(()), Err)
+    }
+
+    /// The compiled `kernel`; `lanes` threads per element where it asks for them.
+    pub fn pipeline(&self, kernel: Kernel, interpolation: Interpolation, lanes: u32) -> Arc<Pipeline> {
+        let variant = (kernel, kernel.interpolates().then_some(interpolation), kernel.interpolates().then_some(lanes));
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.entry(variant).or_insert_with(|| Arc::new(self.compile(kernel, interpolation, variant.2))).clone()
+    }
+
+    fn compile(&self, kernel: Kernel, interpolation: Interpolation, lanes: Option<u32>) -> Pipeline {
+        let label = Some(kernel.file());
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(source(kernel, interpolation).into()),
+        });
+        let entries: Vec<_> = kernel
+            .bindings()
+            .iter()
+            .zip(0..)
+            .map(|(kind, binding)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty: match kind {
+                        Binding::Uniform => wgpu::BufferBindingType::Uniform,
+                        Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                        Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
+                    },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label, entries: &entries };
+        let layout = self.device.create_bind_group_layout(&descriptor);
+        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&layout)],
+            ..Default::default()
+        });
+        let constants: &[(&str, f64)] = match lanes {
+            Some(lanes) => &[("LANES", f64::from(lanes))],
+            None => &[],
+        };
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(kernel.entry()),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                // Every kernel writes what it reads.
+                zero_initialize_workgroup_memory: false,
+            },
+            cache: None,
+        });
+        Pipeline { pipeline, layout, kernel }
+    }
+
+    /// A bind group of `pipeline`.
+    pub fn bind(&self, pipeline: &Arc<Pipeline>, bindings: &[wgpu::BindingResource<'_>]) -> Bound {
+        let entries: Vec<_> = bindings
+            .iter()
+            .zip(0..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+            .collect();
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(pipeline.kernel.file()),
+            layout: &pipeline.layout,
+            entries: &entries,
+        });
+        Bound { pipeline: pipeline.clone(), group }
+    }
+
+    fn buffer_for(&self, bytes: u64, usage: BufferUsages, what: &str) -> Result<Buffer, BackendError> {
+        let bytes = bytes.next_multiple_of(16).max(16);
+        if bytes > self.adapter.max_buffer_bytes {
+            let what = format!("{what} ({} MB on {})", bytes / 1_000_000, self.adapter.name);
+            return Err(BackendError::OutOfMemory { what });
+        }
+        let mut free = self.free.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = free.get_mut(&(bytes, usage)).and_then(Vec::pop);
+        drop(free);
+        let buffer = kept.unwrap_or_else(|| {
+            self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: bytes,
+                usage,
+                mapped_at_creation: false,
+            })
+        });
+        Ok(Buffer { buffer: Some(buffer), free: Some(self.free.clone()) })
+    }
+
+    /// A storage buffer of at least `bytes`; what it holds is arbitrary.
+    pub fn storage(&self, bytes: u64, what: &str) -> Result<Buffer, BackendError> {
+        self.buffer_for(bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC, what)
+    }
+
+    /// As [`Gpu::storage`], for one that kernels see as a whole.
+    pub fn visible(&self, bytes: u64, what: &str) -> Result<Buffer, BackendError> {
+        if bytes > self.max_binding_bytes {
+            let what = format!("{what}, {} MB where {} shows a kernel {} MB at most", bytes / 1_000_000, self.adapter.name, self.max_binding_bytes / 1_000_000);
+            return Err(BackendError::OutOfMemory { what });
+        }
+        self.storage(bytes, what)
+    }
+
+    /// A storage buffer with the given contents.
+    pub fn filled<T: Pod>(&self, contents: &[T], what: &str) -> Result<Buffer, BackendError> {
+        let buffer = self.visible(size_of_val(contents) as u64, what)?;
+        self.write(&buffer, contents);
+        Ok(buffer)
+    }
+
+    /// A buffer of constants, which may be dropped as soon as it is bound.
+    pub fn uniform<T: Pod>(&self, contents: &T) -> Buffer {
+        let buffer = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::bytes_of(contents),
+            usage: BufferUsages::UNIFORM,
+        });
+        Buffer { buffer: Some(buffer), free: None }
+    }
+
+    /// Overwrites the beginning of a buffer, after the work submitted so far; returns the bytes sent.
+    pub fn write<T: Pod>(&self, buffer: &Buffer, contents: &[T]) -> usize {
+        let bytes: &[u8] = bytemuck::cast_slice(contents);
+        // Copies are of whole words.
+        let whole = bytes.len() / 4 * 4;
+        self.queue.write_buffer(buffer.raw(), 0, &bytes[..whole]);
+        if whole < bytes.len() {
+            let mut last = [0u8; 4];
+            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+            self.queue.write_buffer(buffer.raw(), whole as u64, &last);
+        }
+        bytes.len()
+    }
+
+    /// Distance that bindings within a buffer must keep, bytes.
+    pub fn alignment(&self) -> u64 {
+        self.alignment
+    }
+
+    /// A recorder of work.
+    pub fn record(&self) -> Recorder<'_> {
+        Recorder { gpu: self, encoder: self.device.create_command_encoder(&Default::default()), pass: None }
+    }
+
+    /// Waits for everything submitted so far.
+    pub fn wait(&self) -> Result<(), BackendError> {
+        self.poll(None)
+    }
+
+    fn poll(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), BackendError> {
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
+        self.check()?;
+        waited.map(|_| ()).map_err(|error| self.failed(format!("waiting for it: {error}")))
+    }
+
+    fn failed(&self, message: String) -> BackendError {
+        BackendError::Device { device: self.adapter.name.clone(), message }
+    }
+}
+
+/// A kernel with its buffers.
+#[derive(Debug)]
+pub(super) struct Bound {
+    pipeline: Arc<Pipeline>,
+    group: wgpu::BindGroup,
+}
+
+/// Records a batch of work.
+pub(super) struct Recorder<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+    pass: Option<wgpu::ComputePass<'static>>,
+}
+
+/// Workgroups along one dimension at most (what every WebGPU device offers is 65535).
+const MOST_GROUPS: u32 = 32768;
+
+impl Recorder<'_> {
+    /// Runs `bound` on `groups` workgroups, folded into rows when they are many.
+    pub fn run(&mut self, bound: &Bound, groups: u32) {
+        if groups > 0 {
+            self.run_2d(bound, groups.min(MOST_GROUPS), groups.div_ceil(MOST_GROUPS));
+        }
+    }
+
+    /// Runs `bound` on `x` by `y` workgroups.
+    pub fn run_2d(&mut self, bound: &Bound, x: u32, y: u32) {
+        let encoder = &mut self.encoder;
+        let pass = self.pass.get_or_insert_with(|| encoder.begin_compute_pass(&Default::default()).forget_lifetime());
+        pass.set_pipeline(&bound.pipeline.pipeline);
+        pass.set_bind_group(0, &bound.group, &[]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    /// Sets a buffer to zeros.
+    pub fn clear(&mut self, buffer: &Buffer) {
+        self.pass = None;
+        self.encoder.clear_buffer(buffer.raw(), 0, None);
+    }
+
+    /// Copies `bytes` from the beginning of one buffer to a place in another.
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer, at: u64, bytes: u64) {
+        self.pass = None;
+        self.encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), at, bytes);
+    }
+
+    /// Hands the work to the device.
+    pub fn submit(mut self, traffic: &mut Traffic) -> wgpu::SubmissionIndex {
+        self.pass = None;
+        traffic.submissions += 1;
+        self.gpu.queue.submit([self.encoder.finish()])
+    }
+
+    /// Hands the work to the device and fetches the beginnings of buffers, each so many bytes.
+    pub fn fetch(mut self, parts: &[(&Buffer, u64)], traffic: &mut Traffic) -> Result<Vec<u8>, BackendError> {
+        let gpu = self.gpu;
+        let bytes: u64 = parts.iter().map(|part| part.1).sum();
+        let landing = gpu.buffer_for(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST, "results")?;
+        let mut at = 0;
+        for (buffer, bytes) in parts {
+            self.copy(buffer, &landing, at, *bytes);
+            at += bytes;
+        }
+        let index = self.submit(traffic);
+        traffic.readbacks += 1;
+        traffic.bytes_down += bytes as usize;
+        if let Some(left) = &gpu.left
+            && left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_err()
+        {
+            gpu.faults.note(gpu.failed("injected failure".into()));
+        }
+        let (sender, receiver) = std::sync::mpsc::channel();
+        landing.raw().map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+            let _ = sender.send(result); // nobody waits after an error
+        });
+        gpu.poll(Some(index))?;
+        let mapped = receiver.try_recv().map_err(|_| gpu.failed("its results did not arrive".into()))?;
+        mapped.map_err(|error| gpu.failed(format!("its results cannot be read: {error}")))?;
+        let view = landing.raw().get_mapped_range(0..bytes);
+        let values = view.map(|view| view.to_vec()).map_err(|error| gpu.failed(error.to_string()));
+        landing.raw().unmap();
+        values
+    }
+}
+
+/// The values in bytes that came from the device.
+pub(super) fn values<T: Pod>(bytes: &[u8]) -> Vec<T> {
+    bytemuck::pod_collect_to_vec(bytes)
+}

@@ -1,0 +1,359 @@
+//! A displacement field under iteration.
+
+use super::device::{Bound, Buffer, Gpu, Recorder, values};
+use super::layout::{self, Displacement};
+use super::level::{GpuLevel, SUMS, TALLIES};
+use super::plane::GpuFrame;
+use super::shader::Kernel;
+use super::solver::{GpuSolver, NODES_TOGETHER, Vectors, gather};
+use crate::backend::{BackendError, ElementMatch, Found, GreyTransfer, PixelSums, Step, Traffic};
+use crate::field::Brightness;
+use bytemuck::bytes_of;
+
+/// A displacement field under iteration, on the device.
+#[derive(Debug)]
+pub struct GpuField {
+    displacement: Buffer,
+    /// Displacement and transfer at the start.
+    started: [Buffer; 2],
+    /// Gain and offset per zone, or per element.
+    transfer: Buffer,
+    sums: Buffer,
+    group_sums: Buffer,
+    zones: Buffer,
+    step: Buffer,
+    worst: Buffer,
+    vectors: Vectors,
+    correct: (f64, Buffer),
+    evaluated: bool,
+    n_nodes: usize,
+    n_zones: usize,
+    /// The kernels of an evaluation: residual, fit of transfers, tally.
+    residual: Vec<(Bound, u32)>,
+    fit: (Bound, u32),
+    tally: (Bound, u32),
+    /// Those of a solver, by its number: gather, iterations.
+    solving: Option<(u64, Vec<(Bound, u32)>)>,
+}
+
+/// Constants of the correction.
+fn correct(gpu: &Gpu, n_nodes: usize, damping: f64) -> Buffer {
+    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, damping: damping as f32, unused0: 0, unused1: 0 })
+}
+
+impl GpuField {
+    fn empty(gpu: &Gpu, level: &GpuLevel, frame: &mut GpuFrame) -> Result<Self, BackendError> {
+        let (n_nodes, n_elements) = (level.mesh.n_nodes(), level.mesh.n_elements());
+        let nodal = || gpu.visible(16 * n_nodes as u64, "a field");
+        let n_transfers = if level.own_transfer() { n_elements.max(level.n_zones) } else { level.n_zones };
+        let displacement = nodal()?;
+        let transfer = gpu.visible(8 * n_transfers as u64, "gains and offsets")?;
+        let sums = gpu.visible((4 * SUMS * n_elements) as u64, "sums of the elements")?;
+        let group_sums = gpu.visible((4 * TALLIES * level.n_groups) as u64, "sums of groups of elements")?;
+        let tally_bindings = [
+            level.tally.whole(),
+            level.groups.whole(),
+            level.whole_buffer.whole(),
+            sums.whole(),
+            transfer.whole(),
+            group_sums.whole(),
+        ];
+        let kernel = |kernel| gpu.bind(&gpu.pipeline(kernel, level.options.interpolation, 0), &tally_bindings);
+        let fit = (kernel(Kernel::Fit), (n_elements as u32).div_ceil(Kernel::Fit.workgroup()));
+        let tally = (kernel(Kernel::Tally), level.n_groups as u32);
+        Ok(Self {
+            residual: level.residual_kernels(gpu, frame, [&displacement, &transfer, &sums])?,
+            fit,
+            tally,
+            started: [nodal()?, gpu.visible(8 * level.n_zones as u64, "gains and offsets")?],
+            displacement,
+            transfer,
+            sums,
+            group_sums,
+            zones: gpu.visible((size_of::<layout::Zone>() * level.n_zones) as u64, "sums of the zones")?,
+            step: gpu.visible(size_of::<layout::Step>() as u64, "a report")?,
+            worst: gpu.visible(8 * n_nodes.div_ceil(NODES_TOGETHER) as u64, "corrections")?,
+            vectors: Vectors::new(gpu, n_nodes)?,
+            correct: (1.0, correct(gpu, n_nodes, 1.0)),
+            evaluated: false,
+            n_nodes,
+            n_zones: level.n_zones,
+            solving: None,
+        })
+    }
+
+    /// A field at `displacement` and `transfer`.
+    pub(super) fn new(
+        gpu: &Gpu,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<Self, BackendError> {
+        let field = Self::empty(gpu, level, frame)?;
+        let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
+        let transfer: Vec<[f32; 2]> = transfer.iter().map(|t| [t.gain as f32, t.offset as f32]).collect();
+        let mut recorder = gpu.record();
+        recorder.clear(&field.sums);
+        frame.traffic.bytes_up += gpu.write(&field.displacement, &displacement);
+        frame.traffic.bytes_up += gpu.write(&field.transfer, &transfer);
+        field.note_start(&mut recorder);
+        recorder.submit(&mut frame.traffic);
+        Ok(field)
+    }
+
+    /// A field of `level` where that of the next coarser level is, or began.
+    pub(super) fn finer(
+        gpu: &Gpu,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        coarse: &Self,
+        moved: bool,
+    ) -> Result<Self, BackendError> {
+        let field = Self::empty(gpu, level, frame)?;
+        let [started, started_transfer] = &coarse.started;
+        let (from, transfer) = if moved { (&coarse.displacement, &coarse.transfer) } else { (started, started_transfer) };
+        let Some(places) = &level.places else {
+            let message = "the level has not been linked to the coarser one: this is a bug in quadrille".into();
+            return Err(BackendError::Device { device: gpu.adapter.name.clone(), message });
+        };
+        let pipeline = gpu.pipeline(Kernel::Prolong, level.options.interpolation, 0);
+        let bound = gpu.bind(&pipeline, &[places.whole(), from.whole(), field.displacement.whole()]);
+        let mut recorder = gpu.record();
+        recorder.clear(&field.sums);
+        recorder.copy(transfer, &field.transfer, 0, 8 * level.n_zones as u64);
+        recorder.run(&bound, field.node_groups());
+        field.note_start(&mut recorder);
+        recorder.submit(&mut frame.traffic);
+        Ok(field)
+    }
+
+    fn note_start(&self, recorder: &mut Recorder<'_>) {
+        recorder.copy(&self.displacement, &self.started[0], 0, 16 * self.n_nodes as u64);
+        recorder.copy(&self.transfer, &self.started[1], 0, 8 * self.n_zones as u64);
+    }
+
+    fn node_groups(&self) -> u32 {
+        self.n_nodes.div_ceil(NODES_TOGETHER) as u32
+    }
+
+    /// Residual and sums of all elements.
+    fn evaluate(&self, level: &GpuLevel, recorder: &mut Recorder<'_>) {
+        let passes = if level.own_transfer() { 2 } else { 1 };
+        for pass in 0..passes {
+            if pass == 1 {
+                recorder.run(&self.fit.0, self.fit.1);
+            }
+            self.residual.iter().for_each(|(bound, groups)| recorder.run(bound, *groups));
+        }
+        recorder.run(&self.tally.0, self.tally.1);
+    }
+
+    /// The sums of the zones, and the report of a step if there was one.
+    fn summary(&mut self, gpu: &Gpu, level: &GpuLevel, after_step: bool) -> Bound {
+        let constants = layout::Summary {
+            n_zones: level.n_zones as u32,
+            n_worst: if after_step { self.node_groups() } else { 0 },
+            brightness: match level.options.brightness {
+                Brightness::Off => 0,
+                Brightness::Zone => 1,
+                Brightness::Element => 2,
+            },
+            first: u32::from(!self.evaluated),
+        };
+        self.evaluated = true;
+        let pipeline = gpu.pipeline(Kernel::Summary, level.options.interpolation, 0);
+        let uniform = gpu.uniform(&constants);
+        gpu.bind(
+            &pipeline,
+            &[
+                uniform.whole(),
+                level.zone_groups.whole(),
+                self.group_sums.whole(),
+                self.worst.whole(),
+                self.transfer.whole(),
+                self.zones.whole(),
+                self.step.whole(),
+            ],
+        )
+    }
+
+    fn zone_bytes(&self) -> u64 {
+        (size_of::<layout::Zone>() * self.n_zones) as u64
+    }
+
+    /// The sums at the field as it is.
+    pub(super) fn observe(
+        &mut self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        traffic: &mut Traffic,
+    ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError> {
+        let mut recorder = gpu.record();
+        self.evaluate(level, &mut recorder);
+        let summary = self.summary(gpu, level, false);
+        recorder.run(&summary, 1);
+        let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
+        Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
+    }
+
+    /// One Gauss-Newton step.
+    pub(super) fn step(
+        &mut self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        solver: &GpuSolver,
+        damping: f64,
+        traffic: &mut Traffic,
+    ) -> Result<Step, BackendError> {
+        if self.correct.0 != damping {
+            self.correct = (damping, correct(gpu, self.n_nodes, damping));
+        }
+        let mut recorder = gpu.record();
+        self.evaluate(level, &mut recorder);
+        match &solver.device {
+            Some(cg) => {
+                if self.solving.as_ref().is_none_or(|(id, _)| *id != solver.id) {
+                    let mut kernels = vec![cg.gather(gpu, level, &self.sums, &self.vectors)];
+                    recorder.clear(&self.vectors.directions[0]);
+                    kernels.extend(cg.kernels(gpu, level, &self.vectors));
+                    self.solving = Some((solver.id, kernels));
+                }
+                let kernels = self.solving.iter().flat_map(|(_, kernels)| kernels);
+                kernels.for_each(|(bound, groups)| recorder.run(bound, *groups));
+            }
+            None => {
+                let nothing = gpu.visible(16 * self.n_nodes as u64, "the nodal blocks")?;
+                let (bound, groups) = gather(gpu, level, &self.sums, &self.vectors, &nothing);
+                recorder.run(&bound, groups);
+                let parts = [(&self.vectors.residual, 8 * self.n_nodes as u64), (&self.displacement, 16 * self.n_nodes as u64)];
+                let bytes = recorder.fetch(&parts, traffic)?;
+                let (rhs, displacement) = bytes.split_at(8 * self.n_nodes);
+                let rhs = values::<[f32; 2]>(rhs).iter().map(|b| b.map(f64::from)).collect();
+                let displacement: Vec<[f64; 2]> = values::<Displacement>(displacement).iter().map(position).collect();
+                let correction = solver.correction(rhs, &displacement);
+                let correction: Vec<[f32; 2]> = correction.iter().map(|du| du.map(|du| du as f32)).collect();
+                traffic.bytes_up += gpu.write(&self.vectors.solution, &correction);
+                recorder = gpu.record();
+            }
+        }
+        let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
+        let correct = gpu.bind(
+            &pipeline,
+            &[
+                self.correct.1.whole(),
+                self.vectors.solution.whole(),
+                self.displacement.whole(),
+                self.worst.whole(),
+            ],
+        );
+        recorder.run(&correct, self.node_groups());
+        let summary = self.summary(gpu, level, true);
+        recorder.run(&summary, 1);
+        let bytes = recorder.fetch(&[(&self.step, size_of::<layout::Step>() as u64)], traffic)?;
+        let step: layout::Step = values(&bytes)[0];
+        Ok(Step {
+            correction_px: f64::from(f32::from_bits(step.worst.bits)),
+            worst_node: step.worst.node as usize,
+            correlation: f64::from(step.correlation),
+            gained: f64::from(step.gained),
+            counted: f64::from(step.counted),
+            lossy: step.lossy > 0.0,
+        })
+    }
+
+    /// The right-hand side of the last evaluation.
+    pub(super) fn right_hand_side(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        traffic: &mut Traffic,
+    ) -> Result<Vec<[f64; 2]>, BackendError> {
+        let nothing = gpu.visible(16 * self.n_nodes as u64, "the nodal blocks")?;
+        let (bound, groups) = gather(gpu, level, &self.sums, &self.vectors, &nothing);
+        let mut recorder = gpu.record();
+        recorder.run(&bound, groups);
+        let bytes = recorder.fetch(&[(&self.vectors.residual, 8 * self.n_nodes as u64)], traffic)?;
+        Ok(values::<[f32; 2]>(&bytes).iter().map(|b| b.map(f64::from)).collect())
+    }
+
+    /// Numbers of the elements that have lost pixels, and whether anything of them is left.
+    pub(super) fn lost(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        traffic: &mut Traffic,
+    ) -> Result<Vec<(u32, bool)>, BackendError> {
+        let n_elements = level.mesh.n_elements();
+        let bytes = gpu.record().fetch(&[(&self.sums, (4 * SUMS * n_elements) as u64)], traffic)?;
+        let counted = values::<f32>(&bytes);
+        let counted = (0..).zip(counted.chunks_exact(SUMS).map(|sums| f64::from(sums[8])));
+        let lost = counted.filter(|&(element, n)| n < level.pixels_of(element as usize));
+        Ok(lost.map(|(element, n)| (element, n > 0.0)).collect())
+    }
+
+    pub(super) fn displacement(&self) -> &Buffer {
+        &self.displacement
+    }
+
+    /// What the iteration has found.
+    pub(super) fn found(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Found, BackendError> {
+        let n_elements = level.mesh.n_elements();
+        let bytes = 8 * n_elements + 12 * self.n_nodes;
+        let packed = gpu.visible(bytes as u64, "results")?;
+        let pipeline = gpu.pipeline(Kernel::ResidualMap, level.options.interpolation, 0);
+        let bound = gpu.bind(
+            &pipeline,
+            &[
+                level.report.whole(),
+                level.whole_buffer.whole(),
+                self.sums.whole(),
+                self.displacement.whole(),
+                packed.whole(),
+            ],
+        );
+        let mut recorder = gpu.record();
+        recorder.run(&bound, n_elements.max(self.n_nodes).div_ceil(NODES_TOGETHER) as u32);
+        let results = recorder.fetch(&[(&packed, bytes as u64), (&self.zones, self.zone_bytes())], traffic)?;
+        let (packed, zones) = results.split_at(bytes);
+        let (elements, nodes) = packed.split_at(8 * n_elements);
+        let elements = values::<[u32; 2]>(elements).into_iter().enumerate().map(|(at, [rms, packed])| {
+            let short = |shift: u32| f64::from((packed >> shift) as u16 as i16) / 32767.0;
+            ElementMatch {
+                n: short(0) * level.pixels_of(at),
+                residual_rms: f64::from(f32::from_bits(rms)),
+                correlation: short(16),
+            }
+        });
+        let nodes = values::<[u32; 3]>(nodes).into_iter().map(|[whole, x, y]| {
+            let short = |shift: u32| f64::from((whole >> shift) as u16 as i16);
+            [short(0) + f64::from(f32::from_bits(x)), short(16) + f64::from(f32::from_bits(y))]
+        });
+        let zones: Vec<_> = values::<layout::Zone>(zones).iter().map(of_zone).collect();
+        Ok(Found {
+            displacement: nodes.collect(),
+            elements: elements.collect(),
+            zones: zones.iter().map(|zone| zone.0).collect(),
+            transfer: zones.iter().map(|zone| zone.1).collect(),
+        })
+    }
+}
+
+fn position(u: &Displacement) -> [f64; 2] {
+    [0, 1].map(|c| f64::from(u.whole[c]) + f64::from(u.rest[c]))
+}
+
+fn of_zone(zone: &layout::Zone) -> (PixelSums, GreyTransfer) {
+    debug_assert_eq!(bytes_of(zone).len(), 48);
+    let sums = PixelSums {
+        n: zone.n.into(),
+        n_all: zone.n_all.into(),
+        f: zone.f.into(),
+        ff: zone.ff.into(),
+        g: zone.g.into(),
+        gg: zone.gg.into(),
+        fg: zone.fg.into(),
+        rr: zone.rr.into(),
+    };
+    (sums, GreyTransfer { gain: zone.gain.into(), offset: zone.offset.into() })
+}

@@ -1,0 +1,189 @@
+//! The GPU backend: WGSL kernels through wgpu, on any adapter that offers WebGPU's default limits.
+//!
+//! Images, references and fields live on the device. An iteration is one batch of work and one small report
+//! (largest correction, match of the zones); the field comes back once, at the end. Sums run in a fixed order and
+//! without atomics, so one device gives the same bits on every run. Kernels: `shaders/`; their twins: the CPU
+//! backend.
+
+mod device;
+mod field;
+mod layout;
+mod level;
+mod plane;
+mod shader;
+mod solver;
+
+pub use device::{AdapterKind, GpuAdapter, GpuOptions, adapters};
+pub use field::GpuField;
+pub use layout::{Mirror, mirrors};
+pub use level::GpuLevel;
+pub use plane::GpuFrame;
+pub use shader::{Binding, KERNELS, Kernel, source};
+pub use solver::GpuSolver;
+
+use crate::backend::{
+    Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Place, Step, Traffic,
+};
+use crate::imaging::Image;
+use crate::linalg::{Solver, SolverChoice};
+use crate::mesh::PixelMesh;
+use device::Gpu;
+use std::sync::Arc;
+
+/// Frames worth correlating at the same time: while one waits for its report, others work.
+const FRAMES_IN_FLIGHT: usize = 3;
+
+/// A graphics device that correlates.
+#[derive(Debug)]
+pub struct GpuBackend {
+    gpu: Gpu,
+}
+
+impl GpuBackend {
+    /// Opens an adapter.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or offers too little.
+    pub fn new(adapter: &GpuAdapter, options: &GpuOptions) -> Result<Self, BackendError> {
+        if let Some(why) = &adapter.unusable {
+            return Err(BackendError::Device { device: adapter.name.clone(), message: why.clone() });
+        }
+        Ok(Self { gpu: Gpu::open(adapter.clone(), options)? })
+    }
+
+    /// The adapter.
+    pub fn adapter(&self) -> &GpuAdapter {
+        &self.gpu.adapter
+    }
+
+    /// Waits until the device has done everything it was given.
+    ///
+    /// # Errors
+    /// When it fails.
+    pub fn wait(&self) -> Result<(), BackendError> {
+        self.gpu.wait()
+    }
+}
+
+impl Backend for GpuBackend {
+    type Frame = GpuFrame;
+    type Level = GpuLevel;
+    type Field = GpuField;
+    type Solver = GpuSolver;
+
+    fn device(&self) -> String {
+        let GpuAdapter { name, api, driver, .. } = &self.gpu.adapter;
+        format!("gpu ({name}, {api}, {driver})")
+    }
+
+    fn solver_choice(&self, asked: SolverChoice) -> SolverChoice {
+        // A factor would take each right-hand side to the host: only when it is asked for.
+        if asked == SolverChoice::Direct { asked } else { SolverChoice::Iterative }
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        FRAMES_IN_FLIGHT
+    }
+
+    fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<GpuFrame, BackendError> {
+        GpuFrame::new(&self.gpu, image, options)
+    }
+
+    fn grey_map(&self, frame: &mut GpuFrame, level: usize) -> GreyMap {
+        frame.host.level(level).clone()
+    }
+
+    fn reference(
+        &self,
+        frame: &mut GpuFrame,
+        level: usize,
+        mesh: &PixelMesh,
+        options: &KernelOptions,
+    ) -> Result<(GpuLevel, Vec<ElementMoments>), BackendError> {
+        GpuLevel::new(&self.gpu, frame, level, mesh, options)
+    }
+
+    fn restrict(&self, level: &mut GpuLevel, active: &[bool]) -> Result<(), BackendError> {
+        level.restrict(&self.gpu, active)
+    }
+
+    fn link(&self, level: &mut GpuLevel, places: Vec<Place>) -> Result<(), BackendError> {
+        level.link(&self.gpu, &places)
+    }
+
+    fn solver(&self, _: &GpuLevel, solver: Solver) -> Result<GpuSolver, BackendError> {
+        GpuSolver::new(&self.gpu, solver)
+    }
+
+    fn start(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<GpuField, BackendError> {
+        GpuField::new(&self.gpu, level, frame, displacement, transfer)
+    }
+
+    fn start_finer(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        coarse: &GpuField,
+        moved: bool,
+    ) -> Result<GpuField, BackendError> {
+        GpuField::finer(&self.gpu, level, frame, coarse, moved)
+    }
+
+    fn observe(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+    ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError> {
+        field.observe(&self.gpu, level, &mut frame.traffic)
+    }
+
+    fn step(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+        solver: &GpuSolver,
+        damping: f64,
+    ) -> Result<Step, BackendError> {
+        field.step(&self.gpu, level, solver, damping, &mut frame.traffic)
+    }
+
+    fn right_hand_side(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<Vec<[f64; 2]>, BackendError> {
+        field.right_hand_side(&self.gpu, level, &mut frame.traffic)
+    }
+
+    fn remaining_moments(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
+        let lost = field.lost(&self.gpu, level, &mut frame.traffic)?;
+        let numbers: Vec<u32> = lost.iter().map(|lost| lost.0).collect();
+        let moments = level.moments(&self.gpu, &numbers, Some(field.displacement()), &mut frame.traffic)?;
+        let remaining = |((element, any_left), moments): ((u32, bool), ElementMoments)| {
+            (element as usize, if any_left { moments } else { ElementMoments::default() })
+        };
+        Ok(lost.into_iter().zip(moments).map(remaining).collect())
+    }
+
+    fn found(&self, level: &GpuLevel, frame: &mut GpuFrame, field: &GpuField) -> Result<Found, BackendError> {
+        field.found(&self.gpu, level, &mut frame.traffic)
+    }
+
+    fn traffic(&self, frame: &GpuFrame) -> Option<Traffic> {
+        Some(frame.traffic)
+    }
+}

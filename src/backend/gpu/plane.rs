@@ -1,0 +1,362 @@
+//! Images on the device.
+
+use super::device::{Buffer, Gpu};
+use super::layout;
+use super::shader::Kernel;
+use crate::backend::pyramid::Pyramid;
+use crate::backend::spline::{at_pixel, causal_start};
+use crate::backend::{BackendError, KernelOptions, Traffic};
+use crate::imaging::{Image, Interpolation, Pixels};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Columns and rows of border around a plane; the same in `shaders/shared/types.wgsl`.
+pub(super) const BORDER: usize = 4;
+
+/// Lines and pixels of a tile of the prefilter, and pixels it runs in; the same in `shaders/prefilter.wgsl`.
+const TILE_LINES: usize = 32;
+const TILE_LENGTH: usize = 64;
+const TILE_HALO: usize = 24;
+/// Weights per pole of the first causal value.
+const MOST_START: usize = 32;
+
+/// Row-major `f32` values with a border, in one buffer that kernels see by windows of rows.
+#[derive(Debug)]
+pub(super) struct Plane {
+    pub buffer: Buffer,
+    pub width: usize,
+    pub height: usize,
+    /// Values from one row to the next: rows begin where a binding may.
+    pub stride: usize,
+}
+
+/// Values from one row of a plane of `width` px to the next.
+pub(super) fn stride(gpu: &Gpu, width: usize) -> usize {
+    (width + 2 * BORDER).next_multiple_of((gpu.alignment() as usize / 4).max(1))
+}
+
+/// Splits `rows` rows into windows of which each, with what it needs `before` and `after`, is at most `most` rows.
+pub(super) fn windows(rows: usize, before: usize, after: usize, most: usize) -> Option<Vec<Range<usize>>> {
+    let own = if rows + before + after <= most { rows } else { most.checked_sub(before + after).filter(|&n| n > 0)? };
+    Some((0..rows).step_by(own.max(1)).map(|from| from..(from + own).min(rows)).collect())
+}
+
+impl Plane {
+    pub(super) fn new(gpu: &Gpu, width: usize, height: usize) -> Result<Self, BackendError> {
+        let stride = stride(gpu, width);
+        let bytes = 4 * stride as u64 * (height + 2 * BORDER) as u64;
+        let buffer = gpu.storage(bytes, &format!("an image plane of {width} x {height} px"))?;
+        Ok(Self { buffer, width, height, stride })
+    }
+
+    /// Bytes of a row.
+    fn row_bytes(&self) -> u64 {
+        4 * self.stride as u64
+    }
+
+    /// Rows that a kernel can see at once.
+    fn rows_seen(&self, gpu: &Gpu) -> usize {
+        (gpu.max_binding_bytes / self.row_bytes()) as usize
+    }
+
+    /// Windows of image rows, each seen with `around` more rows on both sides.
+    fn windows(&self, gpu: &Gpu, around: usize) -> Result<Vec<Range<usize>>, BackendError> {
+        windows(self.height, around, around, self.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, self.width))
+    }
+
+    /// The rows from `from` up to `to` of the image, which may lie in the border, as a binding, and the place of
+    /// pixel (0, 0) in it.
+    pub(super) fn rows(&self, from: isize, to: isize) -> (wgpu::BindingResource<'_>, i32) {
+        let first = (from + BORDER as isize).max(0) as u64;
+        let last = ((to + BORDER as isize) as u64).min((self.height + 2 * BORDER) as u64);
+        let resource = self.buffer.part(first * self.row_bytes(), (last - first) * self.row_bytes());
+        let origin = (BORDER as i64 - first as i64) * self.stride as i64 + BORDER as i64;
+        (resource, origin as i32)
+    }
+}
+
+pub(super) fn too_wide(gpu: &Gpu, width: usize) -> BackendError {
+    let name = &gpu.adapter.name;
+    BackendError::OutOfMemory { what: format!("rows of {width} px, of which {name} shows a kernel too few at once") }
+}
+
+/// One pyramid level on the device.
+#[derive(Debug, Default)]
+struct FrameLevel {
+    grey: Option<Plane>,
+    coefficients: Option<Arc<Plane>>,
+}
+
+/// An image on the device and what has been made of it so far.
+#[derive(Debug)]
+pub struct GpuFrame {
+    pub(super) host: Pyramid,
+    options: KernelOptions,
+    levels: Vec<FrameLevel>,
+    pub(super) traffic: Traffic,
+}
+
+impl GpuFrame {
+    /// Brings an image to the device and starts on its coefficients.
+    pub(super) fn new(gpu: &Gpu, image: Arc<Image>, options: &KernelOptions) -> Result<Self, BackendError> {
+        let host = Pyramid::new(image, options.grey_offset);
+        let mut frame = Self { host, options: *options, levels: Vec::new(), traffic: Traffic::default() };
+        frame.coefficients(gpu, 0)?;
+        Ok(frame)
+    }
+
+    /// Grey levels of a pyramid level.
+    pub(super) fn grey(&mut self, gpu: &Gpu, level: usize) -> Result<&Plane, BackendError> {
+        if self.levels.len() <= level {
+            self.levels.resize_with(level + 1, FrameLevel::default);
+        }
+        if self.levels[level].grey.is_none() {
+            let plane = if level == 0 { self.unpack(gpu)? } else { self.halve(gpu, level)? };
+            self.levels[level].grey = Some(plane);
+        }
+        Ok(self.levels[level].grey.as_ref().expect("made above"))
+    }
+
+    /// Interpolation coefficients of a pyramid level, border included.
+    pub(super) fn coefficients(&mut self, gpu: &Gpu, level: usize) -> Result<Arc<Plane>, BackendError> {
+        self.grey(gpu, level)?;
+        if self.levels[level].coefficients.is_none() {
+            let interpolation = self.options.interpolation;
+            let grey = self.levels[level].grey.as_ref().expect("made above");
+            let plane = coefficients(gpu, grey, interpolation, &mut self.traffic)?;
+            self.levels[level].coefficients = Some(Arc::new(plane));
+        }
+        Ok(self.levels[level].coefficients.clone().expect("made above"))
+    }
+
+    /// Gives back the coefficients of a level, which a reference does not need again.
+    pub(super) fn forget_coefficients(&mut self, level: usize) {
+        self.levels[level].coefficients = None;
+    }
+
+    fn unpack(&mut self, gpu: &Gpu) -> Result<Plane, BackendError> {
+        let image = self.host.image.clone();
+        let (width, height) = (image.width(), image.height());
+        let (bytes, depth): (&[u8], usize) = match image.pixels() {
+            Pixels::U8(p) => (p, 1),
+            Pixels::U16(p) => (bytemuck::cast_slice(p), 2),
+            Pixels::F32(p) => (bytemuck::cast_slice(p), 4),
+        };
+        let raw = gpu.storage(bytes.len() as u64, &format!("an image of {width} x {height} px"))?;
+        self.traffic.bytes_up += gpu.write(&raw, bytes);
+        let plane = Plane::new(gpu, width, height)?;
+        let pipeline = gpu.pipeline(Kernel::Unpack, self.options.interpolation, 0);
+        let mut recorder = gpu.record();
+        // Rows of the recorded image begin anywhere: a binding begins up to `alignment` bytes before.
+        let row_bytes = (width * depth) as u64;
+        let most = (gpu.max_binding_bytes.saturating_sub(gpu.alignment() + 16) / row_bytes.max(1)) as usize;
+        let most = most.min(plane.rows_seen(gpu));
+        for rows in windows(height, 0, 0, most).ok_or_else(|| too_wide(gpu, width))? {
+            let from = rows.start as u64 * row_bytes / gpu.alignment() * gpu.alignment();
+            let to = (rows.end as u64 * row_bytes).next_multiple_of(16).min(raw.bytes());
+            let (grey, origin) = plane.rows(rows.start as isize, rows.end as isize);
+            let constants = layout::Unpack {
+                width: width as u32,
+                rows: rows.len() as u32,
+                stride: plane.stride as u32,
+                depth: depth as u32,
+                skip: ((rows.start as u64 * row_bytes - from) / depth as u64) as u32,
+                first: (origin + (rows.start * plane.stride) as i32) as u32,
+                offset: self.options.grey_offset,
+                unused: 0,
+            };
+            let constants = gpu.uniform(&constants);
+            let bound = gpu.bind(&pipeline, &[constants.whole(), raw.part(from, to - from), grey]);
+            recorder.run_2d(&bound, (width as u32).div_ceil(64), rows.len() as u32);
+        }
+        recorder.submit(&mut self.traffic);
+        Ok(plane)
+    }
+
+    fn halve(&mut self, gpu: &Gpu, level: usize) -> Result<Plane, BackendError> {
+        self.grey(gpu, level - 1)?;
+        let fine = self.levels[level - 1].grey.as_ref().expect("made above");
+        let plane = Plane::new(gpu, fine.width / 2, fine.height / 2)?;
+        let pipeline = gpu.pipeline(Kernel::Downsample, self.options.interpolation, 0);
+        let mut recorder = gpu.record();
+        let most = (fine.rows_seen(gpu) / 2).min(plane.rows_seen(gpu));
+        for rows in windows(plane.height, 0, 0, most).ok_or_else(|| too_wide(gpu, fine.width))? {
+            let (from, from_origin) = fine.rows(2 * rows.start as isize, 2 * rows.end as isize);
+            let (to, to_origin) = plane.rows(rows.start as isize, rows.end as isize);
+            let constants = layout::Downsample {
+                width: plane.width as u32,
+                rows: rows.len() as u32,
+                fine_stride: fine.stride as u32,
+                coarse_stride: plane.stride as u32,
+                fine_first: (from_origin + (2 * rows.start * fine.stride) as i32) as u32,
+                coarse_first: (to_origin + (rows.start * plane.stride) as i32) as u32,
+                unused: [0; 2],
+            };
+            let constants = gpu.uniform(&constants);
+            let bound = gpu.bind(&pipeline, &[constants.whole(), from, to]);
+            recorder.run_2d(&bound, (plane.width as u32).div_ceil(64), rows.len() as u32);
+        }
+        recorder.submit(&mut self.traffic);
+        Ok(plane)
+    }
+}
+
+/// Interpolation coefficients of `grey`, border included.
+fn coefficients(
+    gpu: &Gpu,
+    grey: &Plane,
+    interpolation: Interpolation,
+    traffic: &mut Traffic,
+) -> Result<Plane, BackendError> {
+    let (width, height) = (grey.width, grey.height);
+    let between = Plane::new(gpu, width, height)?;
+    let plane = Plane::new(gpu, width, height)?;
+    let poles = interpolation.poles();
+    let pipeline = gpu.pipeline(Kernel::Prefilter, interpolation, 0);
+    let mut constants = layout::Prefilter {
+        n: 0,
+        lines: 0,
+        step: 0,
+        line_step: 0,
+        begin: 0,
+        end: 0,
+        source_first: 0,
+        target_first: 0,
+        poles: std::array::from_fn(|k| poles.get(k).map_or(0.0, |&pole| pole as f32)),
+        n_poles: poles.len() as i32,
+        n_start: 0,
+        start: [[0.0; 4]; 16],
+    };
+    let starts_of = |n: usize, constants: &mut layout::Prefilter| {
+        constants.n = n as i32;
+        constants.start = [[0.0; 4]; 16];
+        for (k, &pole) in poles.iter().enumerate() {
+            let weights = causal_start(pole, n);
+            constants.n_start = constants.n_start.max(weights.len() as i32);
+            for (i, weight) in weights.into_iter().enumerate() {
+                let at = k * MOST_START + i;
+                constants.start[at / 4][at % 4] = weight;
+            }
+        }
+        constants.n_start = constants.n_start.min(n as i32);
+    };
+    let mut recorder = gpu.record();
+    // Along the rows.
+    starts_of(width, &mut constants);
+    (constants.step, constants.line_step, constants.begin, constants.end) = (1, grey.stride as i32, 0, width as i32);
+    for rows in grey.windows(gpu, 0)? {
+        let (source, source_origin) = grey.rows(rows.start as isize, rows.end as isize);
+        let (target, target_origin) = between.rows(rows.start as isize, rows.end as isize);
+        let skip = (rows.start * grey.stride) as i32;
+        constants.lines = rows.len() as i32;
+        (constants.source_first, constants.target_first) = (source_origin + skip, target_origin + skip);
+        let uniform = gpu.uniform(&constants);
+        let bound = gpu.bind(&pipeline, &[uniform.whole(), source, target]);
+        recorder.run_2d(&bound, rows.len().div_ceil(TILE_LINES) as u32, width.div_ceil(TILE_LENGTH) as u32);
+    }
+    // Along the columns: a window sees the rows that it runs in over.
+    starts_of(height, &mut constants);
+    (constants.step, constants.line_step, constants.lines) = (grey.stride as i32, 1, width as i32);
+    for rows in grey.windows(gpu, TILE_LENGTH + TILE_HALO)? {
+        let seen = rows.start.saturating_sub(TILE_HALO)..(rows.end + TILE_LENGTH + TILE_HALO).min(height);
+        let (source, source_origin) = between.rows(seen.start as isize, seen.end as isize);
+        let (target, target_origin) = plane.rows(rows.start as isize, rows.end as isize);
+        (constants.begin, constants.end) = (rows.start as i32, rows.end as i32);
+        (constants.source_first, constants.target_first) = (source_origin, target_origin);
+        let uniform = gpu.uniform(&constants);
+        let bound = gpu.bind(&pipeline, &[uniform.whole(), source, target]);
+        recorder.run_2d(&bound, width.div_ceil(TILE_LINES) as u32, rows.len().div_ceil(TILE_LENGTH) as u32);
+    }
+    // The border: columns first, rows with the corners then.
+    let columns = gpu.pipeline(Kernel::BorderColumns, interpolation, 0);
+    let border = |begin: usize, end: usize, first: usize| layout::Border {
+        width: width as i32,
+        height: height as i32,
+        stride: plane.stride as i32,
+        first: first as i32,
+        begin: begin as i32,
+        end: end as i32,
+        unused: [0; 2],
+    };
+    for rows in plane.windows(gpu, 0)? {
+        let (seen, _) = plane.rows(rows.start as isize, rows.end as isize);
+        let uniform = gpu.uniform(&border(rows.start, rows.end, rows.start + BORDER));
+        let bound = gpu.bind(&columns, &[uniform.whole(), seen]);
+        recorder.run(&bound, (rows.len() as u32).div_ceil(64));
+    }
+    let rows_pipeline = gpu.pipeline(Kernel::BorderRows, interpolation, 0);
+    let reach = BORDER as isize + 1;
+    let (below_from, beyond) = (height as isize - reach, height as isize + BORDER as isize);
+    for (from, to, mark) in [(-(BORDER as isize), reach.min(height as isize), 0), (below_from, beyond, 1)] {
+        let (seen, _) = plane.rows(from, to);
+        let first = (from + BORDER as isize).max(0) as usize;
+        let uniform = gpu.uniform(&border(mark, 0, first));
+        let bound = gpu.bind(&rows_pipeline, &[uniform.whole(), seen]);
+        recorder.run(&bound, ((width + 2 * BORDER) as u32).div_ceil(64));
+    }
+    recorder.submit(traffic);
+    Ok(plane)
+}
+
+/// Reference planes: row by row grey levels, gradient along x, gradient along y.
+#[derive(Debug)]
+pub(super) struct Reference {
+    pub buffer: Buffer,
+    pub stride: usize,
+    pub width: usize,
+    pub height: usize,
+}
+
+impl Reference {
+    /// Grey levels and gradients of one level of `frame`.
+    pub(super) fn new(gpu: &Gpu, frame: &mut GpuFrame, level: usize) -> Result<Self, BackendError> {
+        let interpolation = frame.options.interpolation;
+        let coefficients = frame.coefficients(gpu, level)?;
+        frame.forget_coefficients(level);
+        let grey = frame.levels[level].grey.as_ref().expect("made before its coefficients");
+        let (width, height, stride) = (grey.width, grey.height, grey.stride);
+        let what = format!("a reference of {width} x {height} px");
+        let buffer = gpu.storage(12 * stride as u64 * height as u64, &what)?;
+        let reference = Self { buffer, stride, width, height };
+        let (value, derivative) = at_pixel(interpolation);
+        let padded = |weights: [f32; 5]| [[weights[0], weights[1], weights[2], weights[3]], [weights[4], 0.0, 0.0, 0.0]];
+        let pipeline = gpu.pipeline(Kernel::Gradient, interpolation, 0);
+        let mut recorder = gpu.record();
+        for rows in windows(height, 2, 2, reference.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, width))? {
+            let (from, to) = (rows.start as isize, rows.end as isize);
+            let (grey_part, grey_origin) = grey.rows(from, to);
+            let (coefficients_part, coefficients_origin) = coefficients.rows(from - 2, to + 2);
+            let skip = (rows.start * stride) as i32;
+            let constants = layout::Gradient {
+                width: width as i32,
+                rows: rows.len() as i32,
+                stride: stride as i32,
+                grey_first: grey_origin + skip,
+                coefficients_first: coefficients_origin + skip,
+                reference_first: 0,
+                unused: [0; 2],
+                value: padded(value),
+                derivative: padded(derivative),
+            };
+            let uniform = gpu.uniform(&constants);
+            let bound = gpu.bind(
+                &pipeline,
+                &[uniform.whole(), grey_part, coefficients_part, reference.rows(rows.start, rows.end)],
+            );
+            recorder.run_2d(&bound, (width as u32).div_ceil(64), rows.len() as u32);
+        }
+        recorder.submit(&mut frame.traffic);
+        Ok(reference)
+    }
+
+    /// Rows that a kernel can see at once.
+    pub(super) fn rows_seen(&self, gpu: &Gpu) -> usize {
+        (gpu.max_binding_bytes / (12 * self.stride as u64)) as usize
+    }
+
+    /// Image rows `from` up to `to` as a binding.
+    pub(super) fn rows(&self, from: usize, to: usize) -> wgpu::BindingResource<'_> {
+        let row = 12 * self.stride as u64;
+        self.buffer.part(from as u64 * row, (to.min(self.height) - from) as u64 * row)
+    }
+}

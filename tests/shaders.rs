@@ -1,0 +1,126 @@
+//! The shaders against the Rust side, without a GPU: every kernel parses and validates, and both sides agree on
+//! structs, bindings and workgroup sizes.
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use quadrille::backend::gpu::{Binding, KERNELS, Kernel, mirrors, source};
+use quadrille::imaging::Interpolation;
+use std::collections::BTreeSet;
+
+const INTERPOLATIONS: [Interpolation; 4] =
+    [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear];
+
+/// Every kernel with every source it can have.
+fn variants() -> Vec<(Kernel, Interpolation)> {
+    let of = |kernel: Kernel| {
+        let n = if kernel.interpolates() { INTERPOLATIONS.len() } else { 1 };
+        INTERPOLATIONS[..n].iter().map(move |&interpolation| (kernel, interpolation))
+    };
+    KERNELS.into_iter().flat_map(of).collect()
+}
+
+#[track_caller]
+fn parsed(kernel: Kernel, interpolation: Interpolation) -> naga::Module {
+    let text = source(kernel, interpolation);
+    match naga::front::wgsl::parse_str(&text) {
+        Ok(module) => module,
+        Err(error) => panic!("{kernel:?}, {interpolation:?}: {}", error.emit_to_string(&text)),
+    }
+}
+
+#[test]
+fn every_shader_is_valid_without_any_optional_capability() {
+    for (kernel, interpolation) in variants() {
+        let module = parsed(kernel, interpolation);
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        if let Err(error) = validator.validate(&module) {
+            panic!("{kernel:?}, {interpolation:?}: {}", error.emit_to_string(&source(kernel, interpolation)));
+        }
+    }
+}
+
+#[test]
+fn structs_have_the_same_fields_at_the_same_offsets_on_both_sides() {
+    let mirrors = mirrors();
+    let mut seen = BTreeSet::new();
+    for (kernel, interpolation) in variants() {
+        let module = parsed(kernel, interpolation);
+        for (_, global) in module.global_variables.iter().filter(|(_, global)| global.binding.is_some()) {
+            check(&module, global.ty, &mirrors, &mut seen);
+        }
+    }
+    let unseen: Vec<_> = mirrors.iter().map(|m| m.name).filter(|name| !seen.contains(*name)).collect();
+    assert!(unseen.is_empty(), "no shader has {unseen:?}");
+}
+
+fn check(
+    module: &naga::Module,
+    ty: naga::Handle<naga::Type>,
+    mirrors: &[quadrille::backend::gpu::Mirror],
+    seen: &mut BTreeSet<String>,
+) {
+    match &module.types[ty].inner {
+        naga::TypeInner::Array { base, .. } => check(module, *base, mirrors, seen),
+        naga::TypeInner::Struct { members, span } => {
+            let name = module.types[ty].name.as_deref().unwrap();
+            let mirror = mirrors.iter().find(|mirror| mirror.name == name);
+            let mirror = mirror.unwrap_or_else(|| panic!("no Rust struct is called {name}"));
+            let fields: Vec<(&str, usize)> =
+                members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+            assert_eq!(fields, mirror.fields, "fields of {name}");
+            assert_eq!(*span as usize, mirror.size, "size of {name}");
+            seen.insert(name.to_owned());
+            members.iter().for_each(|member| check(module, member.ty, mirrors, seen));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn bindings_and_workgroups_are_those_that_the_rust_side_says() {
+    for (kernel, interpolation) in variants() {
+        let module = parsed(kernel, interpolation);
+        let entry = module.entry_points.iter().find(|entry| entry.name == kernel.entry());
+        let entry = entry.unwrap_or_else(|| panic!("{kernel:?} has no entry point {}", kernel.entry()));
+        assert_eq!(entry.workgroup_size, [kernel.workgroup(), 1, 1], "{kernel:?}");
+        let mut bindings: Vec<_> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, global)| {
+                let binding = global.binding?;
+                assert_eq!(binding.group, 0);
+                Some((binding.binding, match global.space {
+                    naga::AddressSpace::Uniform => Binding::Uniform,
+                    naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
+                        Binding::Write
+                    }
+                    naga::AddressSpace::Storage { .. } => Binding::Read,
+                    space => panic!("{kernel:?} binds {space:?}"),
+                }))
+            })
+            .collect();
+        bindings.sort_by_key(|binding| binding.0);
+        let numbers: Vec<u32> = bindings.iter().map(|binding| binding.0).collect();
+        assert_eq!(numbers, (0..bindings.len() as u32).collect::<Vec<_>>(), "{kernel:?}");
+        let kinds: Vec<Binding> = bindings.into_iter().map(|binding| binding.1).collect();
+        assert_eq!(kinds, kernel.bindings(), "{kernel:?}");
+    }
+}
+
+#[test]
+fn every_kernel_keeps_within_the_limits_of_every_webgpu_device() {
+    for (kernel, interpolation) in variants() {
+        let storage = kernel.bindings().iter().filter(|binding| **binding != Binding::Uniform).count();
+        assert!(storage <= 8, "{kernel:?} has {storage} storage buffers");
+        assert!(kernel.workgroup() <= 256);
+        let module = parsed(kernel, interpolation);
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).unwrap();
+        let shared: u32 = module
+            .global_variables
+            .iter()
+            .filter(|(_, global)| global.space == naga::AddressSpace::WorkGroup)
+            .map(|(_, global)| layouter[global.ty].size)
+            .sum();
+        assert!(shared <= 16384, "{kernel:?} shares {shared} bytes in a workgroup");
+    }
+}
