@@ -2,6 +2,8 @@
 //!
 //! The pictures stay in `target/tmp/figures`, to be looked at.
 
+#[path = "common/data.rs"]
+mod data;
 mod program;
 
 use program::Desk;
@@ -731,17 +733,6 @@ fn what_cannot_be_drawn_is_refused() {
     }
 }
 
-fn data(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: the real images of {name} are not there (QUADRILLE_DATA)");
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
 fn figures_of_real_tests_are_small_and_complete() {
     // A tall palette image with a hole, a very wide one, a square one, two zones along a crack.
@@ -781,7 +772,7 @@ fn figures_of_real_tests_are_small_and_complete() {
         ),
     ];
     for (name, reference, deformed, size, zones, line) in cases {
-        let Some(images) = data(name) else { continue };
+        let Some(images) = data::folder(name) else { continue };
         let load = |file: &str| {
             let path = images.join(file);
             Arc::new(read_image(&path, 0).unwrap_or_else(|e| panic!("{}: {e}", path.display())).image)

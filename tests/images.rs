@@ -1,5 +1,8 @@
 //! Image files of every format and depth, and what is said about broken ones.
 
+#[path = "common/data.rs"]
+mod data;
+
 use image::codecs::bmp::BmpEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -10,7 +13,7 @@ use quadrille::imaging::{Image, ImageError, Pixels};
 use quadrille::io::images::{Loaded, ReadError, WriteError, read_image, write_image};
 use quadrille::io::series::{SeriesError, expand_series};
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tempfile::TempDir;
 use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder, colortype};
 
@@ -905,16 +908,6 @@ fn a_glob_without_a_file_a_folder_and_a_wrong_pattern_are_errors() {
 
 // ---- images of real tests ----
 
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: the data folder is not there (QUADRILLE_DATA)");
-    None
-}
-
 /// Reads `name` and compares its size, depth, the sum of all grey levels, and those at (10, 20), in the middle
 /// (width/2, height/2) and in the last corner. The numbers are those of Pillow 12 and tifffile.
 #[track_caller]
@@ -939,7 +932,7 @@ fn assert_file(
 
 #[test]
 fn real_files_have_the_grey_levels_that_other_readers_find() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder("") else { return };
     let data = data.as_path();
     let palette = "dicchallenge-s12-openhole/oht_cfrp_00.tiff";
     let loaded = assert_file(data, palette, 0, [400, 1040], "8 bit", 33461499.0, [22.0, 12.0, 11.0]);
@@ -968,7 +961,7 @@ fn real_files_have_the_grey_levels_that_other_readers_find() {
 
 #[test]
 fn the_real_crack_series_is_found_in_order() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder("") else { return };
     let files = expand_series(&["img_* .png".to_owned()], &data.join("crack-heterogeneous")).unwrap();
     assert_eq!(files.len(), 20);
     assert!(files[0].ends_with("img_0000 .png") && files[19].ends_with("img_0570 .png"));
