@@ -2,15 +2,18 @@
 //!
 //! The pictures stay in `target/tmp/figures`, to be looked at.
 
+#[path = "common/blobs.rs"]
+mod blobs;
 #[path = "common/data.rs"]
 mod data;
 mod program;
 
+use blobs::{speckle, uniform};
 use program::Desk;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Measurement, RemoveRigid, Status};
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
 use quadrille::report::{
@@ -268,20 +271,6 @@ fn long_names_and_many_series_stay_on_the_sheet() {
         notes: vec![word.clone(), "blank_free".repeat(40)],
     };
     check("crowded", &plot.draw().unwrap());
-}
-
-fn speckle(width: usize, height: usize) -> Image {
-    let grey = |x: f64, y: f64| {
-        let waves = [(1.1, 0.4, 0.3), (-0.5, 1.2, 1.9), (0.9, -0.8, 4.1), (0.2, 0.9, 2.2), (-1.0, -0.3, 5.3)];
-        let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c + (0.05 * (a * y - b * x)).sin()).sin()).sum();
-        (127.5 + 60.0 * sum).clamp(0.0, 255.0) as u8
-    };
-    let pixels = (0..width * height).map(|k| grey((k % width) as f64, (k / width) as f64)).collect();
-    Image::new(width, height, Pixels::U8(pixels)).unwrap()
-}
-
-fn uniform(width: usize, height: usize, grey: u8) -> Image {
-    Image::new(width, height, Pixels::U8(vec![grey; width * height])).unwrap()
 }
 
 /// A field of `u` on `mesh`.
