@@ -253,6 +253,23 @@ fn big_tiff_is_read() {
 }
 
 #[test]
+fn a_tag_of_a_big_tiff_whose_numbers_lie_beyond_any_file_does_no_harm() {
+    // One row of two pixels; the planar configuration (284) claims five numbers at the last address there is.
+    let entry = |tag: u16, kind: u16, count: u64, value: u64| {
+        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat()
+    };
+    let tags = [(256, 2), (257, 1), (258, 8), (259, 1), (262, 1), (273, 16), (278, 1), (279, 2)];
+    let mut entries: Vec<Vec<u8>> = tags.iter().map(|&(tag, value)| entry(tag, 3, 1, value)).collect();
+    entries.push(entry(284, 3, 5, u64::MAX));
+    let head = [&b"II+\0\x08\0\0\0"[..], &24u64.to_le_bytes(), &[7, 9, 0, 0, 0, 0, 0, 0]].concat();
+    let file = [head, (entries.len() as u64).to_le_bytes().to_vec(), entries.concat(), vec![0; 8]].concat();
+    // The decoder may refuse the tag; what it may not do is write at the address.
+    if let Ok(loaded) = read_page("far.tif", &file, 0) {
+        assert_eq!(*loaded.image.pixels(), Pixels::U8(vec![7, 9]));
+    }
+}
+
+#[test]
 fn tiff_in_either_byte_order_in_strips_and_in_tiles_is_the_same_image() {
     let levels = levels();
     for big_endian in [false, true] {

@@ -110,13 +110,12 @@ impl Layout {
         Some(if self.little { field.iter().rev().fold(0, add) } else { field.iter().fold(0, add) })
     }
 
-    /// Writes `value` in `size` bytes at `at`, which must have been read before.
+    /// Writes `value` in `size` bytes at `at`; nothing beyond the end of the file.
     fn set(self, bytes: &mut [u8], at: usize, size: usize, value: u64) {
-        for k in 0..size {
-            let shift = 8 * if self.little { k } else { size - 1 - k };
-            if let Some(byte) = bytes.get_mut(at + k) {
-                *byte = (value >> shift) as u8;
-            }
+        let Some(field) = at.checked_add(size).and_then(|end| bytes.get_mut(at..end)) else { return };
+        field.copy_from_slice(&value.to_le_bytes()[..size]);
+        if !self.little {
+            field.reverse();
         }
     }
 
