@@ -633,6 +633,9 @@ fn no_damage_makes_the_readers_panic_or_hang() {
             damaged[at..at + 8].copy_from_slice(&whole[at..at + 8]);
         }
     }
+    // In a text, the one number that has no positive twin.
+    let least = format!(" 2 {} 11 ", i64::MIN);
+    assert_eq!(parse(msh_22().replace(" 2 4 11 ", &least)).zones.len(), 2);
 }
 
 // ---- files by others ----
