@@ -137,9 +137,10 @@ fn by_frame(
         ticker.tick(ending(target), done + 1, numbers.len());
     }
     if target == Target::Vtu {
-        let mut in_order = numbers.to_vec();
-        in_order.sort_unstable();
-        folder.write_series(&in_order)?;
+        // Those of an earlier call and of the run itself as well: the list is that of the folder.
+        let is_there = |&number: &usize| folder.path().join(name(target, Some(number))).is_file();
+        let listed: Vec<usize> = (1..=store.n_frames()).filter(is_there).collect();
+        folder.write_series(&listed)?;
     }
     Ok(())
 }
