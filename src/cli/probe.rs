@@ -1,7 +1,8 @@
 //! `quadrille probe`.
 
 use super::args::ProbeArgs;
-use super::quantities::{FOLDER, Fields, Frame, is_regularised, load, resolve, write};
+use super::quantities::{FOLDER, Fields, Frame, load, resolve, write};
+use super::record::Record;
 use super::{Outcome, Result, plural};
 use crate::field::{Curve, FrameQuantities, StrainDefinition};
 use crate::io::case::{
@@ -109,7 +110,7 @@ pub(super) fn write_of_store(
         header: &lines,
         pixel_size: header.pixel_size,
         element_size_px: header.element_size_px,
-        regularised: is_regularised(&header.case),
+        regularised: Record::of(header).is_regularised(),
     };
     let frames = numbers.iter().map(|&number| -> Result<Frame> {
         let status = store.status(number)?;
