@@ -521,7 +521,7 @@ fn zones_in_register_lose_their_rigid_motion_and_say_it() {
     let draw = |which| register_figure(&backdrop, &measurement, which, &options, None).unwrap();
     let zone = draw(RemoveRigid::Zone);
     check("register", &zone);
-    assert_says(&zone, "zone strip 0: moved by (12.50, \u{2212}30.00) px, turned by 0 deg");
+    assert_says(&zone, "zone 'strip 0': moved by (12.50, \u{2212}30.00) px, turned by 0 deg");
     assert_says(&zone, "turned by 5.000 deg about (100, 145) px");
     // Nothing is left: the zones stand where they stood, and between them is white paper.
     let area = zone.map_area();
@@ -822,7 +822,7 @@ fn figures_of_a_run_are_drawn_by_name() {
     assert!(svg("drawn/000001-deformed.svg").contains("image: deformed"));
     assert!(svg("drawn/000001-uy.svg").contains("image a.png"));
     assert!(svg("drawn/000001-uy.svg").contains("x (mm)"));
-    assert!(svg("drawn/000003-register.svg").contains("zone zone2: moved by (0.7"));
+    assert!(svg("drawn/000003-register.svg").contains("zone 'zone2': moved by (0.7"));
     desk.run("figures out --quantity deformed,register --magnify 20 --remove-rigid all --format svg --range 0,1")
         .fine();
     assert!(svg("out/figures/000003-deformed.svg").contains("magnified 20 times"));
