@@ -823,6 +823,7 @@ fn figures_of_a_run_are_drawn_by_name() {
     assert!(svg("drawn/000001-uy.svg").contains("image a.png"));
     assert!(svg("drawn/000001-uy.svg").contains("x (mm)"));
     assert!(svg("drawn/000003-register.svg").contains("zone 'zone2': moved by (0.7"));
+    assert!(svg("drawn/000003-residual-percent.svg").contains("100 % is the range of the reference"));
     desk.run("figures out --quantity deformed,register --magnify 20 --remove-rigid all --format svg --range 0,1")
         .fine();
     assert!(svg("out/figures/000003-deformed.svg").contains("magnified 20 times"));
