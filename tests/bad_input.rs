@@ -220,7 +220,7 @@ fn a_case_file_with_a_fault_is_refused_with_key_and_line() {
         ("[correlation]\nelement_size_px = -5\n", 2, &["`element_size_px`", "-5", "whole number"]),
         ("[images]\nreference = 7\n", 2, &["`reference`", "in quotes"]),
         ("[images]\ndeformed = [1]\n", 2, &["`deformed`"]),
-        ("[[zone]]\nroi = [0, 0, 50]\n", 2, &["`roi`", "3 numbers"]),
+        ("[[zone]]\nroi = [0, 0, 50]\n", 2, &["`roi`", "3 entries"]),
         ("[correlation]\ninterpolation = 'cubik'\n", 2, &["`interpolation`", "`cubik`", "`cubic`"]),
         // Broken TOML.
         ("[images\nreference = 'a'\n", 1, &[]),

@@ -244,7 +244,7 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
 #[test]
 fn a_rectangle_of_three_or_five_numbers_is_refused() {
     for (roi, n) in [("[1, 2, 3]", 3), ("[1, 2, 3, 4, 5]", 5)] {
-        let wanted = format!("`roi` in [[zone]]: has {n} numbers, expected four: [x0, y0, x1, y1]");
+        let wanted = format!("`roi` in [[zone]]: has {n} entries, expected four numbers [x0, y0, x1, y1]");
         assert_says(&format!("[[zone]]\nname = 'a'\nroi = {roi}"), &["line 3", &wanted]);
     }
     assert_says("[[zone]]\nroi = [1, 2, 3, 'a']", &["expected a number"]);
@@ -299,10 +299,10 @@ fn several_references_are_a_list_and_one_is_a_text() {
 #[test]
 fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
     for (line, wanted) in [
-        ("polygon = [[1, 2], [3]]", "`polygon` in [[zone]]: a point has 1 numbers, expected two: [x, y]"),
+        ("polygon = [[1, 2], [3]]", "`polygon` in [[zone]]: a point has 1 entries, expected a point [x, y]"),
         ("polygon = [[1, 2], 3]", "expected a point [x, y]"),
         ("polygon = [['1', 2]]", "expected a number"),
-        ("exclude = [[[1, 2], [3, 4, 5]]]", "`exclude` in [[zone]]: a point has 3 numbers"),
+        ("exclude = [[[1, 2], [3, 4, 5]]]", "`exclude` in [[zone]]: a point has 3 entries"),
         ("guard_px = true", "`guard_px` in [[zone]]: is `true`, expected a number of pixels, { left = 0, top = 0"),
         (
             "guard_px = { lower = 1 }",

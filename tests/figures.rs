@@ -2,13 +2,18 @@
 //!
 //! The pictures stay in `target/tmp/figures`, to be looked at.
 
+#[path = "common/blobs.rs"]
+mod blobs;
+#[path = "common/data.rs"]
+mod data;
 mod program;
 
+use blobs::{speckle, uniform};
 use program::Desk;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Measurement, RemoveRigid, Status};
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
 use quadrille::report::{
@@ -268,20 +273,6 @@ fn long_names_and_many_series_stay_on_the_sheet() {
     check("crowded", &plot.draw().unwrap());
 }
 
-fn speckle(width: usize, height: usize) -> Image {
-    let grey = |x: f64, y: f64| {
-        let waves = [(1.1, 0.4, 0.3), (-0.5, 1.2, 1.9), (0.9, -0.8, 4.1), (0.2, 0.9, 2.2), (-1.0, -0.3, 5.3)];
-        let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c + (0.05 * (a * y - b * x)).sin()).sin()).sum();
-        (127.5 + 60.0 * sum).clamp(0.0, 255.0) as u8
-    };
-    let pixels = (0..width * height).map(|k| grey((k % width) as f64, (k / width) as f64)).collect();
-    Image::new(width, height, Pixels::U8(pixels)).unwrap()
-}
-
-fn uniform(width: usize, height: usize, grey: u8) -> Image {
-    Image::new(width, height, Pixels::U8(vec![grey; width * height])).unwrap()
-}
-
 /// A field of `u` on `mesh`.
 fn field(mesh: Mesh<Px>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
     Measurement {
@@ -530,7 +521,7 @@ fn zones_in_register_lose_their_rigid_motion_and_say_it() {
     let draw = |which| register_figure(&backdrop, &measurement, which, &options, None).unwrap();
     let zone = draw(RemoveRigid::Zone);
     check("register", &zone);
-    assert_says(&zone, "zone strip 0: moved by (12.50, \u{2212}30.00) px, turned by 0 deg");
+    assert_says(&zone, "zone 'strip 0': moved by (12.50, \u{2212}30.00) px, turned by 0 deg");
     assert_says(&zone, "turned by 5.000 deg about (100, 145) px");
     // Nothing is left: the zones stand where they stood, and between them is white paper.
     let area = zone.map_area();
@@ -731,17 +722,6 @@ fn what_cannot_be_drawn_is_refused() {
     }
 }
 
-fn data(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: the real images of {name} are not there (QUADRILLE_DATA)");
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
 fn figures_of_real_tests_are_small_and_complete() {
     // A tall palette image with a hole, a very wide one, a square one, two zones along a crack.
@@ -781,7 +761,7 @@ fn figures_of_real_tests_are_small_and_complete() {
         ),
     ];
     for (name, reference, deformed, size, zones, line) in cases {
-        let Some(images) = data(name) else { continue };
+        let Some(images) = data::folder(name) else { continue };
         let load = |file: &str| {
             let path = images.join(file);
             Arc::new(read_image(&path, 0).unwrap_or_else(|e| panic!("{}: {e}", path.display())).image)
@@ -842,7 +822,8 @@ fn figures_of_a_run_are_drawn_by_name() {
     assert!(svg("drawn/000001-deformed.svg").contains("image: deformed"));
     assert!(svg("drawn/000001-uy.svg").contains("image a.png"));
     assert!(svg("drawn/000001-uy.svg").contains("x (mm)"));
-    assert!(svg("drawn/000003-register.svg").contains("zone zone2: moved by (0.7"));
+    assert!(svg("drawn/000003-register.svg").contains("zone 'zone2': moved by (0.7"));
+    assert!(svg("drawn/000003-residual-percent.svg").contains("100 % is the range of the reference"));
     desk.run("figures out --quantity deformed,register --magnify 20 --remove-rigid all --format svg --range 0,1")
         .fine();
     assert!(svg("out/figures/000003-deformed.svg").contains("magnified 20 times"));

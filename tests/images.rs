@@ -1,5 +1,8 @@
 //! Image files of every format and depth, and what is said about broken ones.
 
+#[path = "common/data.rs"]
+mod data;
+
 use image::codecs::bmp::BmpEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -10,7 +13,7 @@ use quadrille::imaging::{Image, ImageError, Pixels};
 use quadrille::io::images::{Loaded, ReadError, WriteError, read_image, write_image};
 use quadrille::io::series::{SeriesError, expand_series};
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tempfile::TempDir;
 use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder, colortype};
 
@@ -247,6 +250,23 @@ fn big_tiff_is_read() {
     let file = file.into_inner();
     assert_eq!(*read("big.tif", &file).image.pixels(), Pixels::U16(levels.clone()));
     assert_eq!(*read_page("big.tif", &file, 1).unwrap().image.pixels(), Pixels::U8(bytes_of(&levels)));
+}
+
+#[test]
+fn a_tag_of_a_big_tiff_whose_numbers_lie_beyond_any_file_does_no_harm() {
+    // One row of two pixels; the planar configuration (284) claims five numbers at the last address there is.
+    let entry = |tag: u16, kind: u16, count: u64, value: u64| {
+        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat()
+    };
+    let tags = [(256, 2), (257, 1), (258, 8), (259, 1), (262, 1), (273, 16), (278, 1), (279, 2)];
+    let mut entries: Vec<Vec<u8>> = tags.iter().map(|&(tag, value)| entry(tag, 3, 1, value)).collect();
+    entries.push(entry(284, 3, 5, u64::MAX));
+    let head = [&b"II+\0\x08\0\0\0"[..], &24u64.to_le_bytes(), &[7, 9, 0, 0, 0, 0, 0, 0]].concat();
+    let file = [head, (entries.len() as u64).to_le_bytes().to_vec(), entries.concat(), vec![0; 8]].concat();
+    // The decoder may refuse the tag; what it may not do is write at the address.
+    if let Ok(loaded) = read_page("far.tif", &file, 0) {
+        assert_eq!(*loaded.image.pixels(), Pixels::U8(vec![7, 9]));
+    }
 }
 
 #[test]
@@ -905,16 +925,6 @@ fn a_glob_without_a_file_a_folder_and_a_wrong_pattern_are_errors() {
 
 // ---- images of real tests ----
 
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: the data folder is not there (QUADRILLE_DATA)");
-    None
-}
-
 /// Reads `name` and compares its size, depth, the sum of all grey levels, and those at (10, 20), in the middle
 /// (width/2, height/2) and in the last corner. The numbers are those of Pillow 12 and tifffile.
 #[track_caller]
@@ -939,7 +949,7 @@ fn assert_file(
 
 #[test]
 fn real_files_have_the_grey_levels_that_other_readers_find() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder("") else { return };
     let data = data.as_path();
     let palette = "dicchallenge-s12-openhole/oht_cfrp_00.tiff";
     let loaded = assert_file(data, palette, 0, [400, 1040], "8 bit", 33461499.0, [22.0, 12.0, 11.0]);
@@ -968,7 +978,7 @@ fn real_files_have_the_grey_levels_that_other_readers_find() {
 
 #[test]
 fn the_real_crack_series_is_found_in_order() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::folder("") else { return };
     let files = expand_series(&["img_* .png".to_owned()], &data.join("crack-heterogeneous")).unwrap();
     assert_eq!(files.len(), 20);
     assert!(files[0].ends_with("img_0000 .png") && files[19].ends_with("img_0570 .png"));

@@ -284,7 +284,7 @@ fn keys_of_a_zone_that_make_no_sense_are_refused() {
         ("group = 'a'\nroi = [0, 0, 64, 64]", &["zone 'zone1' has a group but no mesh"]),
         ("polygon = []", &["zone 'zone1': a polygon of 0 corners"]),
         ("polygon = [[1, 2], [3, 4]]", &["zone 'zone1'", "polygon of 2 corners"]),
-        ("polygon = [[1, 2, 3], [3, 4]]", &["line 2", "`polygon` in [[zone]]", "a point has 3 numbers"]),
+        ("polygon = [[1, 2, 3], [3, 4]]", &["line 2", "`polygon` in [[zone]]", "a point has 3 entries"]),
         ("polygon = [1, 2]", &["line 2", "`polygon` in [[zone]]", "a point [x, y]"]),
         ("exclude = [[1, 2], [3, 4]]", &["line 2", "`exclude` in [[zone]]", "a point [x, y]"]),
         ("guard_px = 'wide'", &["line 2", "`guard_px` in [[zone]]", "{ left = 0, top = 0"]),

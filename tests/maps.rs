@@ -2,6 +2,10 @@
 //!
 //! The pictures stay in `target/tmp/maps`, to be looked at.
 
+#[path = "common/blobs.rs"]
+mod blobs;
+
+use blobs::{speckle, uniform};
 use quadrille::field::{Measurement, Status};
 use quadrille::imaging::{Image, Pixels};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -13,21 +17,6 @@ fn folder() -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("maps");
     std::fs::create_dir_all(&folder).unwrap();
     folder
-}
-
-/// Smooth blobs of about 5 px, 8 bit.
-fn speckle(width: usize, height: usize) -> Image {
-    let grey = |x: f64, y: f64| {
-        let waves = [(1.1, 0.4, 0.3), (-0.5, 1.2, 1.9), (0.9, -0.8, 4.1), (0.2, 0.9, 2.2), (-1.0, -0.3, 5.3)];
-        let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c + (0.05 * (a * y - b * x)).sin()).sin()).sum();
-        (127.5 + 60.0 * sum).clamp(0.0, 255.0) as u8
-    };
-    let pixels = (0..width * height).map(|k| grey((k % width) as f64, (k / width) as f64)).collect();
-    Image::new(width, height, Pixels::U8(pixels)).unwrap()
-}
-
-fn uniform(width: usize, height: usize, grey: u8) -> Image {
-    Image::new(width, height, Pixels::U8(vec![grey; width * height])).unwrap()
 }
 
 fn measurement(rois: &[Roi], size: usize, image: &Image) -> Measurement<Px> {
@@ -334,19 +323,7 @@ fn what_cannot_be_drawn_is_refused() {
     let picture = nodal_map(&image, &measurement, &vec![0.0; nodes], &options).unwrap();
     let error = picture.save(folder().join("no such folder/map.png")).unwrap_err();
     assert!(matches!(error, ReportError::Write { .. }) && error.to_string().contains("map.png"));
-    let error = picture.write_png(Full).unwrap_err();
+    // A slice without room stands for a full disk.
+    let error = picture.write_png(&mut [][..]).unwrap_err();
     assert!(matches!(error, ReportError::Encode(_)));
-}
-
-/// A disk without room.
-struct Full;
-
-impl std::io::Write for Full {
-    fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
-        Err(std::io::ErrorKind::StorageFull.into())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
 }

@@ -3,6 +3,7 @@
 mod common;
 mod program;
 
+use common::data::folder;
 use common::*;
 use program::Desk;
 use quadrille::correlate::{CorrelationError, Options as CorrelateOptions};
@@ -13,7 +14,6 @@ use quadrille::metrology::{
     Bias, Crest, Metrology, MetrologyError, Options, Origin, SizeResult, Still, displacement_sigma_px, measure,
 };
 use quadrille::synth::{Motion, RenderOptions, Texture, Translation, render};
-use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 const SIDE: usize = 320;
@@ -438,17 +438,6 @@ fn the_program_refuses_in_one_line() {
 }
 
 // ---- real images ----
-
-fn folder(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: the real images of {name} are not there (QUADRILLE_DATA)");
-        return None;
-    }
-    Some(folder)
-}
 
 #[test]
 fn the_bias_said_of_a_challenge_image_is_that_of_its_displaced_copy() {

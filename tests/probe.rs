@@ -216,12 +216,16 @@ fn curves_are_drawn_against_the_load_or_the_frame() {
     let desk = Desk::with_series();
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
     desk.write("load.csv", "load_N\n10\n20\n30\n");
-    for (against, load) in [("load_N", "--load load.csv"), ("frame", "")] {
+    for (against, label, load) in [("load_N", "load (N)", "--load load.csv"), ("frame", "frame", "")] {
         desk.run(&format!("probe out --extensometer 30,40,90,40 {load} --curves --output {against}")).fine();
         let files = desk.files(&format!("{against}/curves"));
         for ending in ["png", "svg"] {
             let tail = format!("-strain_true-against-{against}.{ending}");
             assert!(files.iter().any(|file| file.ends_with(&tail)), "no {tail} among {files:?}");
+        }
+        let curve = desk.read(&format!("{against}/curves/extensometer1-elongation_px-against-{against}.svg"));
+        for words in ["elongation (px)", label] {
+            assert!(curve.contains(&format!("aria-label=\"{words}\"")), "no '{words}'");
         }
     }
 }

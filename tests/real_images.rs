@@ -1,25 +1,18 @@
 //! Correlation of images of real tests and of the DIC Challenge, made by others, where their folder is
 //! there (environment variable QUADRILLE_DATA); each test says when it is skipped.
 
+#[path = "common/data.rs"]
+mod data;
+
+use data::folder;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlation, Correlator, Options, Tracker};
 use quadrille::field::Status;
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Roi, Zone};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-
-fn folder(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("QUADRILLE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: the real images of {name} are not there (QUADRILLE_DATA)");
-        return None;
-    }
-    Some(folder)
-}
 
 #[track_caller]
 fn read(folder: &Path, name: &str) -> Arc<Image> {

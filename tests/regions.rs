@@ -309,6 +309,9 @@ fn regions_that_make_no_sense_are_refused_with_a_reason() {
     let guard = |guard| Zone { guard, ..zone("a", INSIDE) };
     assert_refused(&[guard(Guard::All(-1.0))], "the guard is -1 px");
     assert_refused(&[guard(Guard::All(90.0))], "the guard is 90 px");
+    // Far beyond any image, also where the border is not straight: refused at once.
+    let cut = Zone { guard: Guard::All(1e9), ..polygon(&[[20.0, 20.0], [90.0, 20.0], [90.0, 90.0]]) };
+    assert_refused(&[cut], "the guard is 1000000000 px");
     assert_refused(&[guard(Guard::Sides(vec![1.0; 3]))], "3 guards for 4 sides");
     let other = Zone { name: "b".into(), ..polygon(&rectangle_corners([200.0, 100.0, 250.0, 190.0])) };
     assert_refused(&[zone("a", INSIDE), other], "zones 'a' and 'b' overlap");

@@ -206,7 +206,7 @@ fn print(demo: &Demo, output: &Path) {
     );
     let shown = |name: &str| output.join(name).display().to_string();
     println!("images:   {}", shown("images"));
-    println!("results:  {}  (summary.json, csv, vtu, series.pvd for ParaView)", shown("run"));
+    println!("results:  {}  (summary.json, fields.zarr, csv, vtu, series.pvd for ParaView)", shown("run"));
     println!("pictures: {}  (open 000020-uy.png)", shown("maps"));
     println!("numbers:  {}  ({:.1} s in all)", shown("demo.json"), demo.seconds);
 }

@@ -2,7 +2,7 @@
 
 use super::args::{ExportArgs, Target};
 use super::run_folder::{About, RunFolder};
-use super::{Outcome, Result, plural};
+use super::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
 use crate::io::mat::MatWriter;
 use crate::io::npz::NpzWriter;
@@ -18,32 +18,14 @@ const EVERY: Duration = Duration::from_secs(10);
 /// Runs the command.
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let wanted = args.frames.numbers(store.n_frames())?;
-    let mut numbers = Vec::with_capacity(wanted.len());
-    let mut without_field = 0;
-    for &number in &wanted {
-        match store.status(number)? {
-            Some(status) if status.has_field() => numbers.push(number),
-            status => {
-                without_field += 1;
-                if args.frames.are_named() && !args.quiet {
-                    let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
-                    eprintln!("frame {number} has no field: {status}");
-                }
-            }
-        }
-        if args.frames.is_last() && !numbers.is_empty() {
-            break;
-        }
-    }
+    let (numbers, without_field) = args.frames.with_field(&store, args.quiet)?;
     if numbers.is_empty() {
         let path = store.path().display();
-        return Err(format!("{path}: none of {} has a field; see summary.json", plural(wanted.len(), "frame")).into());
+        return Err(format!("{path}: none of {} has a field; see summary.json", plural(without_field, "frame")).into());
     }
     let about = About::new(store.header().clone())?;
     let output = args.output.as_deref().unwrap_or(&args.run);
-    let mut targets = args.to.clone();
-    targets.dedup();
+    let targets = without_doubles(&args.to);
     if !args.overwrite {
         refuse_to_replace(args, output, &targets, &numbers)?;
     }
@@ -137,9 +119,10 @@ fn by_frame(
         ticker.tick(ending(target), done + 1, numbers.len());
     }
     if target == Target::Vtu {
-        let mut in_order = numbers.to_vec();
-        in_order.sort_unstable();
-        folder.write_series(&in_order)?;
+        // Those of an earlier call and of the run itself as well: the list is that of the folder.
+        let is_there = |&number: &usize| folder.path().join(name(target, Some(number))).is_file();
+        let listed: Vec<usize> = (1..=store.n_frames()).filter(is_there).collect();
+        folder.write_series(&listed)?;
     }
     Ok(())
 }

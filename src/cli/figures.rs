@@ -2,8 +2,9 @@
 
 use super::args::{FiguresArgs, StrainPlace};
 use super::frames::Frames;
+use super::record::Record;
 use super::run_folder::FIGURES;
-use super::{Outcome, Result, chain, plural, pool};
+use super::{Outcome, Result, chain, plural, pool, without_doubles};
 use crate::imaging::Image;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
@@ -19,46 +20,24 @@ const EVERY: Duration = Duration::from_secs(10);
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let (numbers, complete) = with_field(&store, &args.frames, args.quiet)?;
+    let (numbers, n_without) = args.frames.with_field(&store, args.quiet)?;
     if numbers.is_empty() {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
     let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
     series.draw(&numbers, &folder, args.threads)?;
+    let complete = n_without == 0 || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
 /// Draws the usual figures of a run that has just ended.
 pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet: bool) -> Result<()> {
     let store = Store::open(run)?;
-    let (numbers, _) = with_field(&store, frames, quiet)?;
+    let (numbers, _) = frames.with_field(&store, quiet)?;
     let header = store.header();
-    let case = header.case.parse().unwrap_or_default();
-    let options = of_header(header, &case, FigureOptions { strain: header.strain, ..FigureOptions::default() });
+    let options = of_header(header, FigureOptions { strain: header.strain, ..FigureOptions::default() });
     Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
-}
-
-/// The frames asked for that have a field, and whether all that were named do.
-fn with_field(store: &Store, frames: &Frames, quiet: bool) -> Result<(Vec<usize>, bool)> {
-    let (mut numbers, mut complete) = (Vec::new(), true);
-    for number in frames.numbers(store.n_frames())? {
-        match store.status(number)? {
-            Some(status) if status.has_field() => numbers.push(number),
-            status if frames.are_named() => {
-                complete = false;
-                if !quiet {
-                    let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
-                    eprintln!("frame {number} has no field: {status}");
-                }
-            }
-            _ => {}
-        }
-        if frames.is_last() && !numbers.is_empty() {
-            break;
-        }
-    }
-    Ok((numbers, complete))
 }
 
 /// What is drawn, from the arguments and from what the run says.
@@ -75,36 +54,19 @@ fn options(args: &FiguresArgs, header: &StoreHeader) -> FigureOptions {
         rigid: args.remove_rigid,
         ..default
     };
-    of_header(header, &header.case.parse().unwrap_or_default(), options)
+    of_header(header, options)
 }
 
 /// `options` with what the run says.
-fn of_header(header: &StoreHeader, case: &toml::Table, options: FigureOptions) -> FigureOptions {
-    let regularised = case.get("correlation").and_then(|part| part.get("regularisation"));
+fn of_header(header: &StoreHeader, options: FigureOptions) -> FigureOptions {
+    let record = Record::of(header);
     FigureOptions {
         pixel_size: header.pixel_size,
         range_grey: Some(header.range_grey),
-        known_noise: regularised.is_none_or(|kind| kind.as_str() == Some("none")),
-        guard_px: guards(case),
+        known_noise: !record.is_regularised(),
+        guard_px: record.guards_px(header.mesh.zones()),
         ..options
     }
-}
-
-fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
-    let mut kept: Vec<T> = Vec::with_capacity(list.len());
-    for item in list {
-        if !kept.contains(item) {
-            kept.push(*item);
-        }
-    }
-    kept
-}
-
-/// The guard band of each zone that has the same one along its whole border.
-fn guards(case: &toml::Table) -> Vec<f64> {
-    let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|v| v as f64));
-    let zones = case.get("zone").and_then(toml::Value::as_array);
-    zones.into_iter().flatten().map(|zone| zone.get("guard_px").and_then(number).unwrap_or(0.0)).collect()
 }
 
 /// The frames of a run, and what their figures share.
@@ -120,9 +82,7 @@ struct Series<'a> {
 impl<'a> Series<'a> {
     fn new(store: &'a Store, options: FigureOptions, ratio: u32, quiet: bool) -> Self {
         let header = store.header();
-        let case = header.case.parse::<toml::Table>().unwrap_or_default();
-        let page = case.get("images").and_then(|images| images.get("page")).and_then(toml::Value::as_integer);
-        let page = page.and_then(|page| usize::try_from(page).ok()).unwrap_or(0);
+        let page = Record::of(header).page();
         let [width, height] = header.image_size_px;
         let reference = match reference(header, page) {
             Ok(image) => Backdrop::new(&image, ratio),

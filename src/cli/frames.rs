@@ -1,6 +1,7 @@
 //! Which frames of a series a command is for.
 
 use super::Result;
+use crate::io::store::Store;
 use std::str::FromStr;
 
 /// Frames as the user names them: `all`, `last`, or numbers and ranges such as `1,5-20`.
@@ -46,6 +47,31 @@ impl Frames {
     /// Whether each of them was named, so that one without a field is worth a word.
     pub fn are_named(&self) -> bool {
         matches!(self, Self::Ranges(_))
+    }
+
+    /// Those of a series that have a field, and how many have none. Of each without that was named a line is said,
+    /// unless `quiet`.
+    ///
+    /// # Errors
+    /// A number beyond the series, and what cannot be read of the store.
+    pub fn with_field(&self, store: &Store, quiet: bool) -> Result<(Vec<usize>, usize)> {
+        let (mut numbers, mut n_without) = (Vec::new(), 0);
+        for number in self.numbers(store.n_frames())? {
+            match store.status(number)? {
+                Some(status) if status.has_field() => numbers.push(number),
+                status => {
+                    n_without += 1;
+                    if self.are_named() && !quiet {
+                        let status = status.map_or("not done".to_owned(), |status| status.name().replace('_', " "));
+                        eprintln!("frame {number} has no field: {status}");
+                    }
+                }
+            }
+            if self.is_last() && !numbers.is_empty() {
+                break;
+            }
+        }
+        Ok((numbers, n_without))
     }
 
     /// Whether one frame is enough: the first of [`numbers`](Self::numbers) that has a field.

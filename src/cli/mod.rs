@@ -11,6 +11,7 @@ mod plan;
 mod probe;
 mod progress;
 mod quantities;
+mod record;
 mod run_folder;
 mod synth;
 mod zones;
@@ -75,6 +76,17 @@ fn one_line(message: &str) -> String {
 /// A count with its noun.
 fn plural(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// The list with each item at its first place only.
+fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    let mut kept: Vec<T> = Vec::with_capacity(list.len());
+    for item in list {
+        if !kept.contains(item) {
+            kept.push(*item);
+        }
+    }
+    kept
 }
 
 /// A path that holds from any folder.

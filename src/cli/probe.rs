@@ -1,12 +1,14 @@
 //! `quadrille probe`.
 
 use super::args::ProbeArgs;
-use super::quantities::{FOLDER, Fields, Frame, is_regularised, load, resolve, write};
+use super::quantities::{FOLDER, Fields, Frame, load, resolve, write};
+use super::record::Record;
 use super::{Outcome, Result, plural};
 use crate::field::{Curve, FrameQuantities, StrainDefinition};
 use crate::io::case::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
 };
+use crate::io::load::name_and_unit;
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::Store;
 use crate::report::{Axis, Plot, Series, Style};
@@ -50,7 +52,8 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
     let output = args.output.as_deref().unwrap_or(&args.run);
     let summary = write_of_store(&store, &asked, args.strain, &wanted, output, |_, _| ())?;
     if args.curves {
-        draw_curves(&summary.curves, &output.join(CURVES))?;
+        let bound = Record::of(store.header()).is_regularised();
+        draw_curves(&summary.curves, bound, &output.join(CURVES))?;
     }
     if !args.quiet {
         summary.notes.iter().for_each(|note| eprintln!("{note}"));
@@ -60,18 +63,27 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
-/// Draws each curve of at least two points, with a band of two standard uncertainties.
-fn draw_curves(curves: &[Curve], folder: &Path) -> Result<()> {
+/// Draws each curve of at least two points, with bars of two standard uncertainties, or of upper bounds of them.
+fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
     for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
         let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
-        let series = Series::new(&curve.name, Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
+        let series = Series::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
+        // What is drawn is in px or has no unit, and may have blanks in its name: `strain_engineering`.
+        let quantity = curve.quantity.strip_suffix("_px").map_or((&*curve.quantity, "1"), |quantity| (quantity, "px"));
+        let against = name_and_unit(&curve.against);
+        let words = |name: &str| name.replace('_', " ");
+        let label = |(name, unit)| match unit {
+            "1" => words(name),
+            unit => format!("{} ({unit})", words(name)),
+        };
+        let bars = "bars: \u{b1}2 standard uncertainties";
         let plot = Plot {
-            title: format!("{}: {} against {}", curve.name, curve.quantity, curve.against),
-            x: Axis::linear(&curve.against),
-            y: Axis::linear(&curve.quantity),
+            title: format!("{}: {} against {}", curve.name, words(quantity.0), words(against.0)),
+            x: Axis::linear(label(against)),
+            y: Axis::linear(label(quantity)),
             series: vec![series],
-            notes: vec!["bars: two standard uncertainties".into()],
+            notes: vec![if bound { format!("{bars} (upper bounds: the field is regularised)") } else { bars.into() }],
         };
         let picture = plot.draw()?;
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
@@ -109,7 +121,7 @@ pub(super) fn write_of_store(
         header: &lines,
         pixel_size: header.pixel_size,
         element_size_px: header.element_size_px,
-        regularised: is_regularised(&header.case),
+        regularised: Record::of(header).is_regularised(),
     };
     let frames = numbers.iter().map(|&number| -> Result<Frame> {
         let status = store.status(number)?;

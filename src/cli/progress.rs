@@ -1,5 +1,6 @@
 //! What a user sees of a long run, on stderr.
 
+use super::plural;
 use crate::field::Status;
 use crate::report::summary::FrameSummary;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -93,7 +94,8 @@ impl Progress {
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
         let rate = frames.len() as f64 / seconds;
-        eprintln!("{} frames in {seconds:.1} s ({rate:.1} frames/s): {}", frames.len(), counts.join(", "));
+        let n_frames = plural(frames.len(), "frame");
+        eprintln!("{n_frames} in {seconds:.1} s ({rate:.1} frames/s): {}", counts.join(", "));
     }
 }
 

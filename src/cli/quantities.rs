@@ -145,10 +145,3 @@ pub(super) fn remove(folder: &Path) -> Result<()> {
     let _ = fs::remove_dir(folder); // stays when it holds something else
     Ok(())
 }
-
-/// Whether a `run.toml` tells of regularisation.
-pub(super) fn is_regularised(case: &str) -> bool {
-    let case: toml::Table = case.parse().unwrap_or_default();
-    let kind = case.get("correlation").and_then(|section| section.get("regularisation")).and_then(toml::Value::as_str);
-    kind.is_some_and(|kind| kind != "none")
-}

@@ -11,7 +11,8 @@ const ROWS: usize = 256;
 pub struct Mean {
     width: usize,
     height: usize,
-    sum: Vec<f32>,
+    /// `f64`: no number of `f32` grey levels overflows it.
+    sum: Vec<f64>,
     n: usize,
 }
 
@@ -19,7 +20,7 @@ impl Mean {
     /// The sum of one image.
     pub fn new(first: &Image) -> Self {
         let (width, height) = (first.width(), first.height());
-        Self { width, height, sum: greys(first, 0..width * height), n: 1 }
+        Self { width, height, sum: greys(first, 0..width * height).into_iter().map(f64::from).collect(), n: 1 }
     }
 
     /// Adds an image. `false`, and nothing is added, when it has another size.
@@ -27,9 +28,9 @@ impl Mean {
         let fits = (image.width(), image.height()) == (self.width, self.height);
         if fits {
             match image.pixels() {
-                Pixels::U8(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f32::from(v)),
-                Pixels::U16(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f32::from(v)),
-                Pixels::F32(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += v),
+                Pixels::U8(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
+                Pixels::U16(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
+                Pixels::F32(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
             }
             self.n += 1;
         }
@@ -46,7 +47,7 @@ impl Mean {
         false
     }
 
-    /// The mean, as floats in the scale of the images. Sums of up to 256 images of whole numbers are exact.
+    /// The mean, as floats in the scale of the images. Sums of whole numbers are exact.
     ///
     /// ```
     /// use quadrille::imaging::{Image, Mean, Pixels};
@@ -56,8 +57,9 @@ impl Mean {
     /// assert_eq!(*mean.image().pixels(), Pixels::F32(vec![10.5, 22.0]));
     /// ```
     pub fn image(self) -> Image {
-        let n = self.n as f32;
-        let mean = self.sum.into_iter().map(|sum| sum / n).collect();
+        let n = self.n as f64;
+        let mean = self.sum.into_iter().map(|sum| (sum / n) as f32).collect();
+        // Between the smallest and the largest of the images' grey levels, so finite.
         let image = Image::new(self.width, self.height, Pixels::F32(mean));
         image.unwrap_or_else(|error| unreachable!("the mean of images is one: {error}"))
     }
@@ -118,4 +120,17 @@ pub fn small_shift(f: &Image, g: &Image) -> Option<[f64; 2]> {
         return None;
     }
     Some([(yy * xr - xy * yr) / determinant, (xx * yr - xy * xr) / determinant])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_the_largest_grey_levels_is_an_image() {
+        let image = Image::new(1, 1, Pixels::F32(vec![f32::MAX])).unwrap();
+        let mut mean = Mean::new(&image);
+        assert!((0..3).all(|_| mean.add(&image)));
+        assert_eq!(*mean.image().pixels(), *image.pixels());
+    }
 }

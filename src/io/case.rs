@@ -3,15 +3,16 @@
 use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
-use serde::de::{self, MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::fmt;
+use lists::{four_numbers, one_or_list, one_or_more, polygon, polygons};
+use serde::{Deserialize, Serialize};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
 
+mod lists;
 mod quantities;
+
 pub use quantities::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
 };
@@ -434,153 +435,4 @@ fn locate(table: &DeTable<'_>, at: usize) -> Option<Located> {
         }
         (key.span().contains(&at) || value.span().contains(&at)).then_some(Located { above: Vec::new(), name })
     })
-}
-
-/// Accepts one string for a list of one.
-fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<String>>, D::Error> {
-    struct Names;
-    impl<'de> Visitor<'de> for Names {
-        type Value = Vec<String>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("a file name or glob in quotes, or a list of them")
-        }
-
-        fn visit_str<E: de::Error>(self, name: &str) -> Result<Vec<String>, E> {
-            Ok(vec![name.to_owned()])
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<String>, A::Error> {
-            let mut names = Vec::new();
-            while let Some(name) = list.next_element()? {
-                names.push(name);
-            }
-            Ok(names)
-        }
-    }
-    deserializer.deserialize_any(Names).map(Some)
-}
-
-/// Writes a list of one as one string.
-fn one_or_list<S: Serializer>(names: &Option<Vec<String>>, serializer: S) -> Result<S::Ok, S::Error> {
-    match names.as_deref() {
-        Some([name]) => name.serialize(serializer),
-        names => names.serialize(serializer),
-    }
-}
-
-/// A point `[x, y]` of a polygon.
-struct Point([f64; 2]);
-
-impl<'de> Deserialize<'de> for Point {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Two;
-        impl<'de> Visitor<'de> for Two {
-            type Value = Point;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a point [x, y]")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Point, A::Error> {
-                let mut numbers = Vec::new();
-                while let Some(number) = list.next_element()? {
-                    numbers.push(number);
-                }
-                let n = numbers.len();
-                let point = numbers.try_into();
-                point
-                    .map(Point)
-                    .map_err(|_| de::Error::custom(format!("a point has {n} numbers, expected two: [x, y]")))
-            }
-        }
-        deserializer.deserialize_any(Two)
-    }
-}
-
-/// Points of polygons as plain pairs.
-fn pairs(points: Vec<Point>) -> Vec<[f64; 2]> {
-    points.into_iter().map(|Point(at)| at).collect()
-}
-
-fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
-    Vec::deserialize(deserializer).map(|points| Some(pairs(points)))
-}
-
-/// Polygons, each as its corners.
-type Polygons = Vec<Vec<[f64; 2]>>;
-
-fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Polygons>, D::Error> {
-    let polygons: Vec<Vec<Point>> = Vec::deserialize(deserializer)?;
-    Ok(Some(polygons.into_iter().map(pairs).collect()))
-}
-
-impl<'de> Deserialize<'de> for CaseGuard {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Widths;
-        impl<'de> Visitor<'de> for Widths {
-            type Value = CaseGuard;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(
-                    "a number of pixels, { left = 0, top = 0, right = 0, bottom = 3 }, or a list with one for each side",
-                )
-            }
-
-            fn visit_f64<E: de::Error>(self, guard: f64) -> Result<CaseGuard, E> {
-                Ok(CaseGuard::All(guard))
-            }
-
-            fn visit_i64<E: de::Error>(self, guard: i64) -> Result<CaseGuard, E> {
-                Ok(CaseGuard::All(guard as f64))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<CaseGuard, A::Error> {
-                let mut sides = Vec::new();
-                while let Some(side) = list.next_element()? {
-                    sides.push(side);
-                }
-                Ok(CaseGuard::Sides(sides))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<CaseGuard, A::Error> {
-                const SIDES: [&str; 4] = ["left", "top", "right", "bottom"];
-                let mut widths = [0.0; 4];
-                while let Some(key) = map.next_key::<String>()? {
-                    let side = SIDES.iter().position(|side| *side == key);
-                    let side = side.ok_or_else(|| {
-                        de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
-                    })?;
-                    widths[side] = map.next_value()?;
-                }
-                let [left, top, right, bottom] = widths;
-                Ok(CaseGuard::Rectangle { left, top, right, bottom })
-            }
-        }
-        deserializer.deserialize_any(Widths)
-    }
-}
-
-/// Accepts four numbers and says so when there are more or fewer.
-fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 4]>, D::Error> {
-    struct Four;
-    impl<'de> Visitor<'de> for Four {
-        type Value = [f64; 4];
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("four numbers [x0, y0, x1, y1]")
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<[f64; 4], A::Error> {
-            let mut numbers = Vec::new();
-            while let Some(number) = list.next_element()? {
-                numbers.push(number);
-            }
-            let n = numbers.len();
-            numbers
-                .try_into()
-                .map_err(|_| de::Error::custom(format!("has {n} numbers, expected four: [x0, y0, x1, y1]")))
-        }
-    }
-    deserializer.deserialize_any(Four).map(Some)
 }

@@ -15,15 +15,26 @@ pub struct LoadColumn {
 }
 
 impl LoadColumn {
-    /// The name without the unit, and the unit: `load`, `N`. A quantity without unit has the unit `1`.
+    /// The name without the unit, and the unit: `load`, `N`. See [`name_and_unit`].
     pub fn name_and_unit(&self) -> (&str, &str) {
-        self.name.rsplit_once('_').unwrap_or((&self.name, "1"))
+        name_and_unit(&self.name)
     }
 
     /// Its value at a frame, numbered from 1.
     pub fn at(&self, frame: usize) -> Option<f64> {
         self.values.get(frame.checked_sub(1)?).copied().flatten()
     }
+}
+
+/// The name of a column of a load file without its unit, and the unit. A quantity without unit has the unit `1`.
+///
+/// ```
+/// use quadrille::io::load::name_and_unit;
+/// assert_eq!(name_and_unit("cross_head_mm"), ("cross_head", "mm"));
+/// assert_eq!(name_and_unit("frame"), ("frame", "1"));
+/// ```
+pub fn name_and_unit(column: &str) -> (&str, &str) {
+    column.rsplit_once('_').unwrap_or((column, "1"))
 }
 
 /// What a load file says about a series.

@@ -198,14 +198,12 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ) -> io::Result<Option<FrameQuantities>> {
         let drawn = field.map(|field| {
             // Which nodes are measured seldom changes along a series: the correlations are kept.
-            if !self.noise.as_ref().is_some_and(|noise| noise.is_for(&field.measured)) {
-                self.noise = Some(match self.bound {
-                    true => NodalNoise::unknown(&field.mesh, &field.measured),
-                    false => NodalNoise::new(&field.mesh, &field.measured),
-                });
-            }
-            let noise = self.noise.as_ref().unwrap_or_else(|| unreachable!("made above"));
-            self.quantities.draw(field, noise)
+            let kept = self.noise.take().filter(|noise| noise.is_for(&field.measured));
+            let noise = kept.unwrap_or_else(|| match self.bound {
+                true => NodalNoise::unknown(&field.mesh, &field.measured),
+                false => NodalNoise::new(&field.mesh, &field.measured),
+            });
+            self.quantities.draw(field, self.noise.insert(noise))
         });
         self.frames.push(number);
         match &drawn {

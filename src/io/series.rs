@@ -70,22 +70,14 @@ fn place(pattern: &str, folder: &Path) -> String {
 /// # Errors
 /// A glob without a match or not valid, a folder that cannot be listed, an entry that is a folder.
 pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
-    let mut files = Vec::new();
-    for entry in patterns {
-        let literal = base.join(entry);
+    // In order with the globs before and behind: the first fault is the one that is told.
+    expand(patterns, base, |entry, literal| {
         if literal.is_dir() {
             let entry = if entry.is_empty() { "." } else { entry.trim_end_matches(std::path::is_separator) }.to_owned();
             return Err(SeriesError::Directory { entry });
         }
-        if literal.exists() || !entry.contains(['*', '?', '[']) {
-            files.push(literal);
-        } else {
-            files.extend(matches(entry, base)?);
-        }
-    }
-    let mut seen = HashSet::new();
-    files.retain(|file| seen.insert(file.clone()));
-    Ok(files)
+        Ok(())
+    })
 }
 
 /// The files that `patterns` name as reference images, in order: as [`expand_series`], but a folder is kept, so
@@ -94,9 +86,19 @@ pub fn expand_series(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, S
 /// # Errors
 /// A glob without a match or not valid, a folder on its way that cannot be listed.
 pub fn expand_references(patterns: &[String], base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
+    expand(patterns, base, |_, _| Ok(()))
+}
+
+/// The files that `patterns` name, in order, each once; `check` may refuse an entry with its path.
+fn expand(
+    patterns: &[String],
+    base: &Path,
+    check: impl Fn(&str, &Path) -> Result<(), SeriesError>,
+) -> Result<Vec<PathBuf>, SeriesError> {
     let mut files = Vec::new();
     for entry in patterns {
         let literal = base.join(entry);
+        check(entry, &literal)?;
         if literal.exists() || !entry.contains(['*', '?', '[']) {
             files.push(literal);
         } else {

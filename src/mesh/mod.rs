@@ -2,6 +2,7 @@
 
 mod error;
 mod grid;
+mod lay;
 mod pixel_set;
 mod pixels;
 mod polygon;
@@ -10,7 +11,8 @@ mod zone;
 
 pub use error::MeshError;
 pub use grid::{Grid, local_coordinates, shape_functions};
+pub use lay::{ELEMENT_SHARE, PixelMesh};
 pub use pixel_set::PixelSet;
 pub use pixels::{ElementPixels, PixelMap, Run};
-pub use q4::{ELEMENT_SHARE, Mesh, PixelMesh};
+pub use q4::Mesh;
 pub use zone::{Guard, Mask, Roi, Zone, ZoneElements};

@@ -178,31 +178,63 @@ fn check_guard(zone: &Zone) -> Result<(), MeshError> {
 
 /// The pixels of `set` farther than `guard` from the nearest pixel of the image that is not in the set. The
 /// image's own border is none: nothing is mixed in from beyond it.
-fn without_border(set: &PixelSet, [x0, y0, x1, y1]: [usize; 4], guard: f64, [width, height]: [usize; 2]) -> PixelSet {
-    let reach = guard.ceil() as isize + 1;
-    // Offsets of the pixels that a pixel outside takes away: the border lies midway, half a pixel from both.
-    let disc: Vec<(isize, isize)> = (-reach..=reach)
-        .flat_map(|j| (-reach..=reach).map(move |i| (i, j)))
-        .filter(|&(i, j)| ((i * i + j * j) as f64).sqrt() - 0.5 < guard)
-        .collect();
-    let inside = |x: isize, y: isize| x >= 0 && y >= 0 && set.contains(x as usize, y as usize);
-    let mut kept: Vec<bool> =
-        (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y))).map(|(x, y)| set.contains(x, y)).collect();
-    let (from, to) = ([x0.saturating_sub(1), y0.saturating_sub(1)], [(x1 + 1).min(width), (y1 + 1).min(height)]);
-    for y in from[1]..to[1] {
-        for x in from[0]..to[0] {
-            let (px, py) = (x as isize, y as isize);
-            let neighbours = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)];
-            if set.contains(x, y) || !neighbours.iter().any(|(i, j)| inside(px + i, py + j)) {
-                continue;
+fn without_border(set: &PixelSet, frame: [usize; 4], guard: f64, [width, height]: [usize; 2]) -> PixelSet {
+    let [x0, y0, x1, y1] = frame;
+    // The pixels around the frame are outside of the set, those beyond the image do not exist.
+    let (left, top) = (x0.saturating_sub(1), y0.saturating_sub(1));
+    let (columns, rows) = ((x1 + 1).min(width) - left, (y1 + 1).min(height) - top);
+    // Rows from each pixel to the nearest one outside in its column; `None` where there is none.
+    let mut vertical: Vec<Option<usize>> = vec![None; columns * rows];
+    for column in 0..columns {
+        let mut pass = |row: usize, before: Option<usize>| {
+            let own = &mut vertical[row * columns + column];
+            let outside = !set.contains(left + column, top + row);
+            let steps = if outside { Some(0) } else { before.map(|steps| steps + 1) };
+            *own = [*own, steps].into_iter().flatten().min();
+            *own
+        };
+        (0..rows).fold(None, |before, row| pass(row, before));
+        (0..rows).rev().fold(None, |before, row| pass(row, before));
+    }
+    let kept = |x: usize, y: usize| {
+        let (column, row) = (x - left, &vertical[(y - top) * columns..][..columns]);
+        let mut nearest = f64::INFINITY;
+        // Column by column away from the pixel, until no further one can be nearer or within the guard.
+        for across in 0..columns {
+            let distance = across as f64;
+            if distance >= nearest || distance - 0.5 >= guard {
+                break;
             }
-            for (i, j) in &disc {
-                let (qx, qy) = (px + i - x0 as isize, py + j - y0 as isize);
-                if (0..(x1 - x0) as isize).contains(&qx) && (0..(y1 - y0) as isize).contains(&qy) {
-                    kept[qy as usize * (x1 - x0) + qx as usize] = false;
-                }
+            let beside = [column.checked_sub(across), Some(column + across)].into_iter().flatten();
+            for steps in beside.filter_map(|column| row.get(column).copied().flatten()) {
+                nearest = nearest.min(distance.hypot(steps as f64));
+            }
+        }
+        // The border lies midway, half a pixel from both.
+        nearest - 0.5 >= guard
+    };
+    PixelSet::raster(frame, |x, y| set.contains(x, y) && kept(x, y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guard_keeps_the_pixels_that_are_far_enough_from_every_pixel_outside() {
+        let image = [40, 31];
+        // Ragged, with holes, up to the border of the image at the left and below.
+        let frame = [0, 3, 33, 31];
+        let set = PixelSet::raster(frame, |x, y| (x * 7 + y * 13) % 41 > 0 && x + y < 50);
+        for guard in [0.5, 1.0, 2.3, 3.0, 7.5, 1e9] {
+            let found = without_border(&set, frame, guard, image);
+            for (x, y) in (0..image[1]).flat_map(|y| (0..image[0]).map(move |x| (x, y))) {
+                let outside = (0..image[1]).flat_map(|v| (0..image[0]).map(move |u| (u, v)));
+                let outside = outside.filter(|&(u, v)| !set.contains(u, v));
+                let nearest = outside.map(|(u, v)| (u as f64 - x as f64).hypot(v as f64 - y as f64));
+                let want = set.contains(x, y) && nearest.fold(f64::INFINITY, f64::min) - 0.5 >= guard;
+                assert_eq!(found.contains(x, y), want, "({x}, {y}), guard {guard}");
             }
         }
     }
-    PixelSet::Raster { x0, y0, width: x1 - x0, bits: kept }
 }

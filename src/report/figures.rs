@@ -353,7 +353,7 @@ impl<'a> Frame<'a> {
             let length = (length * 100.0).round() / 100.0;
             notes.push(format!("{} strain, {}, over {length} px", strain.definition, strain.definition.formula()));
         }
-        if let (Figure::Residual, Some(range)) = (figure, self.options.range_grey) {
+        if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
         }
         notes.extend(self.options.notes.iter().cloned());

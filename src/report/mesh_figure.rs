@@ -150,7 +150,7 @@ pub fn register_figure(
         if !numbers.iter().all(|v| v.is_finite()) {
             continue;
         }
-        let name = motion.zone.map_or("all zones".to_owned(), |zone| format!("zone {}", mesh.zones()[zone]));
+        let name = motion.zone.map_or("all zones".to_owned(), |zone| format!("zone '{}'", mesh.zones()[zone]));
         let [x, y] = motion.motion.translation.map(written);
         let [cx, cy] = motion.motion.centre.map(|c| format!("{c:.0}"));
         let turn = written(motion.motion.rotation_rad.to_degrees());

@@ -2,6 +2,7 @@
 //! field; and, to compare with, a plain correlation in `f64` and dense linear algebra.
 #![allow(dead_code)] // each test program uses its own part
 
+pub mod data;
 pub mod dense;
 pub mod plain;
 

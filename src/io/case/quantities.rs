@@ -1,10 +1,9 @@
 //! What is drawn from the fields of a case: points, lines, extensometers, openings, and what they are joined with.
 
 use super::is_default;
+use super::lists::{point, two_names};
 use crate::field::RemoveRigid;
-use serde::de::{self, SeqAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
-use std::fmt;
+use serde::{Deserialize, Serialize};
 
 /// The sections of a case file that say which quantities are drawn from the fields.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -106,34 +105,4 @@ pub struct CaseOpening {
     /// The zone `+` and the zone `-`, by name: for a horizontal joint the upper one first.
     #[serde(deserialize_with = "two_names")]
     pub zones: [String; 2],
-}
-
-/// Accepts two numbers and says so when there are more or fewer.
-fn point<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
-    deserializer.deserialize_any(Two("two numbers [x, y]", std::marker::PhantomData))
-}
-
-/// Accepts two names and says so when there are more or fewer.
-fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
-    deserializer.deserialize_any(Two("two names [\"upper\", \"lower\"]", std::marker::PhantomData))
-}
-
-/// A list of two, in the words of a user.
-struct Two<T>(&'static str, std::marker::PhantomData<T>);
-
-impl<'de, T: Deserialize<'de>> Visitor<'de> for Two<T> {
-    type Value = [T; 2];
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.0)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<[T; 2], A::Error> {
-        let mut items = Vec::new();
-        while let Some(item) = list.next_element()? {
-            items.push(item);
-        }
-        let n = items.len();
-        items.try_into().map_err(|_| de::Error::custom(format!("has {n} entries, expected {}", self.0)))
-    }
 }

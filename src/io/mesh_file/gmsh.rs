@@ -332,7 +332,7 @@ impl Content {
             for k in 0..n_tags {
                 let tag = file.int("a tag")?;
                 if k == 0 && tag != 0 {
-                    group = Some(tag.abs());
+                    group = Some(group_of(tag));
                 }
             }
             self.element(file, number, kind, Group::Is(group))?;
@@ -397,9 +397,14 @@ fn tags(file: &mut Msh<'_>) -> Result<Option<i64>, Problem> {
     let mut first = None;
     for _ in 0..n {
         let tag = file.int("a tag")?;
-        first.get_or_insert(tag.abs()); // a sign is only a direction
+        first.get_or_insert(group_of(tag));
     }
     Ok(first)
+}
+
+/// The group that a tag names: a sign is only a direction. A text may hold the one number without a positive twin.
+fn group_of(tag: i64) -> i64 {
+    tag.saturating_abs()
 }
 
 /// What an element is that is not taken.

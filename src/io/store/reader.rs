@@ -101,7 +101,7 @@ impl Store {
             return Err(StoreError::NoFrame { number, n_frames });
         }
         let at = [number as u64 - 1];
-        match self.chunk::<u8>(&self.status, &at, Some(number))?.as_deref() {
+        match chunk::<u8>(&self.folder, &self.status, &at, Some(number))?.as_deref() {
             None | Some([NOT_DONE]) => Ok(None),
             Some(&[code]) if Status::from_code(code).is_some() => Ok(Status::from_code(code)),
             Some(codes) => Err(self.damaged(&self.status, &at, number, format!("{codes:?} is no status"))),
@@ -194,7 +194,7 @@ impl Store {
     {
         let (array, at) = (self.array(variable), place_of(number, variable));
         let file = || self.folder.file(&array.chunk_key(&at));
-        let values = self.chunk(array, &at, Some(number))?;
+        let values = chunk(&self.folder, array, &at, Some(number))?;
         let values = values.ok_or_else(|| StoreError::MissingChunk { file: file(), frame: Some(number) })?;
         let n = match variable.place() {
             Place::Nodes => self.mesh().n_nodes(),
@@ -205,18 +205,6 @@ impl Store {
             return Err(self.damaged_variable(number, variable, format!("{} numbers, not {wanted}", values.len())));
         }
         Ok(values)
-    }
-
-    fn chunk<T: zarrs::array::ElementOwned>(
-        &self,
-        array: &Array<Folder>,
-        at: &[u64],
-        frame: Option<usize>,
-    ) -> Result<Option<Vec<T>>, StoreError>
-    where
-        Vec<T>: FromArrayBytes,
-    {
-        chunk(&self.folder, array, at, frame)
     }
 
     fn damaged(&self, array: &Array<Folder>, at: &[u64], number: usize, reason: String) -> StoreError {

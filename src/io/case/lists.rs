@@ -1,0 +1,157 @@
+//! Lists as a user writes them, and what is said when they are none.
+
+use super::CaseGuard;
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::marker::PhantomData;
+
+/// The entries of a list.
+fn all<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(mut list: A) -> Result<Vec<T>, A::Error> {
+    std::iter::from_fn(|| list.next_element().transpose()).collect()
+}
+
+/// A list of exactly `N`; what it holds, in the words of a user.
+struct Exactly<T, const N: usize> {
+    /// Whose entries are counted, with a blank behind, where the key holds several lists; else nothing.
+    whose: &'static str,
+    expected: &'static str,
+    entry: PhantomData<T>,
+}
+
+impl<'de, T: Deserialize<'de>, const N: usize> Exactly<T, N> {
+    fn read<D: Deserializer<'de>>(
+        deserializer: D,
+        whose: &'static str,
+        expected: &'static str,
+    ) -> Result<[T; N], D::Error> {
+        deserializer.deserialize_any(Self { whose, expected, entry: PhantomData })
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Exactly<T, N> {
+    type Value = [T; N];
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.expected)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<[T; N], A::Error> {
+        let entries = all(list)?;
+        let (n, Self { whose, expected, .. }) = (entries.len(), self);
+        entries.try_into().map_err(|_| de::Error::custom(format!("{whose}has {n} entries, expected {expected}")))
+    }
+}
+
+/// Two numbers.
+pub(super) fn point<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    Exactly::read(deserializer, "", "two numbers [x, y]")
+}
+
+/// Two names.
+pub(super) fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
+    Exactly::read(deserializer, "", "two names [\"upper\", \"lower\"]")
+}
+
+/// Four numbers.
+pub(super) fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 4]>, D::Error> {
+    Exactly::read(deserializer, "", "four numbers [x0, y0, x1, y1]").map(Some)
+}
+
+/// A corner of a polygon.
+#[derive(Deserialize)]
+struct Corner(#[serde(deserialize_with = "corner")] [f64; 2]);
+
+fn corner<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    Exactly::read(deserializer, "a point ", "a point [x, y]")
+}
+
+/// Corners of polygons as plain pairs.
+fn pairs(corners: Vec<Corner>) -> Vec<[f64; 2]> {
+    corners.into_iter().map(|Corner(at)| at).collect()
+}
+
+/// A list of points.
+pub(super) fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
+    Vec::deserialize(deserializer).map(|corners| Some(pairs(corners)))
+}
+
+/// Polygons, each as its corners.
+type Polygons = Vec<Vec<[f64; 2]>>;
+
+/// A list of lists of points.
+pub(super) fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Polygons>, D::Error> {
+    let polygons: Vec<Vec<Corner>> = Vec::deserialize(deserializer)?;
+    Ok(Some(polygons.into_iter().map(pairs).collect()))
+}
+
+/// Accepts one string for a list of one.
+pub(super) fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<String>>, D::Error> {
+    struct Names;
+    impl<'de> Visitor<'de> for Names {
+        type Value = Vec<String>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a file name or glob in quotes, or a list of them")
+        }
+
+        fn visit_str<E: de::Error>(self, name: &str) -> Result<Vec<String>, E> {
+            Ok(vec![name.to_owned()])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Vec<String>, A::Error> {
+            all(list)
+        }
+    }
+    deserializer.deserialize_any(Names).map(Some)
+}
+
+/// Writes a list of one as one string.
+pub(super) fn one_or_list<S: Serializer>(names: &Option<Vec<String>>, serializer: S) -> Result<S::Ok, S::Error> {
+    match names.as_deref() {
+        Some([name]) => name.serialize(serializer),
+        names => names.serialize(serializer),
+    }
+}
+
+impl<'de> Deserialize<'de> for CaseGuard {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Widths;
+        impl<'de> Visitor<'de> for Widths {
+            type Value = CaseGuard;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "a number of pixels, { left = 0, top = 0, right = 0, bottom = 3 }, or a list with one for each side",
+                )
+            }
+
+            fn visit_f64<E: de::Error>(self, guard: f64) -> Result<CaseGuard, E> {
+                Ok(CaseGuard::All(guard))
+            }
+
+            fn visit_i64<E: de::Error>(self, guard: i64) -> Result<CaseGuard, E> {
+                Ok(CaseGuard::All(guard as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<CaseGuard, A::Error> {
+                all(list).map(CaseGuard::Sides)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<CaseGuard, A::Error> {
+                const SIDES: [&str; 4] = ["left", "top", "right", "bottom"];
+                let mut widths = [0.0; 4];
+                while let Some(key) = map.next_key::<String>()? {
+                    let side = SIDES.iter().position(|side| *side == key);
+                    let side = side.ok_or_else(|| {
+                        de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
+                    })?;
+                    widths[side] = map.next_value()?;
+                }
+                let [left, top, right, bottom] = widths;
+                Ok(CaseGuard::Rectangle { left, top, right, bottom })
+            }
+        }
+        deserializer.deserialize_any(Widths)
+    }
+}
