@@ -88,14 +88,17 @@ fn bindings_and_workgroups_are_those_that_the_rust_side_says() {
             .filter_map(|(_, global)| {
                 let binding = global.binding?;
                 assert_eq!(binding.group, 0);
-                Some((binding.binding, match global.space {
-                    naga::AddressSpace::Uniform => Binding::Uniform,
-                    naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
-                        Binding::Write
-                    }
-                    naga::AddressSpace::Storage { .. } => Binding::Read,
-                    space => panic!("{kernel:?} binds {space:?}"),
-                }))
+                Some((
+                    binding.binding,
+                    match global.space {
+                        naga::AddressSpace::Uniform => Binding::Uniform,
+                        naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
+                            Binding::Write
+                        }
+                        naga::AddressSpace::Storage { .. } => Binding::Read,
+                        space => panic!("{kernel:?} binds {space:?}"),
+                    },
+                ))
             })
             .collect();
         bindings.sort_by_key(|binding| binding.0);

@@ -1,9 +1,9 @@
 //! Conversion and gradients of pixels.
 
 use super::plane::{Plane, Pool, View};
-use crate::backend::spline::at_pixel;
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;
+use crate::backend::spline::at_pixel;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;

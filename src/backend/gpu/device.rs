@@ -361,7 +361,12 @@ impl Gpu {
     /// As [`Gpu::storage`], for one that kernels see as a whole.
     pub fn visible(&self, bytes: u64, what: &str) -> Result<Buffer, BackendError> {
         if bytes > self.max_binding_bytes {
-            let what = format!("{what}, {} MB where {} shows a kernel {} MB at most", bytes / 1_000_000, self.adapter.name, self.max_binding_bytes / 1_000_000);
+            let what = format!(
+                "{what}, {} MB where {} shows a kernel {} MB at most",
+                bytes / 1_000_000,
+                self.adapter.name,
+                self.max_binding_bytes / 1_000_000
+            );
             return Err(BackendError::OutOfMemory { what });
         }
         self.storage(bytes, what)

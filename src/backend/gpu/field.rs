@@ -112,7 +112,8 @@ impl GpuField {
     ) -> Result<Self, BackendError> {
         let field = Self::empty(gpu, level, frame)?;
         let [started, started_transfer] = &coarse.started;
-        let (from, transfer) = if moved { (&coarse.displacement, &coarse.transfer) } else { (started, started_transfer) };
+        let (from, transfer) =
+            if moved { (&coarse.displacement, &coarse.transfer) } else { (started, started_transfer) };
         let Some(places) = &level.places else {
             let message = "the level has not been linked to the coarser one: this is a bug in quadrille".into();
             return Err(BackendError::Device { device: gpu.adapter.name.clone(), message });
@@ -226,7 +227,8 @@ impl GpuField {
                 let nothing = gpu.visible(16 * self.n_nodes as u64, "the nodal blocks")?;
                 let (bound, groups) = gather(gpu, level, &self.sums, &self.vectors, &nothing);
                 recorder.run(&bound, groups);
-                let parts = [(&self.vectors.residual, 8 * self.n_nodes as u64), (&self.displacement, 16 * self.n_nodes as u64)];
+                let parts =
+                    [(&self.vectors.residual, 8 * self.n_nodes as u64), (&self.displacement, 16 * self.n_nodes as u64)];
                 let bytes = recorder.fetch(&parts, traffic)?;
                 let (rhs, displacement) = bytes.split_at(8 * self.n_nodes);
                 let rhs = values::<[f32; 2]>(rhs).iter().map(|b| b.map(f64::from)).collect();
@@ -240,12 +242,7 @@ impl GpuField {
         let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
         let correct = gpu.bind(
             &pipeline,
-            &[
-                self.correct.1.whole(),
-                self.vectors.solution.whole(),
-                self.displacement.whole(),
-                self.worst.whole(),
-            ],
+            &[self.correct.1.whole(), self.vectors.solution.whole(), self.displacement.whole(), self.worst.whole()],
         );
         recorder.run(&correct, self.node_groups());
         let summary = self.summary(gpu, level, true);

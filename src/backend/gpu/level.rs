@@ -4,9 +4,7 @@ use super::device::{Bound, Buffer, Gpu, values};
 use super::layout::{self, Element};
 use super::plane::{GpuFrame, Reference, too_wide, windows};
 use super::shader::Kernel;
-use crate::backend::{
-    BACK_SHARE, BackendError, ElementMoments, KEPT_SHARE, KernelOptions, LOST_SHARE, Place, Traffic,
-};
+use crate::backend::{BACK_SHARE, BackendError, ElementMoments, KEPT_SHARE, KernelOptions, LOST_SHARE, Place, Traffic};
 use crate::field::Brightness;
 use crate::linalg::Pattern;
 use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
@@ -97,10 +95,12 @@ impl GpuLevel {
         for zone in 0..mesh.zones().len() {
             let of_zone = mesh.zone_elements(zone);
             let first = groups.len();
-            groups.extend(of_zone.clone().step_by(TOGETHER).map(|from| layout::Group {
-                first: from as u32,
-                count: TOGETHER.min(of_zone.end - from) as u32,
-            }));
+            groups.extend(
+                of_zone
+                    .clone()
+                    .step_by(TOGETHER)
+                    .map(|from| layout::Group { first: from as u32, count: TOGETHER.min(of_zone.end - from) as u32 }),
+            );
             zone_groups.push(layout::ZoneGroups {
                 first: first as u32,
                 count: (groups.len() - first) as u32,
@@ -126,7 +126,13 @@ impl GpuLevel {
             options: *options,
             n_zones: mesh.zones().len(),
             n_groups: groups.len(),
-            lanes: if widest <= 4 { 4 } else if widest <= 8 { 8 } else { 16 },
+            lanes: if widest <= 4 {
+                4
+            } else if widest <= 8 {
+                8
+            } else {
+                16
+            },
             has_rectangles: listed.len() < elements.len(),
             n_listed: listed.len(),
             windows: Vec::new(),
@@ -221,11 +227,7 @@ impl GpuLevel {
                     accumulate: u32::from(at > 0),
                     ..self.pass(elements.clone(), reference.start)
                 };
-                all.push(Window {
-                    reference: reference.clone(),
-                    deformed: floors.clone(),
-                    pass: gpu.uniform(&pass),
-                });
+                all.push(Window { reference: reference.clone(), deformed: floors.clone(), pass: gpu.uniform(&pass) });
             }
         }
         Ok(all)

@@ -59,9 +59,9 @@ impl Plane {
         (gpu.max_binding_bytes / self.row_bytes()) as usize
     }
 
-    /// Windows of image rows, each seen with `around` more rows on both sides.
-    fn windows(&self, gpu: &Gpu, around: usize) -> Result<Vec<Range<usize>>, BackendError> {
-        windows(self.height, around, around, self.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, self.width))
+    /// Windows of image rows, each seen with so many more rows before and after.
+    fn windows(&self, gpu: &Gpu, before: usize, after: usize) -> Result<Vec<Range<usize>>, BackendError> {
+        windows(self.height, before, after, self.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, self.width))
     }
 
     /// The rows from `from` up to `to` of the image, which may lie in the border, as a binding, and the place of
@@ -244,7 +244,7 @@ fn coefficients(
     // Along the rows.
     starts_of(width, &mut constants);
     (constants.step, constants.line_step, constants.begin, constants.end) = (1, grey.stride as i32, 0, width as i32);
-    for rows in grey.windows(gpu, 0)? {
+    for rows in grey.windows(gpu, 0, 0)? {
         let (source, source_origin) = grey.rows(rows.start as isize, rows.end as isize);
         let (target, target_origin) = between.rows(rows.start as isize, rows.end as isize);
         let skip = (rows.start * grey.stride) as i32;
@@ -257,7 +257,7 @@ fn coefficients(
     // Along the columns: a window sees the rows that it runs in over.
     starts_of(height, &mut constants);
     (constants.step, constants.line_step, constants.lines) = (grey.stride as i32, 1, width as i32);
-    for rows in grey.windows(gpu, TILE_LENGTH + TILE_HALO)? {
+    for rows in grey.windows(gpu, TILE_HALO, TILE_LENGTH + TILE_HALO)? {
         let seen = rows.start.saturating_sub(TILE_HALO)..(rows.end + TILE_LENGTH + TILE_HALO).min(height);
         let (source, source_origin) = between.rows(seen.start as isize, seen.end as isize);
         let (target, target_origin) = plane.rows(rows.start as isize, rows.end as isize);
@@ -278,7 +278,7 @@ fn coefficients(
         end: end as i32,
         unused: [0; 2],
     };
-    for rows in plane.windows(gpu, 0)? {
+    for rows in plane.windows(gpu, 0, 0)? {
         let (seen, _) = plane.rows(rows.start as isize, rows.end as isize);
         let uniform = gpu.uniform(&border(rows.start, rows.end, rows.start + BORDER));
         let bound = gpu.bind(&columns, &[uniform.whole(), seen]);
@@ -319,7 +319,8 @@ impl Reference {
         let buffer = gpu.storage(12 * stride as u64 * height as u64, &what)?;
         let reference = Self { buffer, stride, width, height };
         let (value, derivative) = at_pixel(interpolation);
-        let padded = |weights: [f32; 5]| [[weights[0], weights[1], weights[2], weights[3]], [weights[4], 0.0, 0.0, 0.0]];
+        let padded =
+            |weights: [f32; 5]| [[weights[0], weights[1], weights[2], weights[3]], [weights[4], 0.0, 0.0, 0.0]];
         let pipeline = gpu.pipeline(Kernel::Gradient, interpolation, 0);
         let mut recorder = gpu.record();
         for rows in windows(height, 2, 2, reference.rows_seen(gpu)).ok_or_else(|| too_wide(gpu, width))? {

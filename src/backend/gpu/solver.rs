@@ -197,13 +197,7 @@ impl ConjugateGradients {
 }
 
 /// The kernel that gathers the right-hand side of the nodes.
-pub(super) fn gather(
-    gpu: &Gpu,
-    level: &GpuLevel,
-    sums: &Buffer,
-    vectors: &Vectors,
-    jacobi: &Buffer,
-) -> (Bound, u32) {
+pub(super) fn gather(gpu: &Gpu, level: &GpuLevel, sums: &Buffer, vectors: &Vectors, jacobi: &Buffer) -> (Bound, u32) {
     let pipeline = gpu.pipeline(Kernel::Gather, level.options.interpolation, 0);
     let bound = gpu.bind(
         &pipeline,
