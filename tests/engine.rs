@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::correlate::{Correlation, CorrelationError, Options, TextureFault, Tracker};
+use quadrille::correlate::{Correlation, CorrelationError, Options, Start, TextureFault, Tracker};
 use quadrille::field::{Brightness, Measurement, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::isa::Isa;
@@ -339,7 +339,9 @@ fn a_frame_that_has_moved_out_is_lost_not_invented() {
         let found = cold(&correlator, &image);
         let exact = exact_at(&Translation(shift), correlator.mesh().nodes());
         let transfer = found.zones.iter().map(|zone| zone.transfer).collect::<Vec<_>>();
-        let followed = correlator.correlate(image.clone(), Some((exact, &transfer))).unwrap();
+        let followed = correlator
+            .correlate(image.clone(), Some(&Start { displacement: exact, transfer: transfer.to_vec() }))
+            .unwrap();
         for correlation in [found, followed] {
             assert_finite(&correlation);
             let status = correlation.measurement.status;

@@ -1,11 +1,14 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
+mod any;
+pub mod choice;
 pub mod cpu;
 pub mod gpu;
 mod pyramid;
 mod spline;
 mod sums;
 
+pub use any::{AnyBackend, AnyField, AnyFrame, AnyLevel, AnySolver};
 pub use sums::{ElementMatch, ElementMoments, PixelSums};
 
 use crate::field::Brightness;

@@ -1,6 +1,7 @@
 //! The command line, as the user types it.
 
 use super::frames::Frames;
+use crate::backend::choice::DeviceChoice;
 use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
@@ -36,16 +37,8 @@ pub enum Command {
     Demo(DemoArgs),
     /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
     Metrology(MetrologyArgs),
-}
-
-/// Where the pixel work is done.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum Device {
-    /// The best there is (today: the CPU).
-    #[default]
-    Auto,
-    /// The CPU.
-    Cpu,
+    /// List the devices that can do the pixel work, and which of them would be taken.
+    Devices(DevicesArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -165,9 +158,10 @@ pub struct CorrelateArgs {
     /// Definition of the strains. Default green-lagrange.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
-    /// Where the pixel work is done.
-    #[arg(long, value_enum, default_value = "auto")]
-    pub device: Device,
+    /// Where the pixel work is done: `auto` (a discrete or integrated GPU, else the CPU), `cpu`, `gpu` (also a software
+    /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", default_value = "auto")]
+    pub device: DeviceChoice,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
     /// --case, else the fastest there is. Results differ in the last bits between paths.
     #[arg(long, value_name = "NAME")]
@@ -579,4 +573,17 @@ fn interpolation(name: &str) -> Result<Interpolation, String> {
         .into_iter()
         .find(|i| i.name() == name)
         .ok_or_else(|| format!("'{name}' is not one of cubic, quintic, keys, bilinear"))
+}
+
+/// Arguments of `quadrille devices`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    What is there:\n    \
+    quadrille devices\n  \
+    Correlate on the second graphics adapter:\n    \
+    quadrille correlate --device 1 --output out ref.tif 'frames/*.tif'")]
+pub struct DevicesArgs {
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
 }

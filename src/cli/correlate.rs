@@ -4,27 +4,24 @@ use super::args::CorrelateArgs;
 use super::plan::{MANY, Plan};
 use super::progress::{Progress, Talk};
 use super::run_folder::{About, RunFolder};
+use super::series::{self, Engine};
 use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
-use crate::backend::cpu::CpuBackend;
-use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator, Tracker};
+use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
 use crate::field::{Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::write_case;
-use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
+use crate::report::summary::{ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
-/// Decoded images that wait for their turn.
-const AHEAD: usize = 2;
 /// Results that wait to be written.
 const BEHIND: usize = 4;
 /// How often the summary is written while the series runs.
@@ -65,10 +62,10 @@ pub(super) fn run_series(
     let depth = image.pixels().depth();
     let reference_image = Arc::new(image);
     let prepare = Instant::now();
-    let backend = CpuBackend::new(plan.isa);
-    let correlator = pool
-        .install(|| Correlator::new(backend, Arc::clone(&reference_image), &zones, plan.options.clone()))
-        .map_err(|error| about_reference(plan, &error))?;
+    let device = plan.device()?;
+    let begin_preparation = || Engine::new(device, Arc::clone(&reference_image), zones, plan.options.clone());
+    let engine = pool.install(begin_preparation).map_err(|error| about_reference(plan, &error))?;
+    let correlator = engine.correlator();
     let seconds_reference = prepare.elapsed().as_secs_f64();
     quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
     folder.clear(plan.csv, plan.vtu)?;
@@ -79,15 +76,14 @@ pub(super) fn run_series(
     progress.say(&format!(
         "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
         plan.reference_name(),
-        plural(zones.len(), "zone"),
+        plural(mesh.zones().len(), "zone"),
         mesh.n_elements(),
         plan.options.element_size,
         mesh.n_nodes(),
         correlator.backend().device(),
         plural(pool.current_num_threads(), "thread"),
     ));
-    let windows = windows(mesh);
-    let saturation = Saturation::of(&reference_image, &windows);
+    let saturation = Saturation::of(&reference_image, &windows(mesh));
     let about_grey =
         [GreyDepth::of(&reference_image).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
     let about_grey = about_grey.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name()));
@@ -134,7 +130,7 @@ pub(super) fn run_series(
         counts: counts(&[]),
         frames: Vec::with_capacity(plan.deformed.len()),
     };
-    let mut record = Record::new(plan, &correlator, [width, height], pool.current_num_threads());
+    let mut record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads());
     record.images.extend(plan.reference.iter().cloned().zip(sha256.iter().cloned().map(Some)));
     record.zone_files = zone_files;
     folder.write_case(&record.case())?;
@@ -154,6 +150,10 @@ pub(super) fn run_series(
     };
     let store = folder.store(&header)?;
     let about = About::new(header)?;
+    for note in engine.take_notes() {
+        progress.say(&note);
+        summary.messages.extend(note.starts_with("warning").then_some(note));
+    }
     if plan.store_only {
         progress.say(&format!(
             "more than {MANY} frames: fields go to {STORE} alone; `quadrille export` makes tables of them, \
@@ -161,25 +161,24 @@ pub(super) fn run_series(
         ));
     }
 
+    let frames = series::Frames { list: &plan.deformed, windows: &windows(mesh), start: plan.options.start };
     let written = std::thread::scope(|scope| -> Result<()> {
-        let (decoded_in, decoded) = sync_channel(AHEAD);
-        let windows = &windows;
-        scope.spawn(move || decode_all(&plan.deformed, windows, &decoded_in));
         let (finished, to_write) = sync_channel(BEHIND);
         let (store, about) = (&store, &about);
         let writer = scope.spawn(move || write_all(plan, folder, store, about, &to_write));
-        let mut tracker = Tracker::new(&correlator);
         let mut last_summary = Instant::now();
-        for decoded in decoded {
-            let (number, source) = (decoded.number, decoded.frame.clone());
-            let (frame, result, sha256) = pool.install(|| one_frame(&mut tracker, decoded))?;
+        let done = series::run(&engine, &pool, &frames, |done| {
+            let series::Done { source, sha256, summary: frame, result } = done;
+            let number = frame.number;
             record.images.push((source, sha256));
             if let Some(result) = &result {
                 look(number, result);
             }
-            if finished.send(ToWrite { number, file: frame.file.clone(), result }).is_err() {
-                break; // the writer has stopped; its error says why
-            }
+            let file = frame.file.clone();
+            engine.take_notes().into_iter().for_each(|note| {
+                progress.say(&note);
+                summary.messages.push(note);
+            });
             summary.frames.push(frame);
             progress.frame(number, &summary.frames[number - 1]);
             if last_summary.elapsed() > SUMMARY_EVERY {
@@ -188,9 +187,12 @@ pub(super) fn run_series(
                 summary.seconds_total = begin.elapsed().as_secs_f64();
                 folder.write_summary(&summary)?;
             }
-        }
+            // When the writer has stopped, its error says why.
+            Ok(finished.send(ToWrite { number, file, result }).is_ok())
+        });
         drop(finished);
-        writer.join().map_err(|_| "the writer stopped: this is a bug in quadrille")?
+        writer.join().map_err(|_| "the writer stopped: this is a bug in quadrille")??;
+        done
     });
     summary.counts = counts(&summary.frames);
     summary.seconds_total = begin.elapsed().as_secs_f64();
@@ -233,6 +235,7 @@ fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
     };
     match error {
         CorrelationError::Option { .. }
+        | CorrelationError::Backend(_)
         | CorrelationError::Mesh(
             ElementSize { .. }
             | ElementShare { .. }
@@ -306,72 +309,6 @@ fn windows(mesh: &Mesh<Px>) -> Vec<[usize; 4]> {
         [bounds.x0.ceil(), bounds.y0.ceil(), bounds.x1.ceil(), bounds.y1.ceil()].map(|v| v as usize)
     };
     (0..mesh.zones().len()).map(window).collect()
-}
-
-/// A frame that was read, or not.
-struct Decoded {
-    number: usize,
-    frame: Frame,
-    loaded: std::result::Result<Loaded, ReadError>,
-    saturation: Option<Saturation>,
-    seconds: f64,
-}
-
-fn decode_all(frames: &[Frame], windows: &[[usize; 4]], out: &SyncSender<Decoded>) {
-    let mut stack = None;
-    for (at, frame) in frames.iter().enumerate() {
-        let begin = Instant::now();
-        let loaded = read_frame(frame, &mut stack);
-        let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, windows));
-        let seconds = begin.elapsed().as_secs_f64();
-        if out.send(Decoded { number: at + 1, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
-            return; // nobody wants more
-        }
-    }
-}
-
-/// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
-fn read_frame(frame: &Frame, stack: &mut Option<(PathBuf, PagedFile)>) -> std::result::Result<Loaded, ReadError> {
-    if !frame.is_page {
-        return frame.read();
-    }
-    match stack {
-        Some((path, file)) if *path == frame.path => file.read(frame.page),
-        _ => {
-            let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
-            file.read(frame.page)
-        }
-    }
-}
-
-/// Correlates one frame. A frame that cannot be used is a result with its reason.
-fn one_frame<B: Backend>(
-    tracker: &mut Tracker<'_, B>,
-    decoded: Decoded,
-) -> Result<(FrameSummary, Option<Correlation>, Option<String>)> {
-    let Decoded { number, frame, loaded, saturation, seconds: seconds_decode } = decoded;
-    let file = frame.to_string();
-    let loaded = match loaded {
-        Ok(loaded) => loaded,
-        Err(error) => {
-            return Ok((FrameSummary::unreadable(number, file, chain(&error), seconds_decode), None, None));
-        }
-    };
-    let sha256 = Some(loaded.sha256);
-    let image = Arc::new(loaded.image);
-    let begin = Instant::now();
-    match tracker.correlate(number, image) {
-        Ok(result) => {
-            let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
-            let frame = FrameSummary::of(number, file, loaded.notes, tracker.correlator(), &result, seconds);
-            Ok((frame.with_saturation(saturation), Some(result), sha256))
-        }
-        Err(error) if error.is_of_the_frame() => {
-            let message = format!("{file}: {}", chain(&error));
-            Ok((FrameSummary::unreadable(number, file, message, seconds_decode), None, sha256))
-        }
-        Err(error) => Err(error.into()),
-    }
 }
 
 /// A frame on its way to the disk; without a result when it could not be read.

@@ -7,6 +7,7 @@ use super::progress::Talk;
 use super::run_folder::RunFolder;
 use super::synth::write_series;
 use super::{Outcome, Result, pool};
+use crate::backend::choice::DeviceChoice;
 use crate::correlate::{Correlation, Options};
 use crate::field::{Measurement, Status, StrainDefinition};
 use crate::io::case::{CaseQuantities, CaseZone, read_case};
@@ -126,6 +127,7 @@ fn plan(images: &Path) -> Plan {
         guard_px: None,
         options: Options { element_size: ELEMENT as usize, ..Options::default() },
         isa: Isa::detect(),
+        device: DeviceChoice::Auto,
         strain: StrainDefinition::default(),
         csv: true,
         vtu: true,

@@ -3,6 +3,7 @@
 mod args;
 mod correlate;
 mod demo;
+mod devices;
 mod export;
 mod figures;
 mod frames;
@@ -13,6 +14,7 @@ mod progress;
 mod quantities;
 mod record;
 mod run_folder;
+mod series;
 mod synth;
 mod zones;
 
@@ -35,6 +37,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
 /// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run.
 pub fn main() -> ExitCode {
+    devices::quiet_drivers();
     let cli = match args::Cli::try_parse() {
         Ok(cli) => cli,
         // Help and version are what was asked for; clap prints them.
@@ -54,6 +57,7 @@ pub fn main() -> ExitCode {
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
         args::Command::Metrology(args) => metrology::run(&args),
+        args::Command::Devices(args) => devices::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

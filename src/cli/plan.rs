@@ -2,6 +2,7 @@
 
 use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
+use crate::backend::choice::{Device, DeviceChoice};
 use crate::correlate::{Options, Regularisation};
 use crate::field::{RegularisationKind, StrainDefinition};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
@@ -27,6 +28,7 @@ pub(super) struct Plan {
     pub guard_px: Option<f64>,
     pub options: Options,
     pub isa: Isa,
+    pub device: DeviceChoice,
     pub strain: StrainDefinition,
     pub csv: bool,
     pub vtu: bool,
@@ -105,12 +107,18 @@ impl Plan {
             guard_px: args.guard,
             options,
             isa,
+            device: args.device.clone(),
             strain: args.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
             store_only,
             drawn: drawn(&case),
         })
+    }
+
+    /// The device that does the pixel work.
+    pub fn device(&self) -> Result<Device> {
+        Ok(Device::new(&self.device, self.isa, super::devices::options())?)
     }
 
     /// The reference in words: its file, or the first of several.

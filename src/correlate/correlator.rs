@@ -7,6 +7,7 @@ use super::iterate::{Limits, Outcome, iterate};
 use super::level::Level;
 use super::options::Options;
 use super::search::{Motion, motions};
+use super::series::Start;
 use super::texture::{TextureFault, assumed_noise, rounding};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
@@ -228,17 +229,12 @@ impl<B: Backend> Correlator<B> {
         self.spread.variance.iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
     }
 
-    /// Correlates one deformed image. `start` is a displacement of all nodes to begin with (and the grey
-    /// transfer per zone); when it fails, or there is none, the frame is searched for.
+    /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.
     ///
     /// # Errors
     /// An image of another size or without contrast, a start for another mesh, or a device that fails. Not
     /// converging is a result, not an error.
-    pub fn correlate(
-        &self,
-        image: Arc<Image>,
-        start: Option<(Vec<[f64; 2]>, &[GreyTransfer])>,
-    ) -> Result<Correlation, CorrelationError> {
+    pub fn correlate(&self, image: Arc<Image>, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
         self.correlate_frame(self.frame(image)?, start)
     }
 
@@ -265,18 +261,14 @@ impl<B: Backend> Correlator<B> {
     ///
     /// # Errors
     /// A start for another mesh, or a device that fails.
-    pub fn correlate_frame(
-        &self,
-        mut frame: B::Frame,
-        start: Option<(Vec<[f64; 2]>, &[GreyTransfer])>,
-    ) -> Result<Correlation, CorrelationError> {
-        if let Some((displacement, transfer)) = start {
+    pub fn correlate_frame(&self, mut frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+        if let Some(Start { displacement, transfer }) = start {
             let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
             let (nodes, zones) = (displacement.len(), transfer.len());
             if (nodes, zones) != (mesh_nodes, mesh_zones) {
                 return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
             }
-            let attempt = self.follow_prediction(&mut frame, &displacement, transfer)?;
+            let attempt = self.follow_prediction(&mut frame, displacement, transfer)?;
             if attempt.measurement.status == Status::Converged {
                 return Ok(attempt);
             }

@@ -18,5 +18,5 @@ pub use correlator::{Correlation, Correlator, StartUsed, ZoneResult};
 pub use error::CorrelationError;
 pub use options::Options;
 pub use regularisation::Regularisation;
-pub use series::Tracker;
+pub use series::{History, Start, Tracker};
 pub use texture::{Lack, TextureFault, assumed_noise};

@@ -7,19 +7,69 @@ use crate::field::{StartFrom, Status};
 use crate::imaging::Image;
 use std::sync::Arc;
 
+/// Where an iteration begins: a displacement of all nodes, px, and the grey transfer per zone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// Per node.
+    pub displacement: Vec<[f64; 2]>,
+    /// Per zone.
+    pub transfer: Vec<GreyTransfer>,
+}
+
+/// The last converged frames of a series, from which the next one is predicted.
+#[derive(Debug, Clone)]
+pub struct History {
+    start: StartFrom,
+    /// Fields, the latest first, with their frame numbers.
+    fields: Vec<(usize, Vec<[f64; 2]>)>,
+    transfer: Vec<GreyTransfer>,
+}
+
+impl History {
+    /// A history that knows no frame yet; with [`StartFrom::Cold`] nothing is ever predicted.
+    pub fn new(start: StartFrom) -> Self {
+        Self { start, fields: Vec::new(), transfer: Vec::new() }
+    }
+
+    /// Linear extrapolation of the last two converged fields to frame `number`, or the last one.
+    pub fn predict(&self, number: usize) -> Option<Start> {
+        if self.start == StartFrom::Cold {
+            return None;
+        }
+        let (last_number, last) = self.fields.first()?;
+        let displacement = match self.fields.get(1) {
+            None => last.clone(),
+            Some((before_number, before)) => {
+                let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
+                let extrapolate =
+                    |(a, b): (&[f64; 2], &[f64; 2])| std::array::from_fn(|c| a[c] + ahead * (a[c] - b[c]));
+                last.iter().zip(before).map(extrapolate).collect()
+            }
+        };
+        Some(Start { displacement, transfer: self.transfer.clone() })
+    }
+
+    /// Remembers frame `number` (numbers must rise), if it converged.
+    pub fn note(&mut self, number: usize, correlation: &Correlation) {
+        if correlation.measurement.status == Status::Converged {
+            self.transfer = correlation.zones.iter().map(|zone| zone.transfer).collect();
+            self.fields.insert(0, (number, correlation.full_displacement.clone()));
+            self.fields.truncate(2);
+        }
+    }
+}
+
 /// Correlates the frames of a series one after the other, each starting from the extrapolation of those
 /// before it.
 pub struct Tracker<'a, B: Backend> {
     correlator: &'a Correlator<B>,
-    /// Fields of the last converged frames, the latest first, with their frame numbers.
-    history: Vec<(usize, Vec<[f64; 2]>)>,
-    transfer: Vec<GreyTransfer>,
+    history: History,
 }
 
 impl<'a, B: Backend> Tracker<'a, B> {
     /// A tracker that knows no frame yet.
     pub fn new(correlator: &'a Correlator<B>) -> Self {
-        Self { correlator, history: Vec::new(), transfer: Vec::new() }
+        Self { correlator, history: History::new(correlator.options().start) }
     }
 
     /// What it correlates with.
@@ -33,25 +83,9 @@ impl<'a, B: Backend> Tracker<'a, B> {
     /// When the image has another size than the reference, or the device fails. A frame that does not
     /// converge is a result, not an error.
     pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
-        let start = self.predict(number).map(|u| (u, self.transfer.as_slice()));
-        let correlation = self.correlator.correlate(image, start)?;
-        if correlation.measurement.status == Status::Converged {
-            self.transfer = correlation.zones.iter().map(|zone| zone.transfer).collect();
-            self.history.insert(0, (number, correlation.full_displacement.clone()));
-            self.history.truncate(2);
-        }
+        let start = self.history.predict(number);
+        let correlation = self.correlator.correlate(image, start.as_ref())?;
+        self.history.note(number, &correlation);
         Ok(correlation)
-    }
-
-    /// Linear extrapolation of the last two converged fields, or the last one.
-    fn predict(&self, number: usize) -> Option<Vec<[f64; 2]>> {
-        if self.correlator.options().start == StartFrom::Cold {
-            return None;
-        }
-        let (last_number, last) = self.history.first()?;
-        let Some((before_number, before)) = self.history.get(1) else { return Some(last.clone()) };
-        let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
-        let extrapolate = |(a, b): (&[f64; 2], &[f64; 2])| std::array::from_fn(|c| a[c] + ahead * (a[c] - b[c]));
-        Some(last.iter().zip(before).map(extrapolate).collect())
     }
 }

@@ -6,7 +6,7 @@ use super::theory::{Crest, RESOLVED};
 use super::wave::{WavePicture, with_noise};
 use crate::backend::GreyTransfer;
 use crate::backend::cpu::CpuBackend;
-use crate::correlate::{Correlation, CorrelationError, Correlator, Options as CorrelateOptions};
+use crate::correlate::{Correlation, CorrelationError, Correlator, Options as CorrelateOptions, Start};
 use crate::field::Status;
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::Mesh;
@@ -204,7 +204,7 @@ impl Trials<'_> {
     fn solve(correlator: &Correlator<CpuBackend>, image: Arc<Image>) -> Result<Option<Correlation>, MetrologyError> {
         let rest = vec![[0.0; 2]; correlator.mesh().n_nodes()];
         let transfer = vec![GreyTransfer::NONE; correlator.mesh().zones().len()];
-        let result = correlator.correlate(image, Some((rest, &transfer)))?;
+        let result = correlator.correlate(image, Some(&Start { displacement: rest, transfer }))?;
         Ok((result.measurement.status == Status::Converged).then_some(result))
     }
 

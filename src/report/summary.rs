@@ -1,6 +1,6 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Traffic};
 use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
@@ -123,6 +123,8 @@ pub struct FrameSummary {
     pub messages: Vec<String>,
     /// Gauss-Newton iterations on the finest level.
     pub iterations: usize,
+    /// Those on the coarser levels.
+    pub iterations_coarse: usize,
     /// Largest nodal correction of the last iteration.
     pub correction_px: Option<f64>,
     /// Place of the node of that correction in the reference image.
@@ -150,6 +152,12 @@ pub struct FrameSummary {
     pub seconds: f64,
     /// Reading and decoding, seconds.
     pub seconds_decode: f64,
+    /// What went to a graphics device and back: `submissions`, `readbacks`, `bytes_up`, `bytes_down`.
+    #[serde(flatten)]
+    pub traffic: Option<Traffic>,
+    /// The device that did the frame, when it is not that of the run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
 }
 
 /// A rigid motion: translation of `centre`, and rotation about it (positive from x to y, y down).
@@ -201,6 +209,7 @@ impl FrameSummary {
             status: Status::Unreadable,
             messages: vec![message],
             iterations: 0,
+            iterations_coarse: 0,
             correction_px: None,
             correction_at_px: None,
             residual_grey: None,
@@ -214,6 +223,8 @@ impl FrameSummary {
             start: None,
             seconds: 0.0,
             seconds_decode,
+            traffic: None,
+            device: None,
         }
     }
 
@@ -243,6 +254,7 @@ impl FrameSummary {
             status: result.measurement.status,
             messages,
             iterations: result.iterations,
+            iterations_coarse: result.coarse_iterations,
             correction_px: finite(result.correction_px),
             correction_at_px: Some(result.correction_at),
             residual_grey: finite(result.residual_rms),
@@ -256,6 +268,8 @@ impl FrameSummary {
             start: Some(result.start),
             seconds,
             seconds_decode,
+            traffic: result.traffic,
+            device: None,
         }
     }
 }

@@ -68,15 +68,29 @@ const STORAGE_BUFFERS: u32 = 8;
 const THREADS: u32 = 256;
 const SHARED_BYTES: u32 = 16384;
 
-/// The adapters of this machine, in the order the drivers give them.
-pub fn adapters() -> Vec<GpuAdapter> {
+/// The adapters of this machine.
+#[derive(Debug, Clone)]
+pub struct Adapters {
+    /// In the order the drivers give them.
+    pub list: Vec<GpuAdapter>,
+    /// What the drivers said when there is none.
+    pub reason: Option<String>,
+}
+
+/// Asks the drivers of this machine for their adapters.
+pub fn adapters() -> Adapters {
     let descriptor = wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     };
     let instance = wgpu::Instance::new(descriptor);
     let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    found.into_iter().map(GpuAdapter::new).collect()
+    let list: Vec<GpuAdapter> = found.into_iter().map(GpuAdapter::new).collect();
+    let reason = list.is_empty().then(|| match pollster::block_on(instance.request_adapter(&Default::default())) {
+        Ok(_) => "the drivers list no adapter".to_owned(),
+        Err(error) => error.to_string(),
+    });
+    Adapters { list, reason }
 }
 
 impl GpuAdapter {

@@ -13,7 +13,7 @@ mod plane;
 mod shader;
 mod solver;
 
-pub use device::{AdapterKind, GpuAdapter, GpuOptions, adapters};
+pub use device::{AdapterKind, Adapters, GpuAdapter, GpuOptions, adapters};
 pub use field::GpuField;
 pub use layout::{Mirror, mirrors};
 pub use level::GpuLevel;

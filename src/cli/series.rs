@@ -1,0 +1,339 @@
+//! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over in order.
+
+use super::{Result, chain};
+use crate::backend::choice::Device;
+use crate::backend::{AnyBackend, AnyFrame, Backend, BackendError};
+use crate::correlate::{Correlation, CorrelationError, Correlator, History, Options, Start};
+use crate::field::StartFrom;
+use crate::imaging::{Image, Saturation};
+use crate::io::images::{Loaded, PagedFile, ReadError};
+use crate::io::series::Frame;
+use crate::mesh::Zone;
+use crate::report::summary::FrameSummary;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::time::Instant;
+
+/// Decoded images that wait for their turn, per decoding thread.
+const AHEAD: usize = 2;
+/// Images on the device that wait for theirs.
+const UPLOADED: usize = 1;
+/// Decoding threads at most: PNG takes 17 ns per pixel, as much as the CPU's whole correlation and a hundred times
+/// that of a GPU.
+const DECODERS: usize = 8;
+/// Fresh devices that a run may open before it stays with the CPU.
+const FRESH_DEVICES: usize = 3;
+
+/// The correlator of a run, made anew on another device when its own fails.
+pub(super) struct Engine {
+    reference: Arc<Image>,
+    zones: Vec<Zone>,
+    options: Options,
+    device: Device,
+    name: String,
+    current: RwLock<Current>,
+    notes: Mutex<Vec<String>>,
+}
+
+/// The correlator in use.
+struct Current {
+    /// How many there have been before it.
+    generation: usize,
+    correlator: Arc<Correlator<AnyBackend>>,
+}
+
+/// An image on the device of one generation.
+type Uploaded = (usize, AnyFrame);
+
+impl Engine {
+    /// Prepares the reference on `device`; on the CPU when that is a graphics device chosen by itself which fails.
+    pub fn new(
+        device: Device,
+        reference: Arc<Image>,
+        zones: Vec<Zone>,
+        options: Options,
+    ) -> std::result::Result<Self, CorrelationError> {
+        let mut notes: Vec<String> = device.remark().into_iter().collect();
+        let prepare = |device: &Device| Correlator::new(device.open()?, reference.clone(), &zones, options.clone());
+        let (device, correlator) = match prepare(&device) {
+            Err(CorrelationError::Backend(error)) if device.is_auto_gpu() => {
+                notes.push(format!("warning: {error}; the CPU does the work"));
+                let cpu = device.on_cpu();
+                let correlator = prepare(&cpu)?;
+                (cpu, correlator)
+            }
+            prepared => (device, prepared?),
+        };
+        let current = Current { generation: 0, correlator: Arc::new(correlator) };
+        Ok(Self {
+            name: current.correlator.backend().device(),
+            reference,
+            zones,
+            options,
+            device,
+            current: RwLock::new(current),
+            notes: Mutex::new(notes),
+        })
+    }
+
+    /// The correlator in use.
+    pub fn correlator(&self) -> Arc<Correlator<AnyBackend>> {
+        self.current().1
+    }
+
+    fn current(&self) -> (usize, Arc<Correlator<AnyBackend>>) {
+        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
+        (current.generation, current.correlator.clone())
+    }
+
+    /// What has been worth saying since the last call.
+    pub fn take_notes(&self) -> Vec<String> {
+        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn note(&self, note: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+    }
+
+    /// Brings an image to the device ahead of its turn; a fault shows when it comes.
+    fn upload(&self, image: Arc<Image>) -> Option<Uploaded> {
+        let (generation, correlator) = self.current();
+        Some((generation, correlator.frame(image).ok()?))
+    }
+
+    /// Correlates frame `number`. When a graphics device fails, once more on a fresh one, then on the CPU.
+    fn correlate(
+        &self,
+        number: usize,
+        image: &Arc<Image>,
+        mut uploaded: Option<Uploaded>,
+        start: Option<&Start>,
+    ) -> std::result::Result<(Correlation, Arc<Correlator<AnyBackend>>), CorrelationError> {
+        let mut tried_again = false;
+        loop {
+            let (generation, correlator) = self.current();
+            let frame = match uploaded.take() {
+                Some((of, frame)) if of == generation => Ok(frame),
+                _ => correlator.frame(image.clone()),
+            };
+            match frame.and_then(|frame| correlator.correlate_frame(frame, start)) {
+                Err(CorrelationError::Backend(error)) if !correlator.backend().is_cpu() => {
+                    self.replace(generation, number, &error, tried_again)?;
+                    tried_again = true;
+                }
+                result => return result.map(|result| (result, correlator)),
+            }
+        }
+    }
+
+    /// Replaces the correlator of `generation`, unless another frame has done so.
+    fn replace(
+        &self,
+        generation: usize,
+        number: usize,
+        error: &BackendError,
+        tried_again: bool,
+    ) -> std::result::Result<(), CorrelationError> {
+        let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
+        if current.generation != generation {
+            return Ok(());
+        }
+        let prepare = |device: &Device| {
+            Correlator::new(device.open()?, self.reference.clone(), &self.zones, self.options.clone())
+        };
+        if !tried_again && generation < FRESH_DEVICES {
+            self.note(format!("warning: frame {number}: {error}; trying once more on a fresh device"));
+            if let Ok(correlator) = prepare(&self.device) {
+                *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
+                return Ok(());
+            }
+        }
+        self.note(format!("warning: frame {number}: {error}; going on with the CPU"));
+        let correlator = prepare(&self.device.on_cpu())?;
+        *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
+        Ok(())
+    }
+}
+
+/// The deformed images of a run.
+#[derive(Clone, Copy)]
+pub(super) struct Frames<'a> {
+    pub list: &'a [Frame],
+    /// The rectangles that hold the zones, px: x0, y0, x1, y1.
+    pub windows: &'a [[usize; 4]],
+    pub start: StartFrom,
+}
+
+/// A frame that was read, or not.
+struct Decoded {
+    number: usize,
+    frame: Frame,
+    loaded: std::result::Result<Picture, ReadError>,
+    saturation: Option<Saturation>,
+    seconds: f64,
+}
+
+/// An image with what is known of its file, brought to the device if that went well.
+struct Picture {
+    image: Arc<Image>,
+    sha256: String,
+    notes: Vec<String>,
+    uploaded: Option<Uploaded>,
+}
+
+/// A frame that is done.
+pub(super) struct Done {
+    pub source: Frame,
+    pub sha256: Option<String>,
+    pub summary: FrameSummary,
+    /// None when it could not be read.
+    pub result: Option<Correlation>,
+}
+
+/// Correlates all frames and hands them to `take` in order, until that says false.
+pub(super) fn run(
+    engine: &Engine,
+    pool: &rayon::ThreadPool,
+    frames: &Frames<'_>,
+    mut take: impl FnMut(Done) -> Result<bool>,
+) -> Result<()> {
+    let correlator = engine.correlator();
+    let on_cpu = correlator.backend().is_cpu();
+    // A graphics device leaves the cores to the decoders; the CPU shares them.
+    let threads = pool.current_num_threads();
+    let n_decoders = if on_cpu { threads / 4 } else { threads }.clamp(1, DECODERS);
+    let in_flight = if frames.start == StartFrom::Cold { correlator.backend().frames_in_flight() } else { 1 };
+    drop(correlator);
+    std::thread::scope(|scope| {
+        let decoders: Vec<Receiver<Decoded>> = (0..n_decoders)
+            .map(|first| {
+                let (out, decoded) = sync_channel(AHEAD);
+                scope.spawn(move || decode(frames, first, n_decoders, &out));
+                decoded
+            })
+            .collect();
+        let (out, uploaded) = sync_channel(UPLOADED);
+        scope.spawn(move || upload(engine, pool, &decoders, &out));
+        let uploaded = Arc::new(Mutex::new(uploaded));
+        let (out, results) = sync_channel(in_flight);
+        for _ in 0..in_flight {
+            let (uploaded, out) = (uploaded.clone(), out.clone());
+            scope.spawn(move || correlate(engine, pool, frames.start, &uploaded, &out));
+        }
+        // From here on the workers alone hold both: when they stop, everybody does.
+        drop((uploaded, out));
+        let mut waiting: BTreeMap<usize, Result<Done>> = BTreeMap::new();
+        let mut next = 1;
+        for (number, done) in results {
+            waiting.insert(number, done);
+            while let Some(done) = waiting.remove(&next) {
+                next += 1;
+                if !take(done?)? {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Reads every `step`-th frame from `first` on.
+fn decode(frames: &Frames<'_>, first: usize, step: usize, out: &SyncSender<Decoded>) {
+    let mut stack = None;
+    for (at, frame) in frames.list.iter().enumerate().skip(first).step_by(step) {
+        let begin = Instant::now();
+        let loaded = read_frame(frame, &mut stack);
+        let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
+        let loaded = loaded.map(|Loaded { image, sha256, notes, .. }| Picture {
+            image: Arc::new(image),
+            sha256,
+            notes,
+            uploaded: None,
+        });
+        let seconds = begin.elapsed().as_secs_f64();
+        if out.send(Decoded { number: at + 1, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
+            return; // nobody wants more
+        }
+    }
+}
+
+/// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
+fn read_frame(frame: &Frame, stack: &mut Option<(PathBuf, PagedFile)>) -> std::result::Result<Loaded, ReadError> {
+    if !frame.is_page {
+        return frame.read();
+    }
+    match stack {
+        Some((path, file)) if *path == frame.path => file.read(frame.page),
+        _ => {
+            let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
+            file.read(frame.page)
+        }
+    }
+}
+
+/// Brings the frames to the device, in order, while others are correlated.
+fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decoded>], out: &SyncSender<Decoded>) {
+    for decoder in decoders.iter().cycle() {
+        let Ok(mut decoded) = decoder.recv() else { return }; // the last frame has been
+        if let Ok(picture) = &mut decoded.loaded {
+            picture.uploaded = pool.install(|| engine.upload(picture.image.clone()));
+        }
+        if out.send(decoded).is_err() {
+            return; // nobody wants more
+        }
+    }
+}
+
+/// Correlates frames as they come.
+fn correlate(
+    engine: &Engine,
+    pool: &rayon::ThreadPool,
+    start: StartFrom,
+    uploaded: &Mutex<Receiver<Decoded>>,
+    out: &SyncSender<(usize, Result<Done>)>,
+) {
+    let mut history = History::new(start);
+    loop {
+        let next = uploaded.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(decoded) = next else { return };
+        let number = decoded.number;
+        let done = pool.install(|| one_frame(engine, &mut history, decoded));
+        if out.send((number, done)).is_err() {
+            return; // nobody wants more
+        }
+    }
+}
+
+/// Correlates one frame. A frame that cannot be used is a result with its reason.
+fn one_frame(engine: &Engine, history: &mut History, decoded: Decoded) -> Result<Done> {
+    let Decoded { number, frame: source, loaded, saturation, seconds: seconds_decode } = decoded;
+    let file = source.to_string();
+    let Picture { image, sha256, notes, uploaded } = match loaded {
+        Ok(picture) => picture,
+        Err(error) => {
+            let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
+            return Ok(Done { source, sha256: None, summary, result: None });
+        }
+    };
+    let begin = Instant::now();
+    let sha256 = Some(sha256);
+    match engine.correlate(number, &image, uploaded, history.predict(number).as_ref()) {
+        Ok((result, correlator)) => {
+            history.note(number, &result);
+            let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
+            let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
+            let device = correlator.backend().device();
+            summary.device = (device != engine.name).then_some(device);
+            let summary = summary.with_saturation(saturation);
+            Ok(Done { source, sha256, summary, result: Some(result) })
+        }
+        Err(error) if error.is_of_the_frame() => {
+            let message = format!("{file}: {}", chain(&error));
+            let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
+            Ok(Done { source, sha256, summary, result: None })
+        }
+        Err(error) => Err(error.into()),
+    }
+}
