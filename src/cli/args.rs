@@ -160,7 +160,7 @@ pub struct CorrelateArgs {
     pub strain: Option<StrainDefinition>,
     /// Where the pixel work is done: `auto` (a discrete or integrated GPU, else the CPU), `cpu`, `gpu` (also a software
     /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
-    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", default_value = "auto")]
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
     /// --case, else the fastest there is. Results differ in the last bits between paths.

@@ -38,8 +38,9 @@ const WILD_ELEMENTS: f64 = 8.0;
 
 /// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance.
 ///
-/// The iteration contracts by the rate c(k) / c(k-1) of its corrections, so after a correction c the error
-/// left is about `c rate / (1 - rate)`: both must be below the tolerance.
+/// The grey transfer follows the displacement one iteration late, so that the corrections c may fall by turns:
+/// what repeats is two of them together, by the rate `q = c(k) / c(k-2)`. What is still to come is then about
+/// `(c(k-1) + c(k)) q / (1 - q)`; of corrections that fall evenly that is the sum of their geometric series.
 pub(super) fn iterate<B: Backend>(
     backend: &B,
     level: &Level<B>,
@@ -59,7 +60,8 @@ pub(super) fn iterate<B: Backend>(
         gained: 0.0,
         own: None,
     };
-    let (mut previous, mut stalls) = (f64::INFINITY, 0);
+    // The last two corrections, the latest first.
+    let (mut before, mut stalls) = ([f64::INFINITY; 2], 0);
     // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
     let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
     for iteration in 1..=limits.max_iterations {
@@ -89,16 +91,26 @@ pub(super) fn iterate<B: Backend>(
             outcome.status = Status::Diverged;
             break;
         }
-        let rate = if previous.is_finite() && previous > 0.0 { (correction / previous).min(0.99) } else { 0.5 };
-        if correction * (rate / (1.0 - rate)).max(1.0) < limits.tolerance_px {
+        if correction.max(error_left(correction, before)) < limits.tolerance_px {
             outcome.status = Status::Converged;
             break;
         }
         // After a half step the correction is that of the full one: counting starts anew.
-        stalls = if correction > STALLED * previous && damping == 1.0 { stalls + 1 } else { 0 };
-        previous = correction;
+        stalls = if correction > STALLED * before[0] && damping == 1.0 { stalls + 1 } else { 0 };
+        before = [correction, before[0]];
     }
     Ok(outcome)
+}
+
+/// What the corrections still to come add up to, after `correction` and those before it, the latest first (infinite
+/// where there were none).
+fn error_left(correction: f64, [last, one_before]: [f64; 2]) -> f64 {
+    let earlier = if one_before.is_finite() { one_before } else { last };
+    if !earlier.is_finite() {
+        return correction; // the first: as if each were half of the one before
+    }
+    let rate = if earlier > 0.0 { (correction / earlier).min(0.99) } else { 0.0 };
+    (last + correction) * rate / (1.0 - rate)
 }
 
 /// The solver of the pixels that are inside the deformed image.

@@ -133,8 +133,17 @@ impl Desk {
     /// and no number that it has written is NaN or infinite.
     #[track_caller]
     pub fn run_words(&self, arguments: &[&str]) -> Ran<'_> {
+        self.run_with(&[], arguments)
+    }
+
+    /// As [`Desk::run_words`], with variables of the environment. The pixel work is done on the CPU unless they or the
+    /// arguments say otherwise.
+    #[track_caller]
+    pub fn run_with(&self, environment: &[(&str, &str)], arguments: &[&str]) -> Ran<'_> {
         let mut child = Command::new(env!("CARGO_BIN_EXE_quadrille"))
             .args(arguments)
+            .env("QUADRILLE_DEVICE", "cpu")
+            .envs(environment.iter().copied())
             .current_dir(self.0.path())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -231,6 +240,13 @@ impl Ran<'_> {
         assert_eq!(self.code, Some(0), "{self}");
         assert_eq!(self.stdout, "", "{self}");
         self
+    }
+
+    /// As [`Ran::fine`], for a command that prints data.
+    #[track_caller]
+    pub fn printed(self) -> String {
+        assert_eq!(self.code, Some(0), "{self}");
+        self.stdout
     }
 
     /// Ran, but some frame did not converge: exit 1.

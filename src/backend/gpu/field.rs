@@ -215,7 +215,7 @@ impl GpuField {
         match &solver.device {
             Some(cg) => {
                 if self.solving.as_ref().is_none_or(|(id, _)| *id != solver.id) {
-                    let mut kernels = vec![cg.gather(gpu, level, &self.sums, &self.vectors)];
+                    let mut kernels = cg.gather(gpu, level, [&self.sums, &self.displacement], &self.vectors);
                     recorder.clear(&self.vectors.directions[0]);
                     kernels.extend(cg.kernels(gpu, level, &self.vectors));
                     self.solving = Some((solver.id, kernels));

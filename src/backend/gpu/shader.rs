@@ -40,6 +40,8 @@ pub enum Kernel {
     Tally,
     /// Right-hand side per node.
     Gather,
+    /// Part of the right-hand side that a regularisation asks for.
+    Penalty,
     /// First half of an iteration of the conjugate gradients.
     CgProduct,
     /// Second half.
@@ -55,7 +57,7 @@ pub enum Kernel {
 }
 
 /// Every kernel.
-pub const KERNELS: [Kernel; 18] = [
+pub const KERNELS: [Kernel; 19] = [
     Kernel::Unpack,
     Kernel::Downsample,
     Kernel::Prefilter,
@@ -68,6 +70,7 @@ pub const KERNELS: [Kernel; 18] = [
     Kernel::Fit,
     Kernel::Tally,
     Kernel::Gather,
+    Kernel::Penalty,
     Kernel::CgProduct,
     Kernel::CgUpdate,
     Kernel::Correct,
@@ -90,6 +93,7 @@ impl Kernel {
             Self::ResidualRuns => "residual_runs",
             Self::Fit | Self::Tally => "tally",
             Self::Gather => "gather",
+            Self::Penalty => "penalty",
             Self::CgProduct => "cg_product",
             Self::CgUpdate => "cg_update",
             Self::Correct => "correct",
@@ -121,6 +125,7 @@ impl Kernel {
             Self::ResidualRuns => &[Uniform, Read, Read, Read, Read, Read, Write, Read],
             Self::Fit | Self::Tally => &[Uniform, Read, Read, Write, Write, Write],
             Self::Gather => &[Uniform, Read, Read, Read, Write, Write, Write, Write],
+            Self::Penalty => &[Uniform, Read, Read, Read, Read, Write, Write, Write],
             Self::CgProduct => &[Uniform, Read, Read, Read, Read, Write, Write, Write],
             Self::CgUpdate => &[Uniform, Read, Read, Read, Write, Write, Write, Write],
             Self::Correct => &[Uniform, Read, Write, Write],
@@ -134,7 +139,8 @@ impl Kernel {
     pub fn workgroup(self) -> u32 {
         match self {
             Self::Prefilter => 32,
-            Self::Gather | Self::CgProduct | Self::CgUpdate | Self::Correct | Self::Prolong | Self::ResidualMap => 256,
+            Self::Gather | Self::Penalty | Self::CgProduct | Self::CgUpdate => 256,
+            Self::Correct | Self::Prolong | Self::ResidualMap => 256,
             _ => 64,
         }
     }
@@ -155,6 +161,7 @@ const FILES: &[(&str, &str)] = &[
     ("gather", include_str!("../../../shaders/gather.wgsl")),
     ("gradient", include_str!("../../../shaders/gradient.wgsl")),
     ("normal_matrix", include_str!("../../../shaders/normal_matrix.wgsl")),
+    ("penalty", include_str!("../../../shaders/penalty.wgsl")),
     ("prefilter", include_str!("../../../shaders/prefilter.wgsl")),
     ("prolong", include_str!("../../../shaders/prolong.wgsl")),
     ("residual", include_str!("../../../shaders/residual.wgsl")),

@@ -1,21 +1,28 @@
 //! The solver of the normal equations on the device: a fixed small number of conjugate gradient iterations, with
-//! no word from the host in between. With a factor (asked for, or because of a regularisation) the host solves.
+//! no word from the host in between. With a factor that was asked for, or a regularisation over so long waves that
+//! conjugate gradients are slow, the host solves.
 
 use super::device::{Bound, Buffer, Gpu};
 use super::layout;
 use super::level::GpuLevel;
 use super::shader::Kernel;
 use crate::backend::BackendError;
-use crate::linalg::Solver;
+use crate::linalg::{BlockMatrix, Solver};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fall of the residual that the inner iterations are to reach: a Gauss-Newton iteration contracts about ninefold,
 /// and one that is solved to this loses nothing (`benches/RESULTS.md`).
 const REDUCTION: f64 = 3e-2;
-/// Inner iterations, at least and at most.
+/// The same of a regularised matrix, whose long waves fall last and are what the regularisation is about.
+const REDUCTION_REGULARISED: f64 = 1e-3;
+/// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host
+/// (`benches/RESULTS.md`).
 const LEAST: usize = 4;
 const MOST: usize = 32;
+/// A row of a penalty whose sum is more than this share of its diagonal acts on a displacement that is the same
+/// everywhere; the kernel supposes that none does.
+const ROW_SUM: f64 = 1e-6;
 /// Threads of a workgroup of the solver's kernels.
 pub(super) const NODES_TOGETHER: usize = 256;
 
@@ -41,6 +48,8 @@ pub(super) struct ConjugateGradients {
     pub jacobi: Buffer,
     pattern: Buffer,
     blocks: Buffer,
+    /// Blocks of the penalty, on the same pattern.
+    penalty: Option<Buffer>,
     /// Inner iterations.
     pub n: usize,
     /// Per iteration, for each window of nodes: its constants, its blocks in bytes, its workgroups.
@@ -77,13 +86,19 @@ impl Vectors {
 impl GpuSolver {
     pub(super) fn new(gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
         static COUNT: AtomicU64 = AtomicU64::new(1);
-        let device = if host.name() == "iterative" { Some(ConjugateGradients::new(gpu, &host)?) } else { None };
+        let reduction = if host.penalty().is_some() { REDUCTION_REGULARISED } else { REDUCTION };
+        let iterations = host.trial_iterations(reduction, MOST).max(LEAST);
+        let on_device = match host.penalty() {
+            Some(penalty) => iterations < MOST && acts_on_differences(penalty),
+            None => host.name() == "iterative",
+        };
+        let device = if on_device { Some(ConjugateGradients::new(gpu, &host, iterations)?) } else { None };
         Ok(Self { host, id: COUNT.fetch_add(1, Ordering::Relaxed), device })
     }
 }
 
 impl ConjugateGradients {
-    fn new(gpu: &Gpu, solver: &Solver) -> Result<Self, BackendError> {
+    fn new(gpu: &Gpu, solver: &Solver, n: usize) -> Result<Self, BackendError> {
         let matrix = solver.matrix();
         let (pattern, n_nodes) = (matrix.pattern(), matrix.pattern().n_nodes());
         let mut jacobi: Vec<[f32; 4]> =
@@ -94,10 +109,12 @@ impl ConjugateGradients {
         let rows: Vec<u32> = (0..n_nodes).map(|node| starts + pattern.row(node).start as u32).collect();
         let end = starts + pattern.n_blocks() as u32;
         let places: Vec<u32> = rows.into_iter().chain([end]).chain(pattern.columns().iter().copied()).collect();
-        let blocks: Vec<[f32; 4]> = matrix.blocks().iter().map(|block| block.map(|v| v as f32)).collect();
-        let blocks_buffer = gpu.storage(16 * blocks.len() as u64, "the normal matrix")?;
-        gpu.write(&blocks_buffer, &blocks);
-        let n = solver.trial_iterations(REDUCTION, MOST).max(LEAST);
+        let stored = |matrix: &BlockMatrix| {
+            let blocks: Vec<[f32; 4]> = matrix.blocks().iter().map(|block| block.map(|v| v as f32)).collect();
+            let buffer = gpu.storage(16 * blocks.len() as u64, "the normal matrix")?;
+            gpu.write(&buffer, &blocks);
+            Ok::<_, BackendError>(buffer)
+        };
         let n_partial = n_nodes.div_ceil(NODES_TOGETHER);
         // Windows of nodes whose blocks are seen at once; they begin with a workgroup.
         let blocks_seen = (gpu.max_binding_bytes.saturating_sub(gpu.alignment()) / 16) as usize;
@@ -143,13 +160,39 @@ impl ConjugateGradients {
             n,
             products: (0..n).map(product).collect(),
             updates: (0..n).map(|iteration| gpu.uniform(&constants(iteration, 0, n_nodes, 0))).collect(),
-            blocks: blocks_buffer,
+            blocks: stored(matrix)?,
+            penalty: solver.penalty().map(stored).transpose()?,
         })
     }
 
-    /// The right-hand side and the start of the iteration.
-    pub(super) fn gather(&self, gpu: &Gpu, level: &GpuLevel, sums: &Buffer, vectors: &Vectors) -> (Bound, u32) {
-        gather(gpu, level, sums, vectors, &self.jacobi)
+    /// The right-hand side at `displacement` and the start of the iteration.
+    pub(super) fn gather(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        [sums, displacement]: [&Buffer; 2],
+        vectors: &Vectors,
+    ) -> Vec<(Bound, u32)> {
+        let mut kernels = vec![gather(gpu, level, sums, vectors, &self.jacobi)];
+        let Some(penalty) = &self.penalty else { return kernels };
+        let pipeline = gpu.pipeline(Kernel::Penalty, level.options.interpolation, 0);
+        for (uniform, at, bytes, groups) in &self.products[0] {
+            let bound = gpu.bind(
+                &pipeline,
+                &[
+                    uniform.whole(),
+                    self.pattern.whole(),
+                    penalty.part(*at, *bytes),
+                    displacement.whole(),
+                    self.jacobi.whole(),
+                    vectors.residual.whole(),
+                    vectors.preconditioned.whole(),
+                    vectors.products.whole(),
+                ],
+            );
+            kernels.push((bound, *groups));
+        }
+        kernels
     }
 
     /// The kernels of all iterations, with their workgroups.
@@ -194,6 +237,18 @@ impl ConjugateGradients {
         }
         kernels
     }
+}
+
+/// Whether a penalty leaves a displacement alone that is the same everywhere.
+fn acts_on_differences(penalty: &BlockMatrix) -> bool {
+    (0..penalty.pattern().n_nodes()).all(|node| {
+        let [xx, _, yy] = penalty.diagonal(node);
+        let mut sum = [0.0; 4];
+        for block in &penalty.blocks()[penalty.pattern().row(node)] {
+            sum.iter_mut().zip(block).for_each(|(sum, value)| *sum += value);
+        }
+        sum.iter().all(|sum| sum.abs() <= ROW_SUM * xx.max(yy))
+    })
 }
 
 /// The kernel that gathers the right-hand side of the nodes.
