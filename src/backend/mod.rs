@@ -3,6 +3,7 @@
 pub mod cpu;
 pub mod gpu;
 mod pyramid;
+mod shared;
 mod spline;
 mod sums;
 
