@@ -6,6 +6,7 @@ pub mod data;
 pub mod dense;
 pub mod gpu;
 pub mod plain;
+pub mod round_off;
 
 use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
