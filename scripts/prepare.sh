@@ -3,7 +3,8 @@
 #   - the software Vulkan driver (Debian packages mesa-vulkan-drivers, libvulkan1);
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
-# what is not there, and touches no network when nothing is missing.
+# what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
+# tells by its exit code whether the driver is there.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -53,7 +54,7 @@ vulkan() {
     if install mesa-vulkan-drivers libvulkan1; then
         say "software Vulkan driver: there"
     else
-        say "software Vulkan driver: missing; no test needs it yet"
+        say "software Vulkan driver: missing; without another graphics driver the tests of the GPU do not run"
     fi
 }
 
@@ -86,6 +87,10 @@ zarr() { # whether that Python reads stores as well
     fi
 }
 
+if [ "${1:-}" = --has-vulkan ]; then # asked by scripts/test.sh; installs nothing
+    installed mesa-vulkan-drivers && installed libvulkan1
+    exit
+fi
 vulkan
 python_environment
 exit 0

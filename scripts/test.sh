@@ -8,5 +8,20 @@ scripts/prepare.sh
 if [ -z "${QUADRILLE_PYTHON:-}" ] && [ -x .venv/bin/python ]; then
     export QUADRILLE_PYTHON="$PWD/.venv/bin/python"
 fi
+# Where the software driver is installed, a test that finds no GPU fails; elsewhere it says that it did not run.
+if [ -n "${QUADRILLE_GPU:-}" ]; then
+    echo "prepare: gpu: $QUADRILLE_GPU (QUADRILLE_GPU)"
+elif scripts/prepare.sh --has-vulkan; then
+    export QUADRILLE_GPU=require
+    echo "prepare: gpu: required"
+else
+    echo "prepare: gpu: not required (no software Vulkan driver could be installed)"
+fi
+# The driver looks for a folder of its own, and complains without one.
+if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
+    XDG_RUNTIME_DIR=$(mktemp -d)
+    export XDG_RUNTIME_DIR
+    trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
+fi
 cargo test --locked --all-targets "$@"
 cargo test --locked --doc

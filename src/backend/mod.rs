@@ -5,6 +5,7 @@ pub mod choice;
 pub mod cpu;
 pub mod gpu;
 mod pyramid;
+mod shared;
 mod spline;
 mod sums;
 

@@ -4,8 +4,11 @@
 
 pub mod data;
 pub mod dense;
+pub mod gpu;
 pub mod plain;
+pub mod round_off;
 
+use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options};
 use quadrille::field::{Measurement, Status};
@@ -90,15 +93,10 @@ pub fn prepared(reference: &Arc<Image>, zones: &[Zone], options: Options) -> Cor
 }
 
 #[track_caller]
-pub fn prepared_on(
-    backend: CpuBackend,
-    reference: &Arc<Image>,
-    zones: &[Zone],
-    options: Options,
-) -> Correlator<CpuBackend> {
+pub fn prepared_on<B: Backend>(backend: B, reference: &Arc<Image>, zones: &[Zone], options: Options) -> Correlator<B> {
     match Correlator::new(backend, reference.clone(), zones, options) {
         Ok(correlator) => correlator,
-        Err(error) => panic!("the reference is refused: {error}"),
+        Err(error) => panic!("the reference is refused: {error:?}"),
     }
 }
 
@@ -113,7 +111,7 @@ pub fn refusal(reference: &Arc<Image>, zones: &[Zone], options: Options) -> Corr
 
 /// Correlates a frame about which nothing is known, however it ends.
 #[track_caller]
-pub fn cold(correlator: &Correlator<CpuBackend>, image: &Arc<Image>) -> Correlation {
+pub fn cold<B: Backend>(correlator: &Correlator<B>, image: &Arc<Image>) -> Correlation {
     let correlation = correlator.correlate(image.clone(), None).unwrap();
     assert_finite(&correlation);
     correlation
@@ -121,7 +119,7 @@ pub fn cold(correlator: &Correlator<CpuBackend>, image: &Arc<Image>) -> Correlat
 
 /// Correlates a frame about which nothing is known and that must converge, with every node measured.
 #[track_caller]
-pub fn solved(correlator: &Correlator<CpuBackend>, image: &Arc<Image>) -> Measurement<Px> {
+pub fn solved<B: Backend>(correlator: &Correlator<B>, image: &Arc<Image>) -> Measurement<Px> {
     let correlation = cold(correlator, image);
     let (status, correction) = (correlation.measurement.status, correlation.correction_px);
     assert_eq!(status, Status::Converged, "after {} iterations, correction {correction} px", correlation.iterations);

@@ -37,7 +37,7 @@ pub fn for_each_pixel(mesh: &Mesh<Px>, mut visit: impl FnMut(&Pixel)) {
 }
 
 /// Values, in `[0, 1)` at `t`, of the `degree + 1` B-splines on whole knots that do not vanish there.
-fn basis(degree: usize, t: f64) -> Vec<f64> {
+pub fn basis(degree: usize, t: f64) -> Vec<f64> {
     let mut values = vec![1.0];
     for d in 1..=degree {
         let old = |k: usize| if k < d { values[k] } else { 0.0 };
@@ -48,7 +48,7 @@ fn basis(degree: usize, t: f64) -> Vec<f64> {
 }
 
 /// Their derivatives.
-fn basis_slopes(degree: usize, t: f64) -> Vec<f64> {
+pub fn basis_slopes(degree: usize, t: f64) -> Vec<f64> {
     let lower = basis(degree - 1, t);
     (0..=degree).map(|k| (if k > 0 { lower[k - 1] } else { 0.0 }) - if k < degree { lower[k] } else { 0.0 }).collect()
 }

@@ -438,8 +438,11 @@ impl Gpu {
         waited.map(|_| ()).map_err(|error| self.failed(format!("waiting for it: {error}")))
     }
 
+    /// Notes that the device has failed: what it holds is no longer known.
     fn failed(&self, message: String) -> BackendError {
-        BackendError::Device { device: self.adapter.name.clone(), message }
+        let fault = BackendError::Device { device: self.adapter.name.clone(), message };
+        self.faults.note(fault.clone());
+        fault
     }
 }
 
@@ -512,14 +515,15 @@ impl Recorder<'_> {
         if let Some(left) = &gpu.left
             && left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_err()
         {
-            gpu.faults.note(gpu.failed("injected failure".into()));
+            gpu.failed("injected failure".into());
         }
         let (sender, receiver) = std::sync::mpsc::channel();
         landing.raw().map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
             let _ = sender.send(result); // nobody waits after an error
         });
         gpu.poll(Some(index))?;
-        let mapped = receiver.try_recv().map_err(|_| gpu.failed("its results did not arrive".into()))?;
+        // Where several threads wait, the one that hears of it may be another: it passes the word on in a moment.
+        let mapped = receiver.recv_timeout(PATIENCE).map_err(|_| gpu.failed("its results did not arrive".into()))?;
         mapped.map_err(|error| gpu.failed(format!("its results cannot be read: {error}")))?;
         let view = landing.raw().get_mapped_range(0..bytes);
         let values = view.map(|view| view.to_vec()).map_err(|error| gpu.failed(error.to_string()));

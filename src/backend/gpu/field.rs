@@ -26,6 +26,8 @@ pub struct GpuField {
     vectors: Vectors,
     correct: (f64, Buffer),
     evaluated: bool,
+    /// Share of the last correction that was added since the last evaluation.
+    added: f64,
     n_nodes: usize,
     n_zones: usize,
     /// The kernels of an evaluation: residual, fit of transfers, tally.
@@ -76,6 +78,7 @@ impl GpuField {
             vectors: Vectors::new(gpu, n_nodes)?,
             correct: (1.0, correct(gpu, n_nodes, 1.0)),
             evaluated: false,
+            added: 0.0,
             n_nodes,
             n_zones: level.n_zones,
             solving: None,
@@ -194,6 +197,7 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         let summary = self.summary(gpu, level, false);
         recorder.run(&summary, 1);
+        self.added = 0.0;
         let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
         Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
     }
@@ -245,6 +249,7 @@ impl GpuField {
             &[self.correct.1.whole(), self.vectors.solution.whole(), self.displacement.whole(), self.worst.whole()],
         );
         recorder.run(&correct, self.node_groups());
+        self.added = damping;
         let summary = self.summary(gpu, level, true);
         recorder.run(&summary, 1);
         let bytes = recorder.fetch(&[(&self.step, size_of::<layout::Step>() as u64)], traffic)?;
@@ -289,8 +294,21 @@ impl GpuField {
         Ok(lost.map(|(element, n)| (element, n > 0.0)).collect())
     }
 
-    pub(super) fn displacement(&self) -> &Buffer {
-        &self.displacement
+    /// The displacement of the last evaluation, that is without the correction that was added since.
+    pub(super) fn evaluated(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Buffer, BackendError> {
+        let bytes = 16 * self.n_nodes as u64;
+        let evaluated = gpu.visible(bytes, "a field")?;
+        let back = correct(gpu, self.n_nodes, -self.added);
+        let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
+        let back =
+            gpu.bind(&pipeline, &[back.whole(), self.vectors.solution.whole(), evaluated.whole(), self.worst.whole()]);
+        let mut recorder = gpu.record();
+        recorder.copy(&self.displacement, &evaluated, 0, bytes);
+        if self.added != 0.0 {
+            recorder.run(&back, self.node_groups());
+        }
+        recorder.submit(traffic);
+        Ok(evaluated)
     }
 
     /// What the iteration has found.

@@ -172,7 +172,8 @@ impl Backend for GpuBackend {
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
         let lost = field.lost(&self.gpu, level, &mut frame.traffic)?;
         let numbers: Vec<u32> = lost.iter().map(|lost| lost.0).collect();
-        let moments = level.moments(&self.gpu, &numbers, Some(field.displacement()), &mut frame.traffic)?;
+        let evaluated = field.evaluated(&self.gpu, level, &mut frame.traffic)?;
+        let moments = level.moments(&self.gpu, &numbers, Some(&evaluated), &mut frame.traffic)?;
         let remaining = |((element, any_left), moments): ((u32, bool), ElementMoments)| {
             (element as usize, if any_left { moments } else { ElementMoments::default() })
         };
