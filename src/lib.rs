@@ -1,15 +1,17 @@
 //! Global Q4 digital image correlation: displacement fields from image series.
 //!
 //! One straight road: images -> [`field::Measurement`]. Modules know only modules of lower rank
-//! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`; `metrology`; `report`; `cli`.
+//! (`tests/layers.rs`): `units`, `clock`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
+//! `correlate`; `bench`, `metrology`; `report`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
 pub mod backend;
+pub mod bench;
 pub mod cli;
+pub mod clock;
 pub mod correlate;
 pub mod field;
 pub mod imaging;

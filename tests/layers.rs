@@ -4,8 +4,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 13] = [
+const RANKS: [(&str, u8); 15] = [
     ("units", 0),
+    ("clock", 0),
     ("isa", 0),
     ("linalg", 1),
     ("imaging", 2),
@@ -15,6 +16,7 @@ const RANKS: [(&str, u8); 13] = [
     ("io", 4),
     ("synth", 4),
     ("correlate", 5),
+    ("bench", 6),
     ("metrology", 6),
     ("report", 7),
     ("cli", 8),

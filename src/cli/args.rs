@@ -39,6 +39,8 @@ pub enum Command {
     Metrology(MetrologyArgs),
     /// List the devices that can do the pixel work, and which of them would be taken.
     Devices(DevicesArgs),
+    /// Measure what correlation costs on the devices of this machine, side by side.
+    Bench(BenchArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -512,6 +514,41 @@ pub struct MetrologyArgs {
     /// Threads. Default: all cores. Results do not depend on it.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille bench`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    All devices, small to large images, with a plot:\n    \
+    quadrille bench --size 512,1024,2048,4096 --output bench\n  \
+    The CPU against the first graphics device, as data:\n    \
+    quadrille bench --device cpu,0 --json > bench.json\n\n\
+    What the figures mean, and how far they can be trusted: docs/performance.md.")]
+pub struct BenchArgs {
+    /// Devices to measure: cpu, the number of an adapter, or part of its name. Default: all of this machine.
+    #[arg(long, value_name = "cpu|N|NAME", value_delimiter = ',')]
+    pub device: Vec<String>,
+    /// Sides of the square images, px.
+    #[arg(long, value_name = "PX", value_delimiter = ',', default_values_t = [512, 1024, 2048])]
+    pub size: Vec<usize>,
+    /// Side of the square elements, px (4 to 128).
+    #[arg(long, value_name = "PX", default_value_t = 16)]
+    pub element_size: usize,
+    /// Frames of the series.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub frames: usize,
+    /// Repetitions of each pass, kernel and pair.
+    #[arg(long, value_name = "N", default_value_t = 7)]
+    pub runs: usize,
+    /// Threads of the CPU path. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for bench.json and the plot of time against image size (PNG, SVG); an earlier one is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {

@@ -1,6 +1,7 @@
 //! The command line: arguments in, files and an exit status out.
 
 mod args;
+mod bench;
 mod correlate;
 mod demo;
 mod devices;
@@ -58,6 +59,7 @@ pub fn main() -> ExitCode {
         args::Command::Demo(args) => demo::run(&args),
         args::Command::Metrology(args) => metrology::run(&args),
         args::Command::Devices(args) => devices::run(&args),
+        args::Command::Bench(args) => bench::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -1,5 +1,6 @@
 //! Adapters, the device, and the way to and from it.
 
+use super::profile::{Profile, Stamps, Timing, Work};
 use super::shader::{Binding, Kernel, source};
 use crate::backend::{BackendError, Traffic};
 use crate::imaging::Interpolation;
@@ -146,8 +147,9 @@ impl Faults {
 #[derive(Debug)]
 pub(super) struct Gpu {
     pub adapter: GpuAdapter,
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) profile: Profile,
     faults: Arc<Faults>,
     /// Readbacks that are left before an injected failure.
     left: Option<AtomicUsize>,
@@ -195,7 +197,7 @@ impl Drop for Buffer {
 }
 
 impl Buffer {
-    fn raw(&self) -> &wgpu::Buffer {
+    pub(super) fn raw(&self) -> &wgpu::Buffer {
         self.buffer.as_ref().expect("taken only when dropped")
     }
 
@@ -261,6 +263,7 @@ impl Gpu {
             adapter,
             device,
             queue,
+            profile: Profile::default(),
             faults,
             left: options.fail_after.map(AtomicUsize::new),
             pipelines: Mutex::default(),
@@ -278,7 +281,8 @@ impl Gpu {
     pub fn pipeline(&self, kernel: Kernel, interpolation: Interpolation, lanes: u32) -> Arc<Pipeline> {
         let variant = (kernel, kernel.interpolates().then_some(interpolation), kernel.interpolates().then_some(lanes));
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        pipelines.entry(variant).or_insert_with(|| Arc::new(self.compile(kernel, interpolation, variant.2))).clone()
+        let compile = || Arc::new(self.compile(kernel, interpolation, variant.2));
+        pipelines.entry(variant).or_insert_with(|| self.noted(Work::Compile(kernel), compile)).clone()
     }
 
     fn compile(&self, kernel: Kernel, interpolation: Interpolation, lanes: Option<u32>) -> Pipeline {
@@ -347,7 +351,7 @@ impl Gpu {
         Bound { pipeline: pipeline.clone(), group }
     }
 
-    fn buffer_for(&self, bytes: u64, usage: BufferUsages, what: &str) -> Result<Buffer, BackendError> {
+    pub(super) fn buffer_for(&self, bytes: u64, usage: BufferUsages, what: &str) -> Result<Buffer, BackendError> {
         let bytes = bytes.next_multiple_of(16).max(16);
         if bytes > self.adapter.max_buffer_bytes {
             let what = format!("{what} ({} MB on {})", bytes / 1_000_000, self.adapter.name);
@@ -408,12 +412,14 @@ impl Gpu {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         // Copies are of whole words.
         let whole = bytes.len() / 4 * 4;
-        self.queue.write_buffer(buffer.raw(), 0, &bytes[..whole]);
-        if whole < bytes.len() {
-            let mut last = [0u8; 4];
-            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
-            self.queue.write_buffer(buffer.raw(), whole as u64, &last);
-        }
+        self.noted(Work::Upload, || {
+            self.queue.write_buffer(buffer.raw(), 0, &bytes[..whole]);
+            if whole < bytes.len() {
+                let mut last = [0u8; 4];
+                last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+                self.queue.write_buffer(buffer.raw(), whole as u64, &last);
+            }
+        });
         bytes.len()
     }
 
@@ -424,7 +430,7 @@ impl Gpu {
 
     /// A recorder of work.
     pub fn record(&self) -> Recorder<'_> {
-        Recorder { gpu: self, encoder: self.device.create_command_encoder(&Default::default()), pass: None }
+        Recorder { timing: self.profile.timing(), ..Recorder::untimed(self) }
     }
 
     /// Waits for everything submitted so far.
@@ -436,6 +442,11 @@ impl Gpu {
         let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
         self.check()?;
         waited.map(|_| ()).map_err(|error| self.failed(format!("waiting for it: {error}")))
+    }
+
+    /// Notes a fault that nobody could return: the next check finds it.
+    pub(super) fn fault(&self, fault: BackendError) {
+        self.faults.note(fault);
     }
 
     /// Notes that the device has failed: what it holds is no longer known.
@@ -455,15 +466,23 @@ pub(super) struct Bound {
 
 /// Records a batch of work.
 pub(super) struct Recorder<'a> {
-    gpu: &'a Gpu,
-    encoder: wgpu::CommandEncoder,
-    pass: Option<wgpu::ComputePass<'static>>,
+    pub(super) gpu: &'a Gpu,
+    pub(super) encoder: wgpu::CommandEncoder,
+    pub(super) pass: Option<wgpu::ComputePass<'static>>,
+    timing: Option<Timing>,
+    pub(super) stamps: Option<Stamps>,
 }
 
 /// Workgroups along one dimension at most (what every WebGPU device offers is 65535).
 const MOST_GROUPS: u32 = 32768;
 
-impl Recorder<'_> {
+impl<'a> Recorder<'a> {
+    /// One whose kernels are not timed.
+    pub(super) fn untimed(gpu: &'a Gpu) -> Self {
+        let encoder = gpu.device.create_command_encoder(&Default::default());
+        Self { gpu, encoder, pass: None, timing: None, stamps: None }
+    }
+
     /// Runs `bound` on `groups` workgroups, folded into rows when they are many.
     pub fn run(&mut self, bound: &Bound, groups: u32) {
         if groups > 0 {
@@ -473,11 +492,16 @@ impl Recorder<'_> {
 
     /// Runs `bound` on `x` by `y` workgroups.
     pub fn run_2d(&mut self, bound: &Bound, x: u32, y: u32) {
+        let dispatch = |pass: &mut wgpu::ComputePass<'_>| {
+            pass.set_pipeline(&bound.pipeline.pipeline);
+            pass.set_bind_group(0, &bound.group, &[]);
+            pass.dispatch_workgroups(x, y, 1);
+        };
+        if let Some(timing) = self.timing {
+            return self.run_timed(timing, bound.pipeline.kernel, dispatch);
+        }
         let encoder = &mut self.encoder;
-        let pass = self.pass.get_or_insert_with(|| encoder.begin_compute_pass(&Default::default()).forget_lifetime());
-        pass.set_pipeline(&bound.pipeline.pipeline);
-        pass.set_bind_group(0, &bound.group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
+        dispatch(self.pass.get_or_insert_with(|| encoder.begin_compute_pass(&Default::default()).forget_lifetime()));
     }
 
     /// Sets a buffer to zeros.
@@ -495,6 +519,9 @@ impl Recorder<'_> {
     /// Hands the work to the device.
     pub fn submit(mut self, traffic: &mut Traffic) -> wgpu::SubmissionIndex {
         self.pass = None;
+        if self.timing.is_some() {
+            self.settle();
+        }
         traffic.submissions += 1;
         self.gpu.queue.submit([self.encoder.finish()])
     }
@@ -502,6 +529,10 @@ impl Recorder<'_> {
     /// Hands the work to the device and fetches the beginnings of buffers, each so many bytes.
     pub fn fetch(mut self, parts: &[(&Buffer, u64)], traffic: &mut Traffic) -> Result<Vec<u8>, BackendError> {
         let gpu = self.gpu;
+        if self.timing.take().is_some() {
+            self.settle();
+            return gpu.noted(Work::Readback, || self.fetch(parts, traffic));
+        }
         let bytes: u64 = parts.iter().map(|part| part.1).sum();
         let landing = gpu.buffer_for(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST, "results")?;
         let mut at = 0;

@@ -10,6 +10,7 @@ mod field;
 mod layout;
 mod level;
 mod plane;
+mod profile;
 mod shader;
 mod solver;
 
@@ -18,6 +19,7 @@ pub use field::GpuField;
 pub use layout::{Mirror, mirrors};
 pub use level::GpuLevel;
 pub use plane::GpuFrame;
+pub use profile::{Noted, Timing, Work};
 pub use shader::{Binding, KERNELS, Kernel, source};
 pub use solver::GpuSolver;
 
@@ -33,10 +35,10 @@ use std::sync::Arc;
 /// Frames worth correlating at the same time: while one waits for its report, others work.
 const FRAMES_IN_FLIGHT: usize = 3;
 
-/// A graphics device that correlates.
-#[derive(Debug)]
+/// A graphics device that correlates; copies of it share the device.
+#[derive(Debug, Clone)]
 pub struct GpuBackend {
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
 }
 
 impl GpuBackend {
@@ -48,7 +50,7 @@ impl GpuBackend {
         if let Some(why) = &adapter.unusable {
             return Err(BackendError::Device { device: adapter.name.clone(), message: why.clone() });
         }
-        Ok(Self { gpu: Gpu::open(adapter.clone(), options)? })
+        Ok(Self { gpu: Arc::new(Gpu::open(adapter.clone(), options)?) })
     }
 
     /// The adapter.
@@ -61,6 +63,25 @@ impl GpuBackend {
     /// # Errors
     /// When it fails.
     pub fn wait(&self) -> Result<(), BackendError> {
+        self.gpu.wait()
+    }
+
+    /// Notes from now on what every piece of work takes, which slows the work down; `None` ends it. Returns what
+    /// was noted before.
+    pub fn profile(&self, timing: Option<Timing>) -> Vec<Noted> {
+        self.gpu.profile.switch(timing)
+    }
+
+    /// Copies `bytes` within the device's memory, `times` times one after the other, and waits.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn copy_within(&self, bytes: u64, times: usize) -> Result<(), BackendError> {
+        let buffer = || self.gpu.storage(bytes, "a copy");
+        let (from, to) = (buffer()?, buffer()?);
+        let mut recorder = self.gpu.record();
+        (0..times).for_each(|_| recorder.copy(&from, &to, 0, bytes));
+        recorder.submit(&mut Traffic::default());
         self.gpu.wait()
     }
 }

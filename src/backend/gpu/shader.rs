@@ -14,7 +14,8 @@ pub enum Binding {
 }
 
 /// A kernel: an entry point of a shader file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// Pixels to grey levels.
     Unpack,

@@ -1,0 +1,223 @@
+//! What correlation costs on a device: single passes and kernels, a cold pair, a series. `docs/performance.md` says
+//! how to read the numbers. Measures and returns; the command line and `benches/` print.
+
+mod kernels;
+mod passes;
+mod scene;
+mod start_up;
+mod times;
+mod whole;
+
+pub use kernels::{KernelCost, kernel_costs};
+pub use passes::{Bound, PassCost, ResidualPass, pass_costs};
+pub use scene::{Scene, kernel_options};
+pub use start_up::{KernelStart, StartUp, start_up};
+pub use times::{Spread, Times, repeat};
+pub use whole::{PairCost, SeriesCost, Share, pair_cost, series_cost};
+
+use crate::backend::cpu::CpuBackend;
+use crate::backend::gpu::{AdapterKind, GpuAdapter, GpuBackend, Timing};
+use crate::backend::{Backend, BackendError, KernelOptions};
+use crate::clock::Elapsed;
+use crate::correlate::CorrelationError;
+use crate::imaging::Image;
+use crate::mesh::MeshError;
+use crate::synth::SynthError;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Why nothing could be measured.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// The device failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The correlation of the synthetic images failed.
+    #[error(transparent)]
+    Correlation(#[from] CorrelationError),
+    /// The images are too small for such elements.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The images cannot be made.
+    #[error(transparent)]
+    Synth(#[from] SynthError),
+    /// A frame that must converge did not: its time would mean nothing.
+    #[error(
+        "frame {frame} of {size} x {size} px with elements of {element} px did not converge: choose other elements"
+    )]
+    NotConverged {
+        /// Number of the frame in the series.
+        frame: usize,
+        /// Side of the image, px.
+        size: usize,
+        /// Side of the elements, px.
+        element: usize,
+    },
+}
+
+/// What a device's figures are read from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// Processor time of this process, over all threads: for the CPU, and for drivers that compute on it. Programs
+    /// beside it on the machine disturb it little.
+    Processor,
+    /// The device's timestamps for kernels (wall time where it has none), wall time for everything else.
+    Device,
+}
+
+impl Clock {
+    /// Seconds on this clock.
+    pub fn of(self, elapsed: Elapsed) -> f64 {
+        match self {
+            Self::Processor => elapsed.cpu_s,
+            Self::Device => elapsed.wall_s,
+        }
+    }
+
+    /// What its seconds are.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::Processor => "processor time of this process, all threads together",
+            Self::Device => "the device's own clock for kernels, wall time for all else",
+        }
+    }
+}
+
+/// A device that can be measured.
+pub trait Subject: Backend + Clone {
+    /// Brings an image to the device with its interpolation coefficients, and waits for them.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn prepare(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError>;
+
+    /// What its figures are read from.
+    fn clock(&self) -> Clock;
+
+    /// The graphics device that it is, if it is one: it can tell what its kernels take.
+    fn graphics(&self) -> Option<(&GpuBackend, Timing)> {
+        None
+    }
+
+    /// Bytes per second read and written by long copies within its memory: of one core, on the processor's clock.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn copy_rate(&self) -> Result<f64, BackendError> {
+        Ok(copy_rate_of_core())
+    }
+}
+
+impl Subject for CpuBackend {
+    fn prepare(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError> {
+        let mut frame = self.frame(image, options)?;
+        self.prefilter(&mut frame, 0)?;
+        Ok(frame)
+    }
+
+    fn clock(&self) -> Clock {
+        Clock::Processor
+    }
+}
+
+impl Subject for GpuBackend {
+    fn prepare(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError> {
+        let frame = self.frame(image, options)?;
+        self.wait()?;
+        Ok(frame)
+    }
+
+    fn clock(&self) -> Clock {
+        clock_of(self.adapter())
+    }
+
+    fn graphics(&self) -> Option<(&GpuBackend, Timing)> {
+        let timestamps = self.adapter().has_timestamps && self.clock() == Clock::Device;
+        Some((self, if timestamps { Timing::Timestamps } else { Timing::Batches }))
+    }
+
+    fn copy_rate(&self) -> Result<f64, BackendError> {
+        if self.clock() == Clock::Processor {
+            return Ok(copy_rate_of_core());
+        }
+        let bytes = COPIED.min(self.adapter().max_buffer_bytes);
+        let times = repeat(5, || self.copy_within(bytes, COPIES))?;
+        Ok((2 * bytes * COPIES as u64) as f64 / times.wall.fastest)
+    }
+}
+
+fn clock_of(adapter: &GpuAdapter) -> Clock {
+    if adapter.kind == AdapterKind::Software { Clock::Processor } else { Clock::Device }
+}
+
+/// Bytes copied at once to find what memory can do: far more than any cache holds.
+const COPIED: u64 = 256 << 20;
+/// Copies in one go on a graphics device.
+const COPIES: usize = 20;
+
+fn copy_rate_of_core() -> f64 {
+    const PIECE: usize = 1 << 20;
+    let from = vec![1u8; COPIED as usize];
+    let mut to = vec![0u8; COPIED as usize];
+    let mut copy =
+        || to.par_chunks_mut(PIECE).zip(from.par_chunks(PIECE)).for_each(|(to, from)| to.copy_from_slice(from));
+    let times = (0..4).map(|_| {
+        let watch = crate::clock::Stopwatch::start();
+        copy();
+        watch.elapsed().cpu_s
+    });
+    let fastest = times.fold(f64::INFINITY, f64::min);
+    2.0 * COPIED as f64 / fastest
+}
+
+/// What to measure.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Plan {
+    /// Sides of the square images, px.
+    pub sizes_px: Vec<usize>,
+    /// Side of the elements, px.
+    pub element_size_px: usize,
+    /// Repetitions of a pass, a kernel and a cold pair.
+    pub runs: usize,
+    /// Frames of the series.
+    pub frames: usize,
+}
+
+/// Figures of one image size.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SizeCost {
+    /// Side of the square image, px.
+    pub size_px: usize,
+    /// Elements.
+    pub n_elements: usize,
+    /// Nodes.
+    pub n_nodes: usize,
+    /// Passes over an image, as both kinds of device do them.
+    pub passes: Vec<PassCost>,
+    /// Kernels of a graphics device.
+    pub kernels: Vec<KernelCost>,
+    /// A reference and one frame, nothing known.
+    pub pair: PairCost,
+    /// Frames that follow each other.
+    pub series: SeriesCost,
+}
+
+/// Everything at one size of images.
+///
+/// # Errors
+/// When the device fails, or the elements do not fit.
+pub fn size_cost<B: Subject>(backend: &B, scene: &Scene, plan: &Plan, copy_rate: f64) -> Result<SizeCost, BenchError> {
+    Ok(SizeCost {
+        size_px: scene.size,
+        n_elements: scene.mesh.mesh.n_elements(),
+        n_nodes: scene.mesh.mesh.n_nodes(),
+        passes: pass_costs(backend, scene, plan.runs, copy_rate)?,
+        kernels: kernel_costs(backend, scene, plan.runs, copy_rate)?,
+        pair: pair_cost(backend, scene, plan.runs)?,
+        series: series_cost(backend, scene, plan.frames)?,
+    })
+}
