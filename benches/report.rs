@@ -1,23 +1,23 @@
-//! Times and memory of the CPU path, as tables for `benches/RESULTS.md`.
+//! Times and memory of the CPU path, and of all devices, as tables for `benches/RESULTS.md`.
 //!
 //!     cargo bench --bench report                 all tables (a few minutes)
-//!     cargo bench --bench report -- kernels      one of: kernels, pairs, solvers
+//!     cargo bench --bench report -- kernels      one of: kernels, pairs, solvers, devices
 //!     cargo bench --bench report -- gate         only the ratio that CI checks: vector path / per-pixel loop
 //!
 //! Every number is wall time of the named work alone, images in memory; medians of the stated number of
 //! runs with the fastest and slowest beside. On a shared machine only ratios within one run are safe.
 
+use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::backend::{Backend, GreyTransfer, KernelOptions};
+use quadrille::backend::gpu::adapters;
+use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, repeat};
 use quadrille::correlate::{Correlator, Options};
-use quadrille::field::{Brightness, Status};
-use quadrille::imaging::{Image, Interpolation};
+use quadrille::field::Status;
 use quadrille::isa::Isa;
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, inverse_diagonal, nested_dissection};
-use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
-use quadrille::synth::{Accuracy, RenderOptions, Texture, Translation, exact_at, render};
+use std::convert::Infallible;
+use std::fmt::Debug;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// The vector path must beat the per-pixel loop by this in the same run.
 const GATE: f64 = 4.0;
@@ -43,6 +43,9 @@ fn main() {
     if asked("solvers") {
         solvers();
     }
+    if asked("devices") {
+        devices();
+    }
     if asked("gate") {
         gate();
     }
@@ -55,48 +58,26 @@ fn machine() -> String {
     format!("{}, {cores} cores", model.unwrap_or("unknown processor"))
 }
 
-/// Fastest, median and slowest of `runs`, seconds.
-fn time<T>(runs: usize, mut work: impl FnMut() -> T) -> [f64; 3] {
-    let mut seconds: Vec<f64> = (0..runs)
-        .map(|_| {
-            let begin = Instant::now();
-            std::hint::black_box(work());
-            begin.elapsed().as_secs_f64()
-        })
-        .collect();
-    seconds.sort_by(f64::total_cmp);
-    [seconds[0], seconds[runs / 2], seconds[runs - 1]]
+/// Seconds on the wall of `runs` repetitions.
+fn time<T, E: Debug>(runs: usize, work: impl FnMut() -> Result<T, E>) -> Spread {
+    repeat(runs, work).expect("a measurement").wall
 }
 
-fn shown([fastest, median, slowest]: [f64; 3], scale: f64) -> String {
+fn shown(Spread { fastest, median, slowest }: Spread, scale: f64) -> String {
     format!("{:.2} ({:.2}-{:.2})", median * scale, fastest * scale, slowest * scale)
+}
+
+/// The result of work that cannot fail.
+fn always<T>(value: T) -> Result<T, Infallible> {
+    Ok(value)
 }
 
 fn threads(n: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a thread pool")
 }
 
-/// The pair of the accuracy figures: 8 bit, sinusoids of 1 px, 0.5 % stretch, 0.2 degrees.
-fn pair(size: usize) -> [Arc<Image>; 2] {
-    let texture = Texture::new(1, 4.5).expect("a texture");
-    let options = RenderOptions::new(size, size);
-    let reference = render(&texture, &Translation([0.0; 2]), &options).expect("an image");
-    let deformed = render(&texture, &Accuracy::new(size, size), &options).expect("an image");
-    [Arc::new(reference), Arc::new(deformed)]
-}
-
-/// The whole image less one element on each side.
-fn zone(size: usize, element: usize) -> [Zone; 1] {
-    let (low, high) = (element as f64, (size - element) as f64);
-    [Zone::rectangle("image", Roi { x0: low, y0: low, x1: high, y1: high })]
-}
-
-fn kernel_options() -> KernelOptions {
-    KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 120.0, brightness: Brightness::Zone }
-}
-
-fn mesh(size: usize, element: usize) -> PixelMesh {
-    PixelMesh::on_zones(&zone(size, element), element, ELEMENT_SHARE, [size, size]).expect("a mesh")
+fn scene(size: usize, element: usize) -> Scene {
+    Scene::new(size, element, 1).expect("a scene")
 }
 
 fn kernels() {
@@ -105,34 +86,26 @@ fn kernels() {
     println!("|---|---|---|---|---|---|");
     threads(1).install(|| {
         for size in [1024, 2048, 4096] {
-            let [reference, deformed] = pair(size);
+            let scene = scene(size, 16);
             for isa in Isa::available() {
                 if size > 1024 && ["baseline", "scalar"].contains(&isa.name()) {
                     continue;
                 }
                 let per_px = 1e9 / (size * size) as f64;
-                let (backend, options, mesh) = (CpuBackend::new(isa), kernel_options(), mesh(size, 16));
-                let frame = || backend.frame(reference.clone(), &options).expect("a frame");
-                let prefilter = time(9, || {
-                    let mut frame = frame();
-                    backend.prefilter(&mut frame, 0).expect("memory");
-                    frame
+                let (backend, options) = (CpuBackend::new(isa), kernel_options());
+                let prefilter = time(9, || backend.prepare(scene.reference.clone(), &options));
+                let reference = time(9, || {
+                    let mut frame = backend.frame(scene.reference.clone(), &options)?;
+                    backend.reference(&mut frame, 0, &scene.mesh, &options)
                 });
-                let reference_time = time(9, || backend.reference(&mut frame(), 0, &mesh, &options));
-                let (level, _) = backend.reference(&mut frame(), 0, &mesh, &options).expect("a level");
-                let mut deformed = backend.frame(deformed.clone(), &options).expect("a frame");
                 let residual = [0.03, 1.0].map(|scale| {
-                    let exact = exact_at(&Accuracy::new(size, size), mesh.mesh.nodes());
-                    let exact: Vec<_> = exact.iter().map(|u| u.map(|u| 0.37 + u * scale)).collect();
-                    let mut field =
-                        backend.start(&level, &mut deformed, &exact, &[GreyTransfer::NONE]).expect("a field");
-                    backend.observe(&level, &mut deformed, &mut field).expect("a pass");
-                    time(9, || backend.observe(&level, &mut deformed, &mut field))
+                    let mut pass = ResidualPass::new(&backend, &scene, scale).expect("a field");
+                    time(9, || pass.observe())
                 });
                 println!(
                     "| {size}² | {isa} | {} | {:.2} | {} | {} |",
                     shown(prefilter, per_px),
-                    (reference_time[1] - prefilter[1]) * per_px,
+                    (reference.median - prefilter.median) * per_px,
                     shown(residual[0], per_px),
                     shown(residual[1], per_px),
                 );
@@ -152,15 +125,14 @@ fn pairs() {
     println!("|---|---|---|---|---|---|---|");
     threads(2).install(|| {
         for size in [1024, 2048, 4096] {
-            let [reference, deformed] = pair(size);
-            let prepare = || {
-                Correlator::new(CpuBackend::default(), reference.clone(), &zone(size, 16), Options::default())
-                    .expect("a reference")
-            };
+            let scene = scene(size, 16);
+            let deformed = scene.frame(0);
+            let prepare =
+                || Correlator::new(CpuBackend::default(), scene.reference.clone(), &scene.zone(), scene.options());
             let preparing = time(7, prepare);
-            let correlator = prepare();
+            let correlator = prepare().expect("a reference");
             let cold = time(7, || correlator.correlate(deformed.clone(), None));
-            let both = time(7, || prepare().correlate(deformed.clone(), None));
+            let both = time(7, || prepare()?.correlate(deformed.clone(), None));
             let result = correlator.correlate(deformed.clone(), None).expect("a result");
             assert_eq!(result.measurement.status, Status::Converged);
             let transfer: Vec<_> = result.zones.iter().map(|zone| zone.transfer).collect();
@@ -181,7 +153,7 @@ fn pairs() {
     println!();
 }
 
-fn shown3([fastest, median, slowest]: [f64; 3]) -> String {
+fn shown3(Spread { fastest, median, slowest }: Spread) -> String {
     format!("{median:.4} ({fastest:.4}-{slowest:.4})")
 }
 
@@ -194,12 +166,13 @@ fn memory_in_child(size: usize) -> String {
 
 fn memory_of_pair(size: usize) {
     threads(2).install(|| {
-        let [reference, deformed] = pair(size);
+        let Scene { reference, mut deformed, .. } = scene(size, 16);
+        let zone = scene(64, 16).zone();
         let before = status_kb("VmRSS:");
         // From here on the peak counts.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
-        let correlator = Correlator::new(CpuBackend::default(), reference, &zone(size, 16), Options::default());
-        correlator.expect("a reference").correlate(deformed, None).expect("a result");
+        let correlator = Correlator::new(CpuBackend::default(), reference, &zone, Options::default());
+        correlator.expect("a reference").correlate(deformed.remove(0), None).expect("a result");
         let bytes = (status_kb("VmHWM:") - before) * 1024.0;
         println!("{:.1}", bytes / (size * size) as f64);
     });
@@ -217,9 +190,9 @@ fn solvers() {
     println!("|---|---|---|---|---|---|---|");
     threads(2).install(|| {
         for (size, element) in [(512, 16), (1024, 16), (2048, 16), (1024, 4), (4096, 16), (2048, 4)] {
-            let image = pair(size)[0].clone();
-            let (backend, mesh) = (CpuBackend::default(), mesh(size, element));
-            let mut frame = backend.frame(image, &kernel_options()).expect("a frame");
+            let Scene { reference, mesh, .. } = scene(size, element);
+            let backend = CpuBackend::default();
+            let mut frame = backend.frame(reference, &kernel_options()).expect("a frame");
             let (_, moments) = backend.reference(&mut frame, 0, &mesh, &kernel_options()).expect("a level");
             let pattern = Arc::new(Pattern::new(mesh.mesh.n_nodes(), mesh.mesh.elements()));
             let matrices: Vec<_> = moments.iter().map(|m| m.matrix()).collect();
@@ -227,52 +200,52 @@ fn solvers() {
             let grid = mesh.mesh.whole_grid(0).expect("a rectangle");
             let direct = || {
                 let order = || nested_dissection(grid.nx + 1, grid.ny + 1);
-                Solver::new(matrix.clone(), SolverChoice::Direct, order).expect("a factor")
+                Solver::new(matrix.clone(), SolverChoice::Direct, order)
             };
-            let (factor, solver) = (time(5, direct), direct());
+            let (factor, solver) = (time(5, direct), direct().expect("a factor"));
             let iterative = Solver::iterative(matrix.clone());
             let rhs: Vec<[f64; 2]> =
                 (0..mesh.mesh.n_nodes()).map(|k| [(k as f64 * 1.3).sin(), (k as f64 * 1.7).cos()]).collect();
-            let solve = time(5, || solver.solve(rhs.clone()));
-            let cg = time(5, || iterative.solve(rhs.clone()));
+            let solve = time(5, || always(solver.solve(rhs.clone())));
+            let cg = time(5, || always(iterative.solve(rhs.clone())));
             let (_, outcome) = iterative.jacobi().solve(&matrix, &rhs, 1e-2, 60);
             let colour: Vec<u32> =
                 (0..=grid.ny).flat_map(|j| (0..=grid.nx).map(move |i| (4 * (j % 4) + i % 4) as u32)).collect();
-            let variances = time(5, || inverse_diagonal(Isa::detect(), &matrix, iterative.jacobi(), &colour));
+            let variances = time(5, || always(inverse_diagonal(Isa::detect(), &matrix, iterative.jacobi(), &colour)));
             println!(
                 "| {size}²/{element} | {} | {:.1} | {:.0} | {:.2} | {:.2} ({}) | {:.1} |",
                 mesh.mesh.n_nodes(),
-                factor[1] * 1e3,
+                factor.median * 1e3,
                 solver.factor_bytes() as f64 / 1e6,
-                solve[1] * 1e3,
-                cg[1] * 1e3,
+                solve.median * 1e3,
+                cg.median * 1e3,
                 outcome.iterations,
-                variances[1] * 1e3,
+                variances.median * 1e3,
             );
         }
     });
     println!();
 }
 
+/// Every device of this machine; the same as `quadrille bench`.
+fn devices() {
+    let usable = adapters().list.into_iter().filter(|adapter| adapter.unusable.is_none());
+    let devices: Vec<_> = [Device::Cpu].into_iter().chain(usable.map(|a| Device::Adapter(Box::new(a)))).collect();
+    let plan = Plan { sizes_px: vec![512, 1024, 2048], element_size_px: 16, runs: 5, frames: 6 };
+    let record = threads(2).install(|| Record::measure(&devices, plan, machine(), |what| eprintln!("{what}")));
+    println!("{}", record.expect("figures"));
+}
+
 /// Ratio of the per-pixel loop to the vector path in one run; the program fails when it is too small.
 fn gate() {
-    let size = 512;
-    let [reference, deformed] = pair(size);
-    let (options, mesh) = (kernel_options(), mesh(size, 16));
-    let exact = exact_at(&Accuracy::new(size, size), mesh.mesh.nodes());
+    let scene = scene(512, 16);
     let pass = |isa: Isa| {
-        let backend = CpuBackend::new(isa);
-        let mut frame = backend.frame(reference.clone(), &options).expect("a frame");
-        let (level, _) = backend.reference(&mut frame, 0, &mesh, &options).expect("a level");
-        let mut deformed = backend.frame(deformed.clone(), &options).expect("a frame");
-        let mut field = backend.start(&level, &mut deformed, &exact, &[GreyTransfer::NONE]).expect("a field");
-        time(15, || backend.observe(&level, &mut deformed, &mut field))[0]
+        let mut pass = ResidualPass::new(&CpuBackend::new(isa), &scene, 1.0).expect("a field");
+        // The fastest: a neighbour on the machine can only slow a run down.
+        time(15, || pass.observe()).fastest
     };
-    let ratio = threads(1).install(|| {
-        // The fastest of each: a neighbour on the machine can only slow a run down.
-        pass(Isa::named("scalar").expect("always there")) / pass(Isa::detect())
-    });
-    println!("residual pass, {size}², one thread: the {} path is {ratio:.1} times the per-pixel loop", Isa::detect());
+    let ratio = threads(1).install(|| pass(Isa::named("scalar").expect("always there")) / pass(Isa::detect()));
+    println!("residual pass, 512², one thread: the {} path is {ratio:.1} times the per-pixel loop", Isa::detect());
     if Isa::detect().name() != "baseline" && ratio < GATE {
         eprintln!("the vector path must be at least {GATE} times as fast: look for what keeps it from vectorising");
         std::process::exit(1);

@@ -1,5 +1,6 @@
 // The reference: grey levels and the gradient of their spline at the pixels, row by row f, fx, fy.
-// Twin: `gradient` in src/backend/cpu/pixels.rs. Thread = pixel.
+// Twin: `gradient` in src/backend/cpu/pixels.rs. Thread = column of ROWS
+// pixels: going down, sums along four of five rows of coefficients stay in registers.
 #import types
 
 struct Gradient {
@@ -21,29 +22,33 @@ struct Gradient {
 @group(0) @binding(2) var<storage, read> coefficients: array<f32>;
 @group(0) @binding(3) var<storage, read_write> reference: array<f32>;
 
+const ROWS: i32 = 16;
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let x = i32(id.x);
-    let y = i32(id.y);
-    if x >= gradient.width || y >= gradient.rows {
+    let first = ROWS * i32(id.y);
+    if x >= gradient.width || first >= gradient.rows {
         return;
     }
-    var fx = 0.0;
-    var fy = 0.0;
-    for (var j = 0; j < 5; j++) {
-        let row = gradient.coefficients_first + (y + j - 2) * gradient.stride + x - 2;
-        var smooth_x = 0.0;
-        var slope_x = 0.0;
-        for (var k = 0; k < 5; k++) {
-            let c = coefficients[row + k];
-            smooth_x += gradient.value[k >> 2][k & 3] * c;
-            slope_x += gradient.derivative[k >> 2][k & 3] * c;
+    // Value and slope along x of the rows from two above to one below.
+    var even = vec4<f32>(0.0);
+    var slope = vec4<f32>(0.0);
+    let end = min(first + ROWS, gradient.rows);
+    for (var y = first - 4; y < end; y++) {
+        let row = gradient.coefficients_first + (y + 2) * gradient.stride + x - 2;
+        let c = vec4<f32>(coefficients[row], coefficients[row + 1], coefficients[row + 2], coefficients[row + 3]);
+        let last = coefficients[row + 4];
+        let even_below = dot(gradient.value[0], c) + gradient.value[1].x * last;
+        let slope_below = dot(gradient.derivative[0], c) + gradient.derivative[1].x * last;
+        if y >= first {
+            let at = gradient.reference_first + 3 * y * gradient.stride + x;
+            reference[at] = grey[gradient.grey_first + y * gradient.stride + x];
+            reference[at + gradient.stride] = dot(gradient.value[0], slope) + gradient.value[1].x * slope_below;
+            reference[at + 2 * gradient.stride] =
+                dot(gradient.derivative[0], even) + gradient.derivative[1].x * even_below;
         }
-        fx += gradient.value[j >> 2][j & 3] * slope_x;
-        fy += gradient.derivative[j >> 2][j & 3] * smooth_x;
+        even = vec4<f32>(even.yzw, even_below);
+        slope = vec4<f32>(slope.yzw, slope_below);
     }
-    let at = gradient.reference_first + 3 * y * gradient.stride + x;
-    reference[at] = grey[gradient.grey_first + y * gradient.stride + x];
-    reference[at + gradient.stride] = fx;
-    reference[at + 2 * gradient.stride] = fy;
 }

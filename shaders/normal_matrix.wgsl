@@ -22,11 +22,23 @@ const QUANTITIES: u32 = 46u;
 const MOMENTS: u32 = 48u;
 var<workgroup> partial: array<f32, 2944>; // QUANTITIES * 64
 
-// products p of (fx fx, fx fy, fy fy), by weight in eta; components by weight in xi.
-var<private> products: array<array<vec3<f32>, 3>, 3>;
+// Sums of fx fx, fx fy, fy fy by weight in eta, their components by weight in xi. Single variables: a device
+// keeps an array that is indexed by a loop in memory.
+var<private> xx_near: vec3<f32>;
+var<private> xx_middle: vec3<f32>;
+var<private> xx_far: vec3<f32>;
+var<private> xy_near: vec3<f32>;
+var<private> xy_middle: vec3<f32>;
+var<private> xy_far: vec3<f32>;
+var<private> yy_near: vec3<f32>;
+var<private> yy_middle: vec3<f32>;
+var<private> yy_far: vec3<f32>;
 var<private> counts: vec3<f32>;
-// psi fx, psi fy times f and times 1.
-var<private> coupling: array<vec4<f32>, 4>;
+// psi fx, psi fy times f and times 1: for elements with a gain and offset of their own.
+var<private> x_with_f: vec4<f32>;
+var<private> y_with_f: vec4<f32>;
+var<private> x_with_one: vec4<f32>;
+var<private> y_with_one: vec4<f32>;
 
 fn add_pixel(at: i32, xi: f32, eta: f32, weight: f32) {
     let f = reference[at];
@@ -36,21 +48,37 @@ fn add_pixel(at: i32, xi: f32, eta: f32, weight: f32) {
     let near = (1.0 - eta) * (1.0 - eta);
     let middle = eta * (1.0 - eta);
     let far = eta * eta;
-    products[0][0] += (fx * fx * near) * wx;
-    products[0][1] += (fx * fx * middle) * wx;
-    products[0][2] += (fx * fx * far) * wx;
-    products[1][0] += (fx * fy * near) * wx;
-    products[1][1] += (fx * fy * middle) * wx;
-    products[1][2] += (fx * fy * far) * wx;
-    products[2][0] += (fy * fy * near) * wx;
-    products[2][1] += (fy * fy * middle) * wx;
-    products[2][2] += (fy * fy * far) * wx;
+    xx_near += (fx * fx * near) * wx;
+    xx_middle += (fx * fx * middle) * wx;
+    xx_far += (fx * fx * far) * wx;
+    xy_near += (fx * fy * near) * wx;
+    xy_middle += (fx * fy * middle) * wx;
+    xy_far += (fx * fy * far) * wx;
+    yy_near += (fy * fy * near) * wx;
+    yy_middle += (fy * fy * middle) * wx;
+    yy_far += (fy * fy * far) * wx;
     counts += weight * vec3<f32>(1.0, f, f * f);
-    let psi = weight * shape_functions(xi, eta);
-    coupling[0] += (fx * f) * psi;
-    coupling[1] += (fy * f) * psi;
-    coupling[2] += fx * psi;
-    coupling[3] += fy * psi;
+    if run.own_transfer != 0u {
+        let psi = weight * shape_functions(xi, eta);
+        x_with_f += (fx * f) * psi;
+        y_with_f += (fy * f) * psi;
+        x_with_one += fx * psi;
+        y_with_one += fy * psi;
+    }
+}
+
+fn store3(k: u32, thread: u32, sums: vec3<f32>) {
+    partial[k * 64u + thread] = sums.x;
+    partial[(k + 1u) * 64u + thread] = sums.y;
+    partial[(k + 2u) * 64u + thread] = sums.z;
+}
+
+// Every second of eight, from `k` on.
+fn store4(k: u32, thread: u32, sums: vec4<f32>) {
+    partial[k * 64u + thread] = sums.x;
+    partial[(k + 2u) * 64u + thread] = sums.y;
+    partial[(k + 4u) * 64u + thread] = sums.z;
+    partial[(k + 6u) * 64u + thread] = sums.w;
 }
 
 fn weight_of(corners: Corners, x: i32, y: i32, xi: f32, eta: f32) -> f32 {
@@ -109,21 +137,21 @@ fn main(
             }
         }
     }
-    for (var p = 0u; p < 3u; p++) {
-        for (var q = 0u; q < 3u; q++) {
-            for (var w = 0u; w < 3u; w++) {
-                partial[(9u * p + 3u * q + w) * 64u + thread] = products[p][q][w];
-            }
-        }
-        partial[(27u + p) * 64u + thread] = counts[p];
-    }
+    store3(0u, thread, xx_near);
+    store3(3u, thread, xx_middle);
+    store3(6u, thread, xx_far);
+    store3(9u, thread, xy_near);
+    store3(12u, thread, xy_middle);
+    store3(15u, thread, xy_far);
+    store3(18u, thread, yy_near);
+    store3(21u, thread, yy_middle);
+    store3(24u, thread, yy_far);
+    store3(27u, thread, counts);
     // Unknown 2 a + c of corner a: times f, then times 1.
-    for (var a = 0u; a < 4u; a++) {
-        for (var c = 0u; c < 2u; c++) {
-            partial[(30u + 2u * a + c) * 64u + thread] = coupling[c][a];
-            partial[(38u + 2u * a + c) * 64u + thread] = coupling[2u + c][a];
-        }
-    }
+    store4(30u, thread, x_with_f);
+    store4(31u, thread, y_with_f);
+    store4(38u, thread, x_with_one);
+    store4(39u, thread, y_with_one);
     workgroupBarrier();
     if mine {
         for (var k = lane; k < QUANTITIES; k += LANES) {

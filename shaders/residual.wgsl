@@ -19,6 +19,8 @@ override LANES: u32 = 16u;
 @group(0) @binding(6) var<storage, read_write> sums: array<f32>;
 
 const QUANTITIES: u32 = 15u;
+// No pixel lies there, nor one row below.
+const FAR: i32 = -1000000000;
 var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
 
 @compute @workgroup_size(64)
@@ -54,7 +56,7 @@ fn main(
             var whole = vec2<f32>(0.0);
             var far = vec2<f32>(0.0);
             var taps: Taps;
-            var taps_place = -2 * run.stride; // of no pixel, nor above one
+            var taps_place = vec2<i32>(FAR); // pixel that the taps are around: none yet
             for (var row = 0u; row < element.size.y; row++) {
                 let eta = element.local.z + f32(row) * element.local.w;
                 let ux = along(corners.x, xi, eta);
@@ -71,12 +73,17 @@ fn main(
                     let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
                     if weight > 0.0 {
                         let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
-                        if at == taps_place + run.stride {
-                            taps = taps_below(taps, at, run.stride);
-                        } else {
-                            taps = taps_at(at, run.stride);
+                        // Going down, one row of taps is missing, or none; all after a step to the side. A loop: as
+                        // two branches, software devices would load for both.
+                        let place = vec2<i32>(px, py);
+                        var missing = py - taps_place.y;
+                        if px != taps_place.x || missing < 0 || missing > TAPS {
+                            missing = TAPS;
                         }
-                        taps_place = at;
+                        for (; missing > 0; missing--) {
+                            taps = taps_below(taps, at + (TAPS - missing) * run.stride);
+                        }
+                        taps_place = place;
                         let grey = interpolate(taps, tx, ty);
                         let difference = (f - light.y) - light.x * grey;
                         let r = weight * difference;

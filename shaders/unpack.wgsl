@@ -24,13 +24,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let at = unpack.skip + id.y * unpack.width + id.x;
-    var value: f32;
-    if unpack.depth == 1u {
-        value = f32((pixels[at >> 2u] >> (8u * (at & 3u))) & 0xffu);
-    } else if unpack.depth == 2u {
-        value = f32((pixels[at >> 1u] >> (16u * (at & 1u))) & 0xffffu);
-    } else {
-        value = bitcast<f32>(pixels[at]);
-    }
+    // A word holds four pixels, two or one; without a branch, and without a division.
+    let shift = 2u - (unpack.depth >> 1u);
+    let bits = 8u * unpack.depth;
+    let word = pixels[at >> shift];
+    let part = (word >> (bits * (at & ((1u << shift) - 1u)))) & (0xffffffffu >> (32u - bits));
+    let value = select(f32(part), bitcast<f32>(word), unpack.depth == 4u);
     grey[unpack.first + id.y * unpack.stride + id.x] = value - unpack.offset;
 }

@@ -5,17 +5,9 @@ const EDGE: f32 = 0.25;
 
 // Weight of a position (whole pixel and fraction) on an axis of `n` pixels: 1 inside, 0 from EDGE outside on.
 fn weight_on(at: i32, t: f32, n: i32) -> f32 {
-    if at >= 0 && (at < n - 1 || (at == n - 1 && t == 0.0)) {
-        return 1.0;
-    }
     // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
-    var beyond: f32;
-    if at < 0 {
-        beyond = f32(-1 - at) + (1.0 - t);
-    } else {
-        beyond = f32(at - (n - 1)) + t;
-    }
-    return max(1.0 - beyond / EDGE, 0.0);
+    let beyond = max(f32(-at) - t, f32(at - (n - 1)) + t);
+    return clamp(1.0 - beyond / EDGE, 0.0, 1.0);
 }
 
 // Floor of a displacement as a whole number; a wild one must not overflow, and lands outside any image.

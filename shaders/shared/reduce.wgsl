@@ -1,15 +1,23 @@
-// Sums over the 256 threads of a workgroup, pairwise in a fixed order.
+// Sums over the 256 threads of a workgroup, in a fixed order: by sixteen threads, then of their sums by every thread.
+// A tree would need nine barriers, which cost software devices more than all else.
 var<workgroup> terms: array<f32, 256>;
+var<workgroup> parts: array<f32, 16>;
 
 fn sum_of_group(term: f32, thread: u32) -> f32 {
-    workgroupBarrier(); // the sum before may still be read
-    terms[thread] = term;
+    terms[thread] = term; // the sum before has been read: its second barrier is behind all threads
     workgroupBarrier();
-    for (var half = 128u; half > 0u; half >>= 1u) {
-        if thread < half {
-            terms[thread] += terms[thread + half];
+    if thread < 16u {
+        // Neighbouring threads read neighbouring values.
+        var sum = 0.0;
+        for (var k = 0u; k < 16u; k++) {
+            sum += terms[thread + 16u * k];
         }
-        workgroupBarrier();
+        parts[thread] = sum;
     }
-    return terms[0];
+    workgroupBarrier();
+    var all = 0.0;
+    for (var k = 0u; k < 16u; k++) {
+        all += parts[k];
+    }
+    return all;
 }

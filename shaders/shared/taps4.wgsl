@@ -1,5 +1,6 @@
 // Interpolation from 4 x 4 coefficients, kept in registers: going down a column, three of four rows stay.
 const BEFORE: i32 = 1; // taps start this far before the floor
+const TAPS: i32 = 4;
 
 struct Taps {
     r0: vec4<f32>,
@@ -16,9 +17,9 @@ fn taps_at(at: i32, stride: i32) -> Taps {
     return Taps(tap_row(at), tap_row(at + stride), tap_row(at + 2 * stride), tap_row(at + 3 * stride));
 }
 
-// The taps one row below `taps`, at the place `at`.
-fn taps_below(taps: Taps, at: i32, stride: i32) -> Taps {
-    return Taps(taps.r1, taps.r2, taps.r3, tap_row(at + 3 * stride));
+// The taps one row below `taps`; the new row begins at `at`.
+fn taps_below(taps: Taps, at: i32) -> Taps {
+    return Taps(taps.r1, taps.r2, taps.r3, tap_row(at));
 }
 
 fn interpolate(taps: Taps, tx: f32, ty: f32) -> f32 {

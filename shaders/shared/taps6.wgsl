@@ -1,5 +1,6 @@
 // Interpolation from 6 x 6 coefficients, kept in registers: going down a column, five of six rows stay.
 const BEFORE: i32 = 2; // taps start this far before the floor
+const TAPS: i32 = 6;
 
 struct Six {
     a: vec3<f32>,
@@ -33,9 +34,9 @@ fn taps_at(at: i32, stride: i32) -> Taps {
     );
 }
 
-// The taps one row below `taps`, at the place `at`.
-fn taps_below(taps: Taps, at: i32, stride: i32) -> Taps {
-    return Taps(taps.r1, taps.r2, taps.r3, taps.r4, taps.r5, tap_row(at + 5 * stride));
+// The taps one row below `taps`; the new row begins at `at`.
+fn taps_below(taps: Taps, at: i32) -> Taps {
+    return Taps(taps.r1, taps.r2, taps.r3, taps.r4, taps.r5, tap_row(at));
 }
 
 fn times(w: Six, row: Six) -> f32 {

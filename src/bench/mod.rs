@@ -3,13 +3,16 @@
 
 mod kernels;
 mod passes;
+mod record;
 mod scene;
 mod start_up;
+mod text;
 mod times;
 mod whole;
 
 pub use kernels::{KernelCost, kernel_costs};
 pub use passes::{Bound, PassCost, ResidualPass, pass_costs};
+pub use record::{Device, DeviceRecord, Record};
 pub use scene::{Scene, kernel_options};
 pub use start_up::{KernelStart, StartUp, start_up};
 pub use times::{Spread, Times, repeat};

@@ -525,9 +525,9 @@ pub struct MetrologyArgs {
     quadrille bench --device cpu,0 --json > bench.json\n\n\
     What the figures mean, and how far they can be trusted: docs/performance.md.")]
 pub struct BenchArgs {
-    /// Devices to measure: cpu, the number of an adapter, or part of its name. Default: all of this machine.
-    #[arg(long, value_name = "cpu|N|NAME", value_delimiter = ',')]
-    pub device: Vec<String>,
+    /// Devices to measure: cpu, gpu, the number of an adapter, or part of its name. Default: all of this machine.
+    #[arg(long, value_name = "cpu|gpu|NAME|INDEX", value_delimiter = ',')]
+    pub device: Vec<DeviceChoice>,
     /// Sides of the square images, px.
     #[arg(long, value_name = "PX", value_delimiter = ',', default_values_t = [512, 1024, 2048])]
     pub size: Vec<usize>,

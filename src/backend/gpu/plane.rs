@@ -17,6 +17,8 @@ pub(super) const BORDER: usize = 4;
 const TILE_LINES: usize = 32;
 const TILE_LENGTH: usize = 64;
 const TILE_HALO: usize = 24;
+/// Rows of the gradient that a thread makes; the same in `shaders/gradient.wgsl`.
+const GRADIENT_ROWS: u32 = 16;
 /// Weights per pole of the first causal value.
 const MOST_START: usize = 32;
 
@@ -344,7 +346,7 @@ impl Reference {
                 &pipeline,
                 &[uniform.whole(), grey_part, coefficients_part, reference.rows(rows.start, rows.end)],
             );
-            recorder.run_2d(&bound, (width as u32).div_ceil(64), rows.len() as u32);
+            recorder.run_2d(&bound, (width as u32).div_ceil(64), (rows.len() as u32).div_ceil(GRADIENT_ROWS));
         }
         recorder.submit(&mut frame.traffic);
         Ok(reference)

@@ -1,0 +1,119 @@
+//! All devices of a machine, side by side.
+
+use super::{BenchError, Clock, Plan, Scene, SizeCost, StartUp, Subject, size_cost, start_up};
+use crate::backend::cpu::CpuBackend;
+use crate::backend::gpu::{GpuAdapter, GpuBackend};
+use serde::Serialize;
+
+/// A device to be measured.
+#[derive(Debug, Clone)]
+pub enum Device {
+    /// The CPU, on its fastest instruction path.
+    Cpu,
+    /// A graphics adapter.
+    Adapter(Box<GpuAdapter>),
+}
+
+/// What was measured, and on what.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Record {
+    /// Version.
+    pub quadrille: &'static str,
+    /// What the endings of names mean.
+    pub units: &'static str,
+    /// Processor and cores.
+    pub machine: String,
+    /// Threads of the CPU path.
+    pub threads: usize,
+    /// What images are measured.
+    pub images: &'static str,
+    /// Sizes and repetitions.
+    pub plan: Plan,
+    /// Device by device.
+    pub devices: Vec<DeviceRecord>,
+}
+
+/// Figures of one device.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DeviceRecord {
+    /// Its name and driver, or instruction path.
+    pub device: String,
+    /// What it is.
+    pub kind: &'static str,
+    /// What its figures are read from.
+    pub clock: Clock,
+    /// Bytes read and written by long copies, 1e9 per second: by one core on the processor's clock, else by all of it.
+    pub copy_gb_per_s: f64,
+    /// What comes once.
+    pub start_up: Option<StartUp>,
+    /// Size by size.
+    pub sizes: Vec<SizeCost>,
+}
+
+const UNITS: &str = "_s and seconds: seconds; _px: pixels; ns_per_px: nanoseconds per pixel of the image; gb_per_s: \
+    1e9 bytes per second; percent_of_copy: of what long copies within the device's memory reach";
+
+const IMAGES: &str = "synthetic, 8 bit, in memory: nothing is read or written; zone: the image less one element on each \
+    side; cubic interpolation; motion of 1 px sinusoids, 0.5 % stretch, 0.2 degrees";
+
+enum Opened {
+    Cpu(CpuBackend),
+    Gpu(GpuBackend),
+}
+
+impl Record {
+    /// Measures `devices` by `plan`; `say` hears what is done next. `machine` is what the record calls it.
+    ///
+    /// # Errors
+    /// When a device fails, or the elements do not fit an image.
+    pub fn measure(devices: &[Device], plan: Plan, machine: String, say: impl Fn(&str)) -> Result<Self, BenchError> {
+        let mut record = Self {
+            quadrille: env!("CARGO_PKG_VERSION"),
+            units: UNITS,
+            machine,
+            threads: rayon::current_num_threads(),
+            images: IMAGES,
+            plan,
+            devices: Vec::new(),
+        };
+        let opened = devices.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+        let (subjects, heads): (Vec<Opened>, _) = opened.into_iter().unzip();
+        record.devices = heads;
+        for &size in &record.plan.sizes_px {
+            say(&format!("{size} x {size} px: making the images"));
+            let scene = Scene::new(size, record.plan.element_size_px, 3)?;
+            for (subject, device) in subjects.iter().zip(&mut record.devices) {
+                say(&format!("{size} x {size} px on {}", device.device));
+                let rate = 1e9 * device.copy_gb_per_s;
+                device.sizes.push(match subject {
+                    Opened::Cpu(cpu) => size_cost(cpu, &scene, &record.plan, rate),
+                    Opened::Gpu(gpu) => size_cost(gpu, &scene, &record.plan, rate),
+                }?);
+            }
+        }
+        Ok(record)
+    }
+}
+
+fn open(device: &Device) -> Result<(Opened, DeviceRecord), BenchError> {
+    fn head<B: Subject>(
+        backend: &B,
+        kind: &'static str,
+        start_up: Option<StartUp>,
+    ) -> Result<DeviceRecord, BenchError> {
+        let (device, clock, copy_gb_per_s) = (backend.device(), backend.clock(), 1e-9 * backend.copy_rate()?);
+        Ok(DeviceRecord { device, kind, clock, copy_gb_per_s, start_up, sizes: Vec::new() })
+    }
+    Ok(match device {
+        Device::Cpu => {
+            let cpu = CpuBackend::default();
+            let record = head(&cpu, "CPU", None)?;
+            (Opened::Cpu(cpu), record)
+        }
+        Device::Adapter(adapter) => {
+            let (gpu, start) = start_up(adapter)?;
+            let record = head(&gpu, adapter.kind.name(), Some(start))?;
+            (Opened::Gpu(gpu), record)
+        }
+    })
+}
