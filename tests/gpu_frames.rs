@@ -7,7 +7,9 @@ use common::gpu::{device, device_with};
 use common::*;
 use quadrille::backend::gpu::{GpuBackend, GpuOptions};
 use quadrille::backend::{Backend, BackendError};
-use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options, Regularisation, TextureFault, Tracker};
+use quadrille::correlate::{
+    Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
+};
 use quadrille::field::{Brightness, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::io::images::read_image;
@@ -620,15 +622,15 @@ fn starts_that_are_wild_end_as_on_the_cpu() {
     let n = on_cpu.mesh().n_nodes();
     let known = cold(&on_cpu, &pair[1]).zones.iter().map(|zone| zone.transfer).collect::<Vec<_>>();
     for u in [[0.0, 0.0], [1e4, -1e4], [1e9, 0.0], [1e300, -1e300], [f64::INFINITY, 0.0], [f64::NAN, 0.0]] {
-        let start = || Some((vec![u; n], known.as_slice()));
-        let cpu = on_cpu.correlate(pair[1].clone(), start()).unwrap();
-        let gpu = on_gpu.correlate(pair[1].clone(), start()).unwrap();
+        let start = Start { displacement: vec![u; n], transfer: known.clone() };
+        let cpu = on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap();
+        let gpu = on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap();
         assert_same(&format!("started at {u:?}"), &cpu, &gpu, 255.0);
     }
-    let start = || Some((vec![[0.0; 2]; n - 1], known.as_slice()));
+    let start = Start { displacement: vec![[0.0; 2]; n - 1], transfer: known };
     let [cpu, gpu] = [
-        on_cpu.correlate(pair[1].clone(), start()).unwrap_err().to_string(),
-        on_gpu.correlate(pair[1].clone(), start()).unwrap_err().to_string(),
+        on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap_err().to_string(),
+        on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap_err().to_string(),
     ];
     assert_eq!(cpu, gpu);
 }

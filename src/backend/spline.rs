@@ -112,8 +112,12 @@ pub(super) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
 }
 
 /// Weights of the samples in the first causal value, `sum_k z^k s(-k)` of the signal continued through its
-/// end samples, `s(-k) = 2 s(0) - s(k)`; exact but for powers of the pole below f32.
+/// end samples, `s(-k) = 2 s(0) - s(k)`; exact but for powers of the pole below f32. A single sample is a constant,
+/// which no filter changes.
 pub(super) fn causal_start(pole: f64, n: usize) -> Vec<f32> {
+    if n < 2 {
+        return vec![1.0; n];
+    }
     let horizon = (1e-10f64.ln() / pole.abs().ln()).ceil() as isize;
     let last = n as isize - 1;
     let mut weights = vec![0.0; n.min(horizon as usize + 1)];

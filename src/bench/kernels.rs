@@ -50,7 +50,9 @@ fn bytes_of(kernel: Kernel, scene: &Scene, dispatches: usize) -> (u64, &'static 
         }
         Kernel::CgUpdate => (dispatches as u64 * 72 * n, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)"),
         Kernel::Correct => (40 * n, "N (8 B correction, 16 B in and out)"),
-        Kernel::Penalty => (20 * blocks + 56 * n, "9 N (16 B block, 4 B column) + N (16 B field, 16 B block, 8 B in, 16 B out)"),
+        Kernel::Penalty => {
+            (20 * blocks + 56 * n, "9 N (16 B block, 4 B column) + N (16 B field, 16 B block, 8 B in, 16 B out)")
+        }
         Kernel::Summary => (48 * e.div_ceil(256) + 8 * n.div_ceil(256), "sums of groups of elements and of nodes"),
         Kernel::Prolong => (64 * n, "N (32 B place, 16 B in, 16 B out)"),
         Kernel::ResidualMap => (88 * e + 28 * n, "E (80 B in, 8 B out) + N (16 B in, 12 B out)"),

@@ -36,6 +36,9 @@ const STALLED: f64 = 0.8;
 /// Corrections of this many element sizes belong to no displacement field.
 const WILD_ELEMENTS: f64 = 8.0;
 
+/// Corrections below this, px, may be round-off, whose rate means nothing: the smallest elements under noise reach it.
+const ROUND_OFF_PX: f64 = 5e-6;
+
 /// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance.
 ///
 /// The grey transfer follows the displacement one iteration late, so that the corrections c may fall by turns:
@@ -91,7 +94,8 @@ pub(super) fn iterate<B: Backend>(
             outcome.status = Status::Diverged;
             break;
         }
-        if correction.max(error_left(correction, before)) < limits.tolerance_px {
+        let settled = correction < ROUND_OFF_PX || error_left(correction, before) < limits.tolerance_px;
+        if correction < limits.tolerance_px && settled {
             outcome.status = Status::Converged;
             break;
         }

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 /// The adapter to test on: the one whose name contains `QUADRILLE_TEST_ADAPTER` (in any case), else a software one
 /// (it is the same everywhere), else the first. Or why there is none.
 fn adapter() -> Result<GpuAdapter, String> {
-    let mut found = adapters();
+    let mut found = adapters().list;
     found.retain(|adapter| adapter.unusable.is_none());
     // One device may be reached in several ways: Vulkan is what the project is measured on.
     found.sort_by_key(|adapter| adapter.api != "vulkan");
