@@ -1,8 +1,9 @@
 //! Global Q4 digital image correlation: displacement fields from image series.
 //!
-//! One straight road: images -> [`field::Measurement`]. Modules know only modules of lower rank
+//! One straight road: images -> [`field::Measurement`]. Beside it the mechanics of cohesive joints: displacements of
+//! the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
 //! (`tests/layers.rs`): `units`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`; `metrology`; `report`; `cli`.
+//! `correlate`, `mechanics`; `metrology`; `report`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -16,6 +17,7 @@ pub mod imaging;
 pub mod io;
 pub mod isa;
 pub mod linalg;
+pub mod mechanics;
 pub mod mesh;
 pub mod metrology;
 pub mod report;

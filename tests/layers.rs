@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 13] = [
+const RANKS: [(&str, u8); 14] = [
     ("units", 0),
     ("isa", 0),
     ("linalg", 1),
@@ -15,6 +15,7 @@ const RANKS: [(&str, u8); 13] = [
     ("io", 4),
     ("synth", 4),
     ("correlate", 5),
+    ("mechanics", 5),
     ("metrology", 6),
     ("report", 7),
     ("cli", 8),
