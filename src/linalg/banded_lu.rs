@@ -1,6 +1,6 @@
 //! LU factor of a banded matrix, with row exchanges: the fastest there is for long strips.
 
-use super::lu::Singular;
+use super::lu::{PivotSigns, Singular};
 use super::sparse::SparseMatrix;
 use crate::isa::{Isa, multiversioned};
 
@@ -78,6 +78,14 @@ impl BandedLu {
         let failed =
             eliminate(self.isa, self.band, &mut self.rows, &mut self.lower, &mut self.exchanged, &mut self.ends);
         failed.map_or(Ok(()), |unknown| Err(Singular { unknown }))
+    }
+
+    /// The signs of the pivots of the last factor.
+    pub fn pivots(&self) -> PivotSigns {
+        let (half, width) = (self.band.half, self.band.width());
+        let negative = (0..self.band.n).filter(|k| self.rows[k * width + half] < 0.0).count();
+        let exchanged = (0..self.band.n).filter(|&k| self.exchanged[k] as usize != k).count();
+        PivotSigns { negative, exchanged }
     }
 
     /// Solves in place for right-hand sides that follow one another in `rhs`, each of `n` numbers.

@@ -19,6 +19,27 @@ pub struct Singular {
     pub unknown: usize,
 }
 
+/// Signs of the pivots of a factor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PivotSigns {
+    /// Pivots below zero.
+    pub negative: usize,
+    /// Rows that were exchanged.
+    pub exchanged: usize,
+}
+
+impl PivotSigns {
+    /// Whether the determinant is positive.
+    pub fn positive_determinant(self) -> bool {
+        (self.negative + self.exchanged) % 2 == 0
+    }
+
+    /// Whether all leading minors are positive, as of any matrix with a positive definite symmetric part.
+    pub fn all_positive(self) -> bool {
+        self.negative == 0 && self.exchanged == 0
+    }
+}
+
 /// Which factor to make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LuChoice {
@@ -133,6 +154,14 @@ impl LuFactor {
                 }
                 Ok(())
             }
+        }
+    }
+
+    /// Signs of the pivots, where the factor tells them.
+    pub fn pivots(&self) -> Option<PivotSigns> {
+        match &self.0 {
+            FactorKind::Banded(banded) => Some(banded.pivots()),
+            FactorKind::Sparse { .. } => None,
         }
     }
 

@@ -19,7 +19,7 @@ pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dissection::{dissection, nested_dissection};
 pub use inverse_diagonal::inverse_diagonal;
-pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan, Singular};
+pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan, PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
 pub use sparse::{SparseMatrix, SparsePattern};

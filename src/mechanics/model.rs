@@ -64,10 +64,15 @@ pub(super) struct Work {
 }
 
 /// Which stiffness.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Stiffness {
+    /// The derivative of the forces.
     Tangent,
+    /// The matrix that gives the forces when multiplied with the displacements.
     Secant,
+    /// The tangent with this share of the law's initial stiffness added at the interface: that of a viscous
+    /// adhesive over a step of time.
+    Viscous(f64),
 }
 
 impl Model {
@@ -240,14 +245,21 @@ impl Model {
     /// Internal force and stiffness at the field `u`, into `work`.
     pub(super) fn assemble(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], kind: Stiffness, work: &mut Work) {
         let n_quads = self.quads.len();
+        let viscous = match kind {
+            Stiffness::Viscous(share) => {
+                let [[normal, _], [_, tangential]] = law.response(Jump::default()).tangent;
+                [share * normal, share * tangential]
+            }
+            Stiffness::Tangent | Stiffness::Secant => [0.0; 2],
+        };
         let evaluate = |(element, (stiffness, force)): (usize, (&mut ElementStiffness, &mut ElementVector))| {
             let u = self.gather(element, u);
             match kind {
-                Stiffness::Tangent if element < n_quads => {
+                Stiffness::Tangent | Stiffness::Viscous(_) if element < n_quads => {
                     (*force, *stiffness) = self.quads[element].tangent(self.material(element), &u);
                 }
-                Stiffness::Tangent => {
-                    (*force, *stiffness) = self.interfaces[element - n_quads].tangent(law, &u);
+                Stiffness::Tangent | Stiffness::Viscous(_) => {
+                    (*force, *stiffness) = self.interfaces[element - n_quads].tangent(law, viscous, &u);
                 }
                 Stiffness::Secant => {
                     *stiffness = match element < n_quads {

@@ -2,8 +2,9 @@
 //!
 //! One rule for the branch: every evaluation starts at rest and follows the prescribed displacements in time. The
 //! increment of the border enters through the tangent; a line search guards each iteration; an increment that
-//! does not converge is halved; where halving does not help, node pairs snap, and the secant iteration carries
-//! the field over to the next stable state, from where Newton goes on.
+//! does not converge is halved. Where halving does not help, node pairs snap: the field has to leave the state it
+//! was in. It is then carried over to the next stable state as a slightly viscous adhesive would do it, step by
+//! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
 
 use super::boundary::BoundaryHistory;
 use super::cohesive::CohesiveLaw;
@@ -22,7 +23,7 @@ pub struct NewtonOptions {
     pub max_iterations: u32,
     /// How often an increment is halved: the smallest is `2^-max_halvings` of the step between two instants.
     pub max_halvings: u32,
-    /// Secant iterations of a rescue.
+    /// Viscous steps, and secant iterations, of a rescue.
     pub max_rescue: u32,
 }
 
@@ -171,7 +172,8 @@ impl<'a> Path<'a> {
             }
             if !converged {
                 let mut rescue = 0;
-                converged = self.rescue(&border, &mut effort, &mut rescue);
+                converged = self.relax(&border, &mut effort, &mut rescue)
+                    || self.secant(&border, &mut effort, &mut rescue);
                 instant.rescue_iterations += rescue;
                 if converged {
                     instant.status = Status::Rescued;
@@ -203,7 +205,13 @@ impl<'a> Path<'a> {
             }
             self.ready = true;
         }
-        // K_ff du_f = -K_fD du_D: the border moves and the inside follows along the tangent.
+        self.predict(border);
+        self.iterate(self.options.max_iterations, effort)
+    }
+
+    /// Sets `field` to the border's new place with the inside following along the stiffness that is factorised,
+    /// `K_ff du_f = -K_fD du_D`.
+    fn predict(&mut self, border: &[[f64; 2]]) {
         self.trial.fill([0.0; 2]);
         for (&node, to) in self.model.prescribed().iter().zip(border) {
             let from = self.u[node as usize];
@@ -215,7 +223,6 @@ impl<'a> Path<'a> {
         self.set_border(border);
         self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
         self.ready = false;
-        self.iterate(self.options.max_iterations, effort)
     }
 
     fn set_border(&mut self, border: &[[f64; 2]]) {
@@ -299,8 +306,72 @@ impl<'a> Path<'a> {
         Some(self.balance())
     }
 
+    /// Carries the field over a snap: steps of a viscous adhesive at a border that stands still,
+    /// `(K + eta C_0) du = -R`, with `eta C_0` a share of the initial stiffness added at the interface.
+    ///
+    /// With `eta` large enough each step goes downhill in every mode whatever the tangent (the pivots tell); while
+    /// the steps do, `eta` falls, and where the tangent is positive again the last of them are those of Newton. (The secant iteration alone
+    /// crawls past the place where the equilibrium was lost: hundreds of iterations, measured.)
+    fn relax(&mut self, border: &[[f64; 2]], effort: &mut Effort, steps: &mut u32) -> bool {
+        let longest = 0.2 * self.law.front_opening();
+        let mut share = 1.0;
+        // As the increment of Newton: the border enters through the tangent, or the elements along it yield.
+        self.model.assemble(self.law, &self.u, Stiffness::Viscous(share), &mut self.work);
+        if self.work.factor.refactor(&self.work.matrix).is_err() {
+            return false;
+        }
+        self.predict(border);
+        for _ in 0..self.options.max_rescue {
+            *steps += 1;
+            self.model.assemble(self.law, &self.field, Stiffness::Viscous(share), &mut self.work);
+            if !self.balance().norm.is_finite() || share > 1e6 {
+                return false;
+            }
+            if share < 1e-6 {
+                return self.iterate(self.options.max_iterations, effort);
+            }
+            self.residual_into_rhs();
+            let load = self.rhs.clone();
+            let stable = self.work.factor.refactor(&self.work.matrix).is_ok()
+                && self.work.factor.pivots().is_none_or(|pivots| pivots.all_positive());
+            share = match stable && self.downhill(&load, longest) {
+                true => 0.5 * share,
+                false => 4.0 * share,
+            };
+        }
+        false
+    }
+
+    /// One viscous step from `field` under `load`, or half of it, a quarter, ...: none may open a pair further than
+    /// `longest` (mm) or overshoot. False when there is none such, and the field stays.
+    fn downhill(&mut self, load: &[f64], longest: f64) -> bool {
+        self.work.factor.solve(&mut self.rhs);
+        let along = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let slope = along(&self.rhs, load);
+        if !(slope > 0.0 && slope.is_finite()) {
+            return false;
+        }
+        let before = self.model.jumps(&self.field);
+        let mut part = 1.0;
+        for _ in 0..5 {
+            self.trial.clone_from(&self.field);
+            self.model.add_to_field(&self.rhs, part, &mut self.trial);
+            let after = self.model.jumps(&self.trial);
+            let moved = before.iter().zip(&after).map(|(a, b)| (a.normal - b.normal).abs()).fold(0.0, f64::max);
+            if moved <= longest {
+                self.model.evaluate_force(self.law, &self.trial, &mut self.work);
+                if along(&self.rhs, &self.model.of_unknowns(&self.work.force)) <= 0.5 * slope {
+                    std::mem::swap(&mut self.field, &mut self.trial);
+                    return true;
+                }
+            }
+            part *= 0.5;
+        }
+        false
+    }
+
     /// The secant iteration (Kacanov) from the converged field, with Newton tried now and then.
-    fn rescue(&mut self, border: &[[f64; 2]], effort: &mut Effort, rescue: &mut u32) -> bool {
+    fn secant(&mut self, border: &[[f64; 2]], effort: &mut Effort, rescue: &mut u32) -> bool {
         let start = self.u.clone();
         let mut current = start.clone();
         for (&node, &to) in self.model.prescribed().iter().zip(border) {
@@ -311,7 +382,7 @@ impl<'a> Path<'a> {
             only_border[node as usize] = to;
         }
         for iteration in 1..=self.options.max_rescue {
-            *rescue = iteration;
+            *rescue += 1;
             self.model.assemble(self.law, &current, Stiffness::Secant, &mut self.work);
             if self.work.factor.refactor(&self.work.matrix).is_err() {
                 break;

@@ -7,7 +7,7 @@ use super::cohesive::{Jump, Parameter};
 pub enum Status {
     /// By Newton, in one or several increments.
     Converged,
-    /// Node pairs snapped: the secant iteration carried the field over.
+    /// Node pairs snapped: viscous steps or the secant iteration carried the field over.
     Rescued,
     /// Not even the smallest increment converged; the field is that of the last increment that did.
     NotConverged,
@@ -50,7 +50,7 @@ pub struct Instant {
     pub iterations: u32,
     /// How often the increment was halved.
     pub halvings: u32,
-    /// Secant iterations; 0 when no rescue was needed.
+    /// Viscous steps and secant iterations; 0 when no rescue was needed.
     pub rescue_iterations: u32,
     /// Largest residual force over the largest nodal force, before the last correction.
     pub residual: f64,

@@ -177,11 +177,19 @@ impl Interface {
         force
     }
 
-    /// The same and its derivative by the displacements, not symmetric.
-    pub fn tangent(&self, law: &dyn CohesiveLaw, u: &ElementVector) -> (ElementVector, ElementStiffness) {
+    /// The same and its derivative by the displacements, not symmetric; with `viscous` (MPa/mm) added to the
+    /// derivatives of normal and tangential traction.
+    pub fn tangent(
+        &self,
+        law: &dyn CohesiveLaw,
+        viscous: [f64; 2],
+        u: &ElementVector,
+    ) -> (ElementVector, ElementStiffness) {
         let (mut force, mut stiffness) = ([0.0; 8], [[0.0; 8]; 8]);
         for point in &self.points {
-            let response = law.response(point.jump(u));
+            let mut response = law.response(point.jump(u));
+            response.tangent[0][0] += viscous[0];
+            response.tangent[1][1] += viscous[1];
             point.add_force(response.traction, &mut force);
             point.add_stiffness(&response.tangent, &mut stiffness);
         }
