@@ -2,6 +2,7 @@
 //! values.
 
 use super::banded_lu::BandedLu;
+use super::nested_lu::{Fronts, NestedLu};
 use super::sparse::{SparseMatrix, SparsePattern};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::LuError;
@@ -50,6 +51,8 @@ pub enum LuChoice {
     Banded,
     /// Sparse with column ordering and partial pivoting, by faer.
     Sparse,
+    /// Sparse by nested dissection, with dense fronts.
+    Nested,
 }
 
 /// Up to this many multiplications the banded factor is made (`benches/RESULTS.md`).
@@ -66,37 +69,48 @@ pub struct LuPlan {
 enum PlanKind {
     Banded { half: usize },
     Sparse(Arc<SymbolicLu<u32>>),
+    Nested(Arc<Fronts>),
 }
 
 impl LuPlan {
-    /// Analyses `pattern`.
+    /// Analyses `pattern`, which must be symmetric; its unknowns lie at `points`.
     ///
     /// # Panics
-    /// When the memory for the analysis is not there.
-    pub fn new(pattern: &Arc<SparsePattern>, choice: LuChoice) -> Self {
+    /// When there is not one point per unknown, or the memory for the analysis is not there.
+    pub fn new(pattern: &Arc<SparsePattern>, points: &[[f64; 2]], choice: LuChoice) -> Self {
+        assert_eq!(points.len(), pattern.n(), "one point per unknown");
         let half = pattern.half_bandwidth();
         let work = pattern.n() as f64 * (half * half) as f64;
-        let banded = match choice {
-            LuChoice::Auto => work <= BANDED_UP_TO,
-            LuChoice::Banded => true,
-            LuChoice::Sparse => false,
-        };
-        let kind = if banded || pattern.n() == 0 {
-            PlanKind::Banded { half }
-        } else {
-            let (starts, rows) = pattern.parts();
-            let faer_pattern = SymbolicSparseColMatRef::new_checked(pattern.n(), pattern.n(), starts, None, rows);
-            let symbolic = factorize_symbolic_lu(faer_pattern, LuSymbolicParams::default());
-            PlanKind::Sparse(Arc::new(symbolic.expect("memory for the analysis of the matrix")))
+        let kind = match choice {
+            LuChoice::Auto if work <= BANDED_UP_TO => PlanKind::Banded { half },
+            _ if pattern.n() == 0 => PlanKind::Banded { half },
+            LuChoice::Banded => PlanKind::Banded { half },
+            LuChoice::Auto | LuChoice::Nested => PlanKind::Nested(Arc::new(Fronts::new(pattern, points))),
+            LuChoice::Sparse => {
+                let (starts, rows) = pattern.parts();
+                let faer_pattern = SymbolicSparseColMatRef::new_checked(pattern.n(), pattern.n(), starts, None, rows);
+                let symbolic = factorize_symbolic_lu(faer_pattern, LuSymbolicParams::default());
+                PlanKind::Sparse(Arc::new(symbolic.expect("memory for the analysis of the matrix")))
+            }
         };
         Self { pattern: pattern.clone(), kind }
     }
 
-    /// `banded` or `sparse`.
+    /// `banded`, `sparse` or `nested`.
     pub fn name(&self) -> &'static str {
         match self.kind {
             PlanKind::Banded { .. } => "banded",
             PlanKind::Sparse(_) => "sparse",
+            PlanKind::Nested(_) => "nested",
+        }
+    }
+
+    /// Number of values that a factor holds (8 bytes each); `None` where that depends on the pivots.
+    pub fn n_values(&self) -> Option<usize> {
+        match &self.kind {
+            PlanKind::Banded { half } => Some(self.pattern.n() * (4 * half + 1)),
+            PlanKind::Sparse(_) => None,
+            PlanKind::Nested(fronts) => Some(fronts.n_values()),
         }
     }
 
@@ -108,6 +122,7 @@ impl LuPlan {
                 let numeric = NumericLu::new();
                 LuFactor(FactorKind::Sparse { symbolic: symbolic.clone(), numeric, ready: false })
             }
+            PlanKind::Nested(fronts) => LuFactor(FactorKind::Nested(NestedLu::new(fronts))),
         }
     }
 }
@@ -120,6 +135,7 @@ pub struct LuFactor(FactorKind);
 enum FactorKind {
     Banded(BandedLu),
     Sparse { symbolic: Arc<SymbolicLu<u32>>, numeric: NumericLu<u32, f64>, ready: bool },
+    Nested(NestedLu),
 }
 
 impl LuFactor {
@@ -133,6 +149,7 @@ impl LuFactor {
     pub fn refactor(&mut self, matrix: &SparseMatrix) -> Result<(), Singular> {
         match &mut self.0 {
             FactorKind::Banded(banded) => banded.factor(matrix),
+            FactorKind::Nested(nested) => nested.factor(matrix),
             FactorKind::Sparse { symbolic, numeric, ready } => {
                 *ready = false;
                 let n = matrix.pattern().n();
@@ -161,6 +178,7 @@ impl LuFactor {
     pub fn pivots(&self) -> Option<PivotSigns> {
         match &self.0 {
             FactorKind::Banded(banded) => Some(banded.pivots()),
+            FactorKind::Nested(nested) => Some(nested.pivots()),
             FactorKind::Sparse { .. } => None,
         }
     }
@@ -172,6 +190,7 @@ impl LuFactor {
     pub fn solve(&self, rhs: &mut [f64]) {
         match &self.0 {
             FactorKind::Banded(banded) => banded.solve(rhs),
+            FactorKind::Nested(nested) => nested.solve(rhs),
             FactorKind::Sparse { symbolic, numeric, ready } => {
                 assert!(*ready, "a factor was made");
                 let n = symbolic.nrows();

@@ -1,5 +1,5 @@
 //! Symmetric systems of 2x2 nodal blocks: assembly, sparse Cholesky, block-Jacobi conjugate gradients. General
-//! systems: sparse and banded LU.
+//! systems: banded and sparse LU.
 
 mod banded_lu;
 mod blocks;
@@ -8,6 +8,7 @@ mod conjugate_gradients;
 mod dissection;
 mod inverse_diagonal;
 mod lu;
+mod nested_lu;
 mod selected_inverse;
 mod solver;
 mod sparse;

@@ -151,6 +151,30 @@ impl JointMesh {
         Self::new(parts)
     }
 
+    /// The part made of the elements for which `keep` (called with the element's number) is true, with the
+    /// interface elements whose four nodes are all in it: a region cut out of a larger joint. Also the number in
+    /// this mesh of each node of the part.
+    ///
+    /// # Errors
+    /// When the part is no joint.
+    pub fn part(&self, keep: impl Fn(usize) -> bool) -> Result<(Self, Vec<u32>), MeshFault> {
+        let kept: Vec<usize> = (0..self.elements.len()).filter(|&element| keep(element)).collect();
+        let mut of: Vec<u32> = kept.iter().flat_map(|&element| self.elements[element]).collect();
+        of.sort_unstable();
+        of.dedup();
+        let number: HashMap<u32, u32> = (0u32..).zip(&of).map(|(new, &old)| (old, new)).collect();
+        let renumbered = |corners: &[u32; 4]| corners.map(|node| number[&node]);
+        let whole = |corners: &&[u32; 4]| corners.iter().all(|node| number.contains_key(node));
+        let parts = JointParts {
+            nodes: of.iter().map(|&node| self.nodes[node as usize]).collect(),
+            elements: kept.iter().map(|&element| renumbered(&self.elements[element])).collect(),
+            interfaces: self.interfaces.iter().filter(whole).map(renumbered).collect(),
+            groups: self.groups.clone(),
+            element_group: kept.iter().map(|&element| self.element_group[element]).collect(),
+        };
+        Ok((Self::new(parts)?, of))
+    }
+
     /// Positions of the nodes, mm, y up.
     pub fn nodes(&self) -> &[[f64; 2]] {
         &self.nodes

@@ -8,7 +8,7 @@ use super::joint::JointMesh;
 use super::substrate::{Stress, SubstrateLaw, SubstrateState};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// Place of a component that is prescribed, or of a matrix entry that is not stored.
@@ -42,6 +42,8 @@ pub struct Model {
     free_nodes: Vec<u32>,
     quads: Vec<Q4>,
     interfaces: Vec<Interface>,
+    /// Numbers of the two pairs of each interface element.
+    end_pairs: Vec<[u32; 2]>,
     /// Nodes of all elements: the quadrilaterals, then the interfaces.
     corners: Vec<[u32; 4]>,
     /// Per element, where the entry (row, column) goes among the values of the matrix.
@@ -111,6 +113,9 @@ impl Model {
             Interface::new(at(corners), options.quadrature, options.kinematics).expect("a checked interface element")
         };
         let interfaces = mesh.interfaces().iter().map(interface).collect();
+        let number: HashMap<[u32; 2], u32> = (0u32..).zip(mesh.pairs()).map(|(k, &pair)| (pair, k)).collect();
+        let ends = |&[l1, l2, u1, u2]: &[u32; 4]| [[l1, u1], [l2, u2]].map(|pair| number[&pair]);
+        let end_pairs = mesh.interfaces().iter().map(ends).collect();
         let corners: Vec<[u32; 4]> = mesh.elements().iter().chain(mesh.interfaces()).copied().collect();
         let free_nodes = banded_order(mesh.nodes(), &corners, &is_prescribed);
         let mut unknowns = vec![[NONE; 2]; n_nodes];
@@ -151,7 +156,7 @@ impl Model {
                 prescribed.contains(&true) && prescribed.contains(&false)
             })
             .collect();
-        let plan = LuPlan::new(&pattern, options.solver);
+        let plan = LuPlan::new(&pattern, &positions(mesh.nodes(), &free_nodes), options.solver);
         let prescribed = prescribed.to_vec();
         Ok(Self {
             mesh,
@@ -162,6 +167,7 @@ impl Model {
             free_nodes,
             quads,
             interfaces,
+            end_pairs,
             corners,
             places,
             coupled,
@@ -199,6 +205,11 @@ impl Model {
     pub fn unknown(&self, node: usize, component: usize) -> Option<usize> {
         let place = self.unknowns[node][component];
         (place != NONE).then_some(place as usize)
+    }
+
+    /// Where each unknown lies, mm.
+    pub fn unknown_positions(&self) -> Vec<[f64; 2]> {
+        positions(self.mesh.nodes(), &self.free_nodes)
     }
 
     /// Which factor of the tangent is made: `banded`, `sparse`, ....
@@ -431,11 +442,9 @@ impl Model {
     /// Calls `each` with the number of the pair, the element's number, and the point, for both ends of each
     /// interface element.
     fn for_each_end(&self, mut each: impl FnMut(usize, usize, &InterfacePoint)) {
-        let place: std::collections::HashMap<[u32; 2], usize> =
-            self.mesh.pairs().iter().enumerate().map(|(k, &pair)| (pair, k)).collect();
-        for (k, (interface, &[l1, l2, u1, u2])) in self.interfaces.iter().zip(self.mesh.interfaces()).enumerate() {
-            for (end, pair) in interface.ends().iter().zip([[l1, u1], [l2, u2]]) {
-                each(place[&pair], self.quads.len() + k, end);
+        for (k, (interface, pairs)) in self.interfaces.iter().zip(&self.end_pairs).enumerate() {
+            for (end, &pair) in interface.ends().iter().zip(pairs) {
+                each(pair as usize, self.quads.len() + k, end);
             }
         }
     }
@@ -488,11 +497,16 @@ impl Model {
         })
     }
 
-    /// Memory of matrix, factor and element arrays in an evaluation, bytes, without the factor's fill.
+    /// Memory of the element arrays, the matrix and, where it is known beforehand, the factor, bytes.
     pub fn bytes(&self) -> usize {
         let per_element = size_of::<Q4>() + size_of::<[u32; 64]>() + size_of::<ElementStiffness>();
-        self.corners.len() * per_element + 12 * self.pattern.n_values()
+        self.corners.len() * per_element + 12 * self.pattern.n_values() + 8 * self.plan.n_values().unwrap_or(0)
     }
+}
+
+/// The place of each of the two unknowns of the free nodes.
+fn positions(nodes: &[[f64; 2]], free_nodes: &[u32]) -> Vec<[f64; 2]> {
+    free_nodes.iter().flat_map(|&node| [nodes[node as usize]; 2]).collect()
 }
 
 /// The free nodes in an order in which coupled ones are close: along x, along y, or by neighbourhood (reverse

@@ -7,7 +7,7 @@
 //! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
 
 use super::boundary::BoundaryHistory;
-use super::cohesive::CohesiveLaw;
+use super::cohesive::{CohesiveLaw, Jump};
 use super::error::ModelError;
 use super::model::{Model, Stiffness, Work};
 use super::sensitivity;
@@ -96,6 +96,10 @@ struct Path<'a> {
     work: Work,
     /// The converged displacements.
     u: Vec<[f64; 2]>,
+    /// The solution of the last increment that was accepted.
+    last: Vec<[f64; 2]>,
+    /// The jumps that the tangent foretold for the increment.
+    foretold: Vec<Jump>,
     /// Room for the field of an iteration, and for one that is tried.
     field: Vec<[f64; 2]>,
     trial: Vec<[f64; 2]>,
@@ -139,6 +143,8 @@ impl<'a> Path<'a> {
             work: model.work(),
             field: rest.clone(),
             trial: rest.clone(),
+            last: rest.clone(),
+            foretold: Vec::new(),
             u: rest,
             rhs: vec![0.0; model.n_unknowns()],
             ready: false,
@@ -164,7 +170,10 @@ impl<'a> Path<'a> {
             let before = self.model.jumps(&self.u);
             let mut effort = Effort::default();
             let mut converged = self.increment(&border, &mut effort);
-            if !converged && step > smallest {
+            // Further than the tangent said by an opening at the peak: was the path left on the way?
+            let leapt = converged && self.strays();
+            if (leapt || !converged) && step > smallest {
+                self.step_back(converged);
                 instant.iterations += effort.iterations;
                 instant.halvings += 1;
                 step *= 0.5;
@@ -172,13 +181,17 @@ impl<'a> Path<'a> {
             }
             if !converged {
                 let mut rescue = 0;
-                converged = self.relax(&border, &mut effort, &mut rescue)
-                    || self.secant(&border, &mut effort, &mut rescue);
+                converged =
+                    self.relax(&border, &mut effort, &mut rescue) || self.secant(&border, &mut effort, &mut rescue);
                 instant.rescue_iterations += rescue;
                 if converged {
                     instant.status = Status::Rescued;
                     instant.add_snapped(&before, &self.model.jumps(&self.u));
                 }
+            }
+            if leapt {
+                instant.status = Status::Rescued;
+                instant.add_snapped(&before, &self.model.jumps(&self.u));
             }
             instant.iterations += effort.iterations;
             instant.residual = effort.residuals.last().copied().unwrap_or(0.0);
@@ -191,6 +204,7 @@ impl<'a> Path<'a> {
             }
             done += step;
             step *= 2.0;
+            self.last.clone_from(&self.u);
         }
         instant.displacement.clone_from(&self.u);
         instant
@@ -222,7 +236,23 @@ impl<'a> Path<'a> {
         self.field.clone_from(&self.u);
         self.set_border(border);
         self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
+        self.foretold = self.model.jumps(&self.field);
         self.ready = false;
+    }
+
+    /// Whether some pair opened much further than foretold.
+    fn strays(&self) -> bool {
+        let allowed = 0.2 * self.law.front_opening();
+        let found = self.model.jumps(&self.u);
+        found.iter().zip(&self.foretold).any(|(a, b)| (a.normal - b.normal).abs() > allowed)
+    }
+
+    /// Back to the last accepted solution, if an increment went on to another.
+    fn step_back(&mut self, moved: bool) {
+        if moved {
+            self.u.clone_from(&self.last);
+            self.ready = false;
+        }
     }
 
     fn set_border(&mut self, border: &[[f64; 2]]) {
@@ -246,6 +276,11 @@ impl<'a> Path<'a> {
             // The correction is made in any case: at convergence it costs one solve and squares the error.
             self.residual_into_rhs();
             self.work.factor.solve(&mut self.rhs);
+            // An odd number of negative eigenvalues: an equilibrium, but not one that a test can show.
+            let unstable = || self.work.factor.pivots().is_some_and(|pivots| !pivots.positive_determinant());
+            if converged && unstable() {
+                return false;
+            }
             if converged {
                 self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
                 std::mem::swap(&mut self.u, &mut self.field);

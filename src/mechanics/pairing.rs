@@ -84,8 +84,13 @@ fn along_face(nodes: &[[f64; 2]], interfaces: &[[u32; 4]], near: u32, node: u32)
         let other = nodes[corners[at ^ 1] as usize];
         let (from, to) = (nodes[near as usize], nodes[node as usize]);
         let edge = [other[0] - from[0], other[1] - from[1]];
-        let share = ((to[0] - from[0]) * edge[0] + (to[1] - from[1]) * edge[1]) / (edge[0].powi(2) + edge[1].powi(2));
-        share > 0.05 && share < 0.95
+        let length2 = edge[0].powi(2) + edge[1].powi(2);
+        let share = ((to[0] - from[0]) * edge[0] + (to[1] - from[1]) * edge[1]) / length2;
+        // Beside the partner of `near` and no further off than that: nodes down the side of a strip are further.
+        let opposite = nodes[corners[at ^ 2] as usize];
+        let gap2 = (opposite[0] - from[0]).powi(2) + (opposite[1] - from[1]).powi(2);
+        let distance2 = (to[0] - from[0]).powi(2) + (to[1] - from[1]).powi(2);
+        share > 0.1 && share < 0.9 && distance2 < gap2 + 0.36 * length2
     })
 }
 
