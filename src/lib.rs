@@ -9,6 +9,10 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[cfg(doctest)]
+#[doc = include_str!("../docs/mechanics.md")]
+struct Mechanics;
+
 pub mod backend;
 pub mod cli;
 pub mod correlate;

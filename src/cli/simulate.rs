@@ -51,8 +51,9 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
         (1..).zip(&solution.instants).map(|(number, instant)| joint.summary_of(number, instant)).collect();
     let failed = instants.iter().find(|instant| instant.status == Status::NotConverged.name());
     if !args.quiet {
-        for instant in &instants {
-            instant.warnings.iter().for_each(|warning| eprintln!("warning: instant {}: {warning}", instant.instant));
+        // They grow with the test: the last says it all, summary.json has each.
+        if let Some(worst) = instants.iter().rfind(|instant| !instant.warnings.is_empty()) {
+            worst.warnings.iter().for_each(|warning| eprintln!("warning: instant {}: {warning}", worst.instant));
         }
         if let Some(message) = failed.and_then(|instant| instant.message.as_ref()) {
             eprintln!("{message}");

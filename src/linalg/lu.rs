@@ -32,7 +32,7 @@ pub struct PivotSigns {
 impl PivotSigns {
     /// Whether the determinant is positive.
     pub fn positive_determinant(self) -> bool {
-        (self.negative + self.exchanged) % 2 == 0
+        (self.negative + self.exchanged).is_multiple_of(2)
     }
 
     /// Whether all leading minors are positive, as of any matrix with a positive definite symmetric part.
@@ -119,7 +119,7 @@ impl LuPlan {
         match &self.kind {
             PlanKind::Banded { half } => LuFactor(FactorKind::Banded(BandedLu::new(self.pattern.n(), *half))),
             PlanKind::Sparse(symbolic) => {
-                let numeric = NumericLu::new();
+                let numeric = Box::new(NumericLu::new());
                 LuFactor(FactorKind::Sparse { symbolic: symbolic.clone(), numeric, ready: false })
             }
             PlanKind::Nested(fronts) => LuFactor(FactorKind::Nested(NestedLu::new(fronts))),
@@ -134,7 +134,7 @@ pub struct LuFactor(FactorKind);
 #[derive(Debug)]
 enum FactorKind {
     Banded(BandedLu),
-    Sparse { symbolic: Arc<SymbolicLu<u32>>, numeric: NumericLu<u32, f64>, ready: bool },
+    Sparse { symbolic: Arc<SymbolicLu<u32>>, numeric: Box<NumericLu<u32, f64>>, ready: bool },
     Nested(NestedLu),
 }
 

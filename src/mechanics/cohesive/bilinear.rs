@@ -88,7 +88,7 @@ impl Bilinear {
         for step in 0..=64 {
             let angle = f64::from(step) / 64.0 * std::f64::consts::FRAC_PI_2;
             let (onset, end) = law.onset_and_end(angle.cos(), angle.sin());
-            if !(end > 1.5 * onset) {
+            if end.is_nan() || end <= 1.5 * onset {
                 return Err(wrong(0, "at some mix of the modes the falling branch vanishes; raise K"));
             }
         }

@@ -73,7 +73,10 @@ impl Q4 {
         // Positive at the corners, then everywhere (it is linear); in the corner of a triangle that two nodes
         // share it is zero by itself.
         let at_corners = CORNERS.iter().map(|&at| jacobian(&corners, at).1);
-        let bad = |(k, determinant): (usize, f64)| !(determinant > 0.0) && !(triangle && k >= 2);
+        let bad = |(k, determinant): (usize, f64)| {
+            let positive = determinant > 0.0; // a NaN is not
+            !positive && (!triangle || k < 2)
+        };
         if at_corners.enumerate().any(bad) {
             return None;
         }
