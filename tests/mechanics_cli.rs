@@ -207,7 +207,7 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     let broken = lines[2].rsplit_once(",0,").map(|(left, right)| format!("{left},nan,{right}")).unwrap();
     refused(&good, &border.replacen(lines[2], &broken, 1), &["ux_mm", "nan", "line 3"]);
     refused(&good, &border.replacen("1,0,0,", "1,0,5,", 1), &["node 0", "not a node of the mesh"]);
-    refused(&good, &border.replacen("1,0,0,", "1,999,0,", 1), &["999"]);
+    refused(&good, &border.replace(",0,0,-", ",999,0,-"), &["node 999", "the mesh has 72 nodes"]);
     // The upper strip without any prescribed node.
     let lower: Vec<&str> =
         lines.iter().filter(|line| !line.split(',').nth(3).is_some_and(|y| y.starts_with("0."))).copied().collect();
