@@ -114,8 +114,9 @@ fn solvers(quick: bool) {
         }
         let (mesh, boundary) = joint(refinement, 1);
         let model = model(&mesh, &boundary, LuChoice::Auto);
-        let solution = model.forward(&law(), &boundary, &ForwardOptions::default()).expect("a run");
-        let linearised = model.linearise(&law(), &solution.instants[0].displacement).expect("a tangent");
+        let law = law();
+        let solution = model.forward(&law, &boundary, &ForwardOptions::default()).expect("a run");
+        let linearised = model.linearise(&law, &solution.instants[0].displacement).expect("a tangent");
         let matrix = linearised.tangent();
         let n = model.n_unknowns();
         let repeats = [9, 5, 3, 1][[1, 2, 6, 14].iter().position(|&r| r == refinement).unwrap_or(3)];

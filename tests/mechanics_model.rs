@@ -29,6 +29,7 @@ fn moved(mesh: &JointMesh, place: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> Joint
         interfaces: mesh.interfaces().to_vec(),
         groups: mesh.groups().to_vec(),
         element_group: mesh.element_group().to_vec(),
+        ..JointParts::default()
     };
     JointMesh::new(parts).unwrap()
 }
@@ -432,7 +433,7 @@ fn strips_are_paired_by_geometry_wherever_the_joint_runs() {
             elements: mesh.elements().to_vec(),
             groups: mesh.groups().to_vec(),
             element_group: mesh.element_group().to_vec(),
-            interfaces: Vec::new(),
+            ..JointParts::default()
         };
         let found = JointMesh::from_strips(parts).unwrap();
         let mut wanted = mesh.interfaces().to_vec();

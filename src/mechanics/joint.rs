@@ -27,6 +27,8 @@ pub struct JointParts {
     pub elements: Vec<[u32; 4]>,
     /// Of each interface element: lower left, lower right, upper left, upper right.
     pub interfaces: Vec<[u32; 4]>,
+    /// Nodes that may lie on a face of the adhesive, where faces are found by geometry; empty for all border nodes.
+    pub faces: Vec<u32>,
     /// Names of the groups of elements, each of which may have its own material; empty for one group.
     pub groups: Vec<String>,
     /// Group of each element; empty for one group.
@@ -39,7 +41,7 @@ impl JointMesh {
     /// # Errors
     /// A [`MeshFault`] names the node or element that cannot be used.
     pub fn new(parts: JointParts) -> Result<Self, MeshFault> {
-        let JointParts { nodes, elements, interfaces, mut groups, mut element_group } = parts;
+        let JointParts { nodes, elements, interfaces, mut groups, mut element_group, .. } = parts;
         if groups.is_empty() {
             groups = vec!["strips".to_owned()];
         }
@@ -115,7 +117,7 @@ impl JointMesh {
             (0..columns as u32).map(|i| [face + i, face + i + 1, first_upper + i, first_upper + i + 1]).collect();
         let element_group = [0, 1].iter().flat_map(|&g| std::iter::repeat_n(g, columns * rows)).collect();
         let groups = vec!["lower".to_owned(), "upper".to_owned()];
-        Self::new(JointParts { nodes, elements, interfaces, groups, element_group })
+        Self::new(JointParts { nodes, elements, interfaces, groups, element_group, ..JointParts::default() })
     }
 
     /// The joint between strips that share no node: nodes that face each other across the gap are paired by
@@ -128,7 +130,7 @@ impl JointMesh {
     /// What [`JointMesh::new`] refuses, and faces that do not pair.
     pub fn from_strips(mut parts: JointParts) -> Result<Self, MeshFault> {
         check_strips(&parts.nodes, &parts.elements)?;
-        parts.interfaces = super::pairing::interfaces(&parts.nodes, &parts.elements)?;
+        parts.interfaces = super::pairing::interfaces(&parts.nodes, &parts.elements, &parts.faces)?;
         Self::new(parts)
     }
 
@@ -152,6 +154,7 @@ impl JointMesh {
             interfaces: self.interfaces.iter().filter(whole).map(renumbered).collect(),
             groups: self.groups.clone(),
             element_group: kept.iter().map(|&element| self.element_group[element]).collect(),
+            ..JointParts::default()
         };
         Ok((Self::new(parts)?, of))
     }
@@ -225,6 +228,22 @@ impl JointMesh {
         nodes
     }
 
+    /// The end nodes of the faces of the adhesive: those of one interface element alone.
+    pub fn face_ends(&self) -> HashSet<u32> {
+        let mut count: HashMap<u32, u32> = HashMap::new();
+        self.interfaces.iter().flatten().for_each(|&node| *count.entry(node).or_default() += 1);
+        count.into_iter().filter(|&(_, n)| n == 1).map(|(node, _)| node).collect()
+    }
+
+    /// Longer side of the rectangle that holds the mesh, mm.
+    pub fn extent(&self) -> f64 {
+        let side = |c: usize| {
+            let of = |pick: fn(f64, f64) -> f64, start: f64| self.nodes.iter().map(|x| x[c]).fold(start, pick);
+            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
+        };
+        side(0).max(side(1))
+    }
+
     /// Edges of the faces, as sorted node pairs.
     fn face_edges(&self) -> impl Iterator<Item = [u32; 2]> {
         self.interfaces.iter().flat_map(|&[l1, l2, u1, u2]| [sorted([l1, l2]), sorted([u1, u2])])
@@ -295,7 +314,9 @@ impl JointMesh {
         }
         let carry = Carry { weights };
         let nodes = carry.values(&self.nodes);
-        let mesh = Self::new(JointParts { nodes, elements, interfaces, groups: self.groups.clone(), element_group })?;
+        let groups = self.groups.clone();
+        let mesh =
+            Self::new(JointParts { nodes, elements, interfaces, groups, element_group, ..JointParts::default() })?;
         Ok((mesh, carry))
     }
 

@@ -4,6 +4,7 @@
 //! adhesive is an argument. Units: mm, MPa, N/mm (unit thickness); x to the right, y **up** (THEORY 1).
 
 mod boundary;
+mod case;
 pub mod cohesive;
 pub mod element;
 mod error;
@@ -16,6 +17,7 @@ mod solution;
 pub mod substrate;
 
 pub use boundary::BoundaryHistory;
+pub use case::{Joint, JointError, law_of_case, materials_of_case};
 pub use element::{Kinematics, Quadrature};
 pub use error::{BoundaryFault, MeshFault, ModelError};
 pub use joint::{Carry, JointMesh, JointParts};

@@ -4,13 +4,17 @@ use super::error::MeshFault;
 use super::joint::{border_edges, strips};
 use std::collections::{HashMap, HashSet};
 
-/// The interface elements between strips that share no node.
+/// The interface elements between strips that share no node. Only nodes of `faces` are paired, if there are any.
 ///
 /// Two border nodes of different strips are a pair when each is the other's nearest. An edge of one strip whose
 /// two ends are paired with the ends of an edge of the other makes an element. The elements are checked.
-pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Result<Vec<[u32; 4]>, MeshFault> {
+pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]], faces: &[u32]) -> Result<Vec<[u32; 4]>, MeshFault> {
     let strip = strips(nodes.len(), elements);
-    let edges = border_edges(elements);
+    let mut edges = border_edges(elements);
+    if !faces.is_empty() {
+        let faces: HashSet<u32> = faces.iter().copied().collect();
+        edges.retain(|edge| edge.iter().all(|node| faces.contains(node)));
+    }
     let mut border: Vec<u32> = edges.iter().flatten().copied().collect();
     border.sort_unstable();
     border.dedup();

@@ -4,7 +4,7 @@ mod axes;
 mod backdrop;
 mod edges;
 mod figures;
-mod joint;
+pub mod joint;
 mod letters;
 pub mod map;
 mod mesh_figure;
@@ -19,7 +19,6 @@ pub mod summary;
 
 pub use backdrop::Backdrop;
 pub use figures::{Figure, FigureOptions, Format, draw_frame};
-pub use joint::{JointMap, JointProfiles};
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};

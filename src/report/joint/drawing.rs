@@ -1,10 +1,10 @@
 //! Figures of a joint: a field on its deformed mesh, and profiles along the adhesive.
 
-use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
-use super::raster::Layer;
-use super::scale::{Palette, Range, colour, ticks};
-use super::scene::{Anchor, BLACK, Path, Rect, Scene, Stroke};
-use super::{Axis, Picture, Plot, ReportError, Series, Style};
+use crate::report::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
+use crate::report::raster::Layer;
+use crate::report::scale::{Palette, Range, colour, ticks};
+use crate::report::scene::{Anchor, BLACK, Path, Rect, Scene, Stroke};
+use crate::report::{Axis, Picture, Plot, ReportError, Series, Style};
 
 /// Longer side of the map.
 const LONGER_SIDE: f64 = 820.0;
