@@ -56,7 +56,7 @@ pub enum LuChoice {
 }
 
 /// Up to this many multiplications the banded factor is made (`benches/RESULTS.md`).
-pub const BANDED_UP_TO: f64 = 3e8;
+pub const BANDED_UP_TO: f64 = 5e6;
 
 /// The symbolic part of the factor, kept for all matrices on one pattern.
 #[derive(Debug, Clone)]
