@@ -3,10 +3,15 @@
 mod mechanics_common;
 
 use mechanics_common::{assert_close, reference_folder};
+use quadrille::field::{Measurement, Status, StrainDefinition, StrainField};
+use quadrille::io::store::{StoreHeader, StoreWriter};
 use quadrille::mechanics::JointMesh;
+use quadrille::mesh::{Mesh, ZoneElements};
+use quadrille::units::{PixelSize, Px};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::Arc;
 
 const SUBSTRATE: &str = "[substrate]\nmodel = \"ramberg-osgood\"\nE_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\n\
                          alpha = 0.06\nn = 7.0\n";
@@ -154,6 +159,182 @@ fn meshes_of_gmsh_with_a_material_for_each_strip_run() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let (header, _) = read(folder.path().join("out/sensitivities.csv"));
     assert!(header.contains(&"dux_dE_lower".to_owned()) && header.contains(&"duy_dn_upper".to_owned()), "{header:?}");
+}
+
+/// The joint of [`mesh`] as a `.msh` file of version 4.1 with the physical surfaces `lower` and `upper`, and physical
+/// curves for the faces and the outer border.
+fn msh_41(mesh: &JointMesh) -> String {
+    let curves: [(&str, Vec<[u32; 2]>); 3] = [
+        ("lower_face", mesh.interfaces().iter().map(|&[a, b, ..]| [a, b]).collect()),
+        ("upper_face", mesh.interfaces().iter().map(|&[.., a, b]| [a, b]).collect()),
+        ("boundary", mesh.outer_nodes().windows(2).map(|pair| [pair[0], pair[1]]).collect()),
+    ];
+    let mut text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n5\n".to_owned();
+    for (k, (name, _)) in curves.iter().enumerate() {
+        writeln!(text, "1 {} \"{name}\"", k + 1).unwrap();
+    }
+    text.push_str("2 1 \"lower\"\n2 2 \"upper\"\n$EndPhysicalNames\n$Entities\n0 3 2 0\n");
+    for number in [1, 2, 3, 1, 2] {
+        writeln!(text, "{number} 0 0 0 1 1 0 1 {number} 0").unwrap();
+    }
+    let n = mesh.nodes().len();
+    // Numbers of their own: nodes are found by their places.
+    write!(text, "$EndEntities\n$Nodes\n1 {n} 11 {}\n2 1 0 {n}\n", n + 10).unwrap();
+    (0..n).for_each(|k| writeln!(text, "{}", k + 11).unwrap());
+    mesh.nodes().iter().for_each(|[x, y]| writeln!(text, "{x} {y} 0").unwrap());
+    let n_lines: usize = curves.iter().map(|(_, edges)| edges.len()).sum();
+    let total = n_lines + mesh.elements().len();
+    write!(text, "$EndNodes\n$Elements\n5 {total} 1 {total}\n").unwrap();
+    let mut number = 0;
+    for (k, (_, edges)) in curves.iter().enumerate() {
+        writeln!(text, "1 {} 1 {}", k + 1, edges.len()).unwrap();
+        for [a, b] in edges {
+            number += 1;
+            writeln!(text, "{number} {} {}", a + 11, b + 11).unwrap();
+        }
+    }
+    for group in 0..2 {
+        let of: Vec<_> = mesh.elements().iter().zip(mesh.element_group()).filter(|(_, g)| **g == group).collect();
+        writeln!(text, "2 {} 3 {}", group + 1, of.len()).unwrap();
+        for (corners, _) in of {
+            number += 1;
+            let [a, b, c, d] = corners.map(|node| node + 11);
+            writeln!(text, "{number} {a} {b} {c} {d}").unwrap();
+        }
+    }
+    text + "$EndElements\n"
+}
+
+/// Displacements by place and instant: `(instant, x, y)` in nanometres.
+fn by_place(out: &Path, nodes: &[[f64; 2]]) -> std::collections::BTreeMap<[i64; 3], [f64; 2]> {
+    let (_, rows) = read(out.join("solution.csv"));
+    let nano = |mm: f64| (mm * 1e6).round() as i64;
+    let entry = |row: &Vec<f64>| {
+        let [x, y] = nodes[row[1] as usize];
+        ([row[0] as i64, nano(x), nano(y)], [row[2], row[3]])
+    };
+    rows.iter().map(entry).collect()
+}
+
+#[test]
+fn a_mesh_of_gmsh_with_named_faces_and_border_gives_what_the_rectangle_gives() {
+    let rectangle = folder(&format!("{RECTANGLE}{BOUNDARY}{SUBSTRATE}{COHESIVE}"), &border());
+    let gmsh = folder(&format!("[mesh]\nfile = \"joint.msh\"\n{BOUNDARY}{SUBSTRATE}{COHESIVE}"), &border());
+    let file = gmsh.path().join("joint.msh");
+    std::fs::write(&file, msh_41(&mesh())).unwrap();
+    for folder in [&rectangle, &gmsh] {
+        let output = simulate(folder.path());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let read = quadrille::io::joint::read_joint_mesh(&file).unwrap();
+    assert_eq!((read.faces.len(), read.prescribed.as_ref().map(Vec::len)), (18, Some(mesh().outer_nodes().len())));
+    let wanted = by_place(&rectangle.path().join("out"), mesh().nodes());
+    let found = by_place(&gmsh.path().join("out"), &read.nodes);
+    assert_eq!(wanted.len(), found.len());
+    for (place, u) in &wanted {
+        for c in 0..2 {
+            // The order of the nodes and with it that of the sums differs: round-off of displacements of 0.02 mm.
+            assert_close(found[place][c], u[c], 1e-14, format!("{place:?}"));
+        }
+    }
+    // The border named in the mesh has to be prescribed, but for the ends of the faces.
+    let without = |node: u32| -> String {
+        let rest = border();
+        let of_node = |line: &&str| line.split(',').nth(1) != Some(&node.to_string());
+        rest.lines().filter(of_node).map(|line| format!("{line}\n")).collect()
+    };
+    let again = |border: String| {
+        std::fs::write(gmsh.path().join("border.csv"), border).unwrap();
+        let (case, out) = (gmsh.path().join("case.toml"), gmsh.path().join("again"));
+        let output = quadrille(&["simulate", case.to_str().unwrap(), "--output", out.to_str().unwrap(), "--overwrite"]);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (status, said) = again(without(3));
+    assert!(status == Some(2) && said.contains("no row for node") && said.contains("(0.0927, "), "{said}");
+    let end = mesh().interfaces()[0][0];
+    let (status, said) = again(without(end));
+    assert!(status == Some(0) && said.contains("left free"), "{said}");
+}
+
+/// A correlation run of two zones, 6 by 2 elements of 16 px each, whose frames end as `statuses` say.
+fn correlation_run(path: &Path, statuses: &[Status]) {
+    let zone = |(name, top): (&str, f64)| {
+        let corner = |k: u32| k % 6 + 7 * (k / 6);
+        ZoneElements {
+            name: name.into(),
+            nodes: (0..21).map(|k| [8.0 + 16.0 * f64::from(k % 7), top + 16.0 * f64::from(k / 7)]).collect(),
+            elements: (0..12).map(|k| [corner(k), corner(k) + 1, corner(k) + 8, corner(k) + 7]).collect(),
+        }
+    };
+    let zones = [("upper", 8.0), ("lower", 71.0)].map(zone).to_vec();
+    let mesh = Arc::new(Mesh::<Px>::from_zones(zones).unwrap());
+    let header = StoreHeader {
+        quadrille: "0.1.0".into(),
+        device: "cpu".into(),
+        mesh: mesh.clone(),
+        image_size_px: [128, 128],
+        reference: vec!["ref.tif".into()],
+        reference_sha256: vec!["0a".into()],
+        frames: (1..=statuses.len()).map(|k| format!("{k}.tif")).collect(),
+        pixel_size: PixelSize::new(0.00193125),
+        range_grey: 255.0,
+        element_size_px: 16.0,
+        strain: StrainDefinition::Infinitesimal,
+        case: String::new(),
+    };
+    let writer = StoreWriter::create(&path.join("fields.zarr"), &header).unwrap();
+    for (number, &status) in (1..).zip(statuses) {
+        // The upper zone (small row numbers) moves up: to smaller row numbers.
+        let at = |&[x, y]: &[f64; 2]| [0.0, if y < 55.0 { -1.0 } else { 0.5 } * number as f64 * (0.2 + 0.01 * x)];
+        let field = Measurement {
+            mesh: mesh.clone(),
+            status,
+            displacement: mesh.nodes().iter().map(at).collect(),
+            sigma: vec![[0.01; 2]; mesh.n_nodes()],
+            measured: vec![true; mesh.n_nodes()],
+            element_residual: vec![1.0; mesh.n_elements()],
+        };
+        let strain = StrainField::of(&field, StrainDefinition::Infinitesimal);
+        writer.write(number, &field, &strain).unwrap();
+    }
+    writer.finish(vec![None; statuses.len()]).unwrap();
+}
+
+#[test]
+fn a_correlation_run_drives_the_joint_with_y_turned_up_and_says_which_frames_it_leaves_out() {
+    let case =
+        format!("[mesh]\nstore = \"run/fields.zarr\"\nrefine = 2\n[boundary]\nstore = \"run\"\n{SUBSTRATE}{COHESIVE}");
+    let folder = folder(&case, "");
+    let run = folder.path().join("run");
+    std::fs::create_dir(&run).unwrap();
+    correlation_run(&run, &[Status::Converged, Status::IterationLimit, Status::Converged]);
+    let output = simulate(folder.path());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && said.contains("frames 2 did not converge"), "{said}");
+    let (_, rows) = read(folder.path().join("out/tractions.csv"));
+    assert_eq!(rows.len(), 2 * (2 * 6 + 1), "two instants, twice as many elements along the joint");
+    for row in &rows {
+        let (x, opening) = (row[3], row[5]);
+        // Lower and upper zone part: the opening is positive, and at the prescribed ends what the frames say.
+        assert!(opening > 0.0, "{row:?}");
+        let column = ((x - rows[0][3]) / 0.01545).round();
+        if column == 0.0 || column == 12.0 {
+            let frame = if row[0] == 1.0 { 1.0 } else { 3.0 };
+            let wanted = 1.5 * frame * (0.2 + 0.01 * x / 0.00193125) * 0.00193125;
+            assert_close(opening, wanted, 1e-15, "opening at an end");
+        }
+    }
+    // Another run, a run without a usable frame.
+    let other = case.replace("store = \"run\"", "store = \"other\"");
+    std::fs::write(folder.path().join("case.toml"), &other).unwrap();
+    let again = quadrille(&["simulate", folder.path().join("case.toml").to_str().unwrap(), "--output", "nowhere"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("same run"));
+    std::fs::write(folder.path().join("case.toml"), &case).unwrap();
+    correlation_run(&run, &[Status::Diverged]);
+    let again = quadrille(&["simulate", folder.path().join("case.toml").to_str().unwrap(), "--output", "nowhere"]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("no frame of the run converged"));
 }
 
 #[track_caller]
