@@ -256,8 +256,8 @@ fn a_mesh_of_gmsh_with_named_faces_and_border_gives_what_the_rectangle_gives() {
     assert!(status == Some(0) && said.contains("left free"), "{said}");
 }
 
-/// A correlation run of two zones, 6 by 2 elements of 16 px each, whose frames end as `statuses` say.
-fn correlation_run(path: &Path, statuses: &[Status]) {
+/// A correlation run of two zones, 6 by 2 elements of 16 px each, whose frames end as `statuses` say and lack `node`.
+fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Option<usize>) {
     let zone = |(name, top): (&str, f64)| {
         let corner = |k: u32| k % 6 + 7 * (k / 6);
         ZoneElements {
@@ -276,7 +276,7 @@ fn correlation_run(path: &Path, statuses: &[Status]) {
         reference: vec!["ref.tif".into()],
         reference_sha256: vec!["0a".into()],
         frames: (1..=statuses.len()).map(|k| format!("{k}.tif")).collect(),
-        pixel_size: PixelSize::new(0.00193125),
+        pixel_size: PixelSize::new(mm_per_px),
         range_grey: 255.0,
         element_size_px: 16.0,
         strain: StrainDefinition::Infinitesimal,
@@ -291,7 +291,7 @@ fn correlation_run(path: &Path, statuses: &[Status]) {
             status,
             displacement: mesh.nodes().iter().map(at).collect(),
             sigma: vec![[0.01; 2]; mesh.n_nodes()],
-            measured: vec![true; mesh.n_nodes()],
+            measured: (0..mesh.n_nodes()).map(|k| Some(k) != node).collect(),
             element_residual: vec![1.0; mesh.n_elements()],
         };
         let strain = StrainField::of(&field, StrainDefinition::Infinitesimal);
@@ -307,7 +307,7 @@ fn a_correlation_run_drives_the_joint_with_y_turned_up_and_says_which_frames_it_
     let folder = folder(&case, "");
     let run = folder.path().join("run");
     std::fs::create_dir(&run).unwrap();
-    correlation_run(&run, &[Status::Converged, Status::IterationLimit, Status::Converged]);
+    correlation_run(&run, &[Status::Converged, Status::IterationLimit, Status::Converged], 0.00193125, None);
     let output = simulate(folder.path());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && said.contains("frames 2 did not converge"), "{said}");
@@ -324,17 +324,21 @@ fn a_correlation_run_drives_the_joint_with_y_turned_up_and_says_which_frames_it_
             assert_close(opening, wanted, 1e-15, "opening at an end");
         }
     }
-    // Another run, a run without a usable frame.
-    let other = case.replace("store = \"run\"", "store = \"other\"");
-    std::fs::write(folder.path().join("case.toml"), &other).unwrap();
-    let again = quadrille(&["simulate", folder.path().join("case.toml").to_str().unwrap(), "--output", "nowhere"]);
-    assert_eq!(again.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&again.stderr).contains("same run"));
-    std::fs::write(folder.path().join("case.toml"), &case).unwrap();
-    correlation_run(&run, &[Status::Diverged]);
-    let again = quadrille(&["simulate", folder.path().join("case.toml").to_str().unwrap(), "--output", "nowhere"]);
-    assert_eq!(again.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&again.stderr).contains("no frame of the run converged"));
+    let refused = |case: &str, words: &str| {
+        std::fs::write(folder.path().join("case.toml"), case).unwrap();
+        let again = quadrille(&["simulate", folder.path().join("case.toml").to_str().unwrap(), "--output", "nowhere"]);
+        let said = String::from_utf8_lossy(&again.stderr).into_owned();
+        assert!(again.status.code() == Some(2) && said.contains(words), "{said}");
+    };
+    refused(&case.replace("store = \"run\"", "store = \"other\""), "same run");
+    refused(&case.replace("store = \"run\"", "file = \"a.csv\"\nstore = \"run\""), "[boundary] needs either");
+    correlation_run(&run, &[Status::Diverged], 0.00193125, None);
+    refused(&case, "no frame of the run converged");
+    correlation_run(&run, &[Status::Converged], 0.0, None);
+    refused(&case, "no pixel size");
+    correlation_run(&run, &[Status::Converged], 0.00193125, Some(6));
+    refused(&case, "frame 1 has no displacement at node 6");
+    assert!(!Path::new("nowhere").exists());
 }
 
 #[track_caller]
@@ -411,10 +415,9 @@ fn meshes_that_make_no_joint_are_refused_by_name() {
     let nodes = "[[0,0],[1,0],[1,1],[0,1],[0,1.1],[1,1.1],[1,2],[0,2]]";
     refused(&format!("{{\"nodes\": {nodes}, \"quads\": [[0,3,2,1],[4,5,6,7]]}}"), &["element 0", "counter-clockwise"]);
     refused(&format!("{{\"nodes\": {nodes}, \"quads\": [[0,1,2,3]]}}"), &["node 4", "no element"]);
-    refused(
-        &format!("{{\"nodes\": {nodes}, \"quads\": [[0,1,2,3],[4,5,6,7]], \"cohesive\": [[4,5,3,2]]}}"),
-        &["interface element 0", "pair"],
-    );
+    let both = "\"quads\": [[0,1,2,3],[4,5,6,7]]";
+    refused(&format!("{{\"nodes\": {nodes}, {both}, \"dirichlet_nodes\": [0, 8]}}"), &["names node 8", "there are 8"]);
+    refused(&format!("{{\"nodes\": {nodes}, {both}, \"cohesive\": [[4,5,3,2]]}}"), &["interface element 0", "pair"]);
 }
 
 #[test]
