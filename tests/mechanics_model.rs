@@ -478,6 +478,12 @@ fn wrong_meshes_are_refused_by_name() {
         p.interfaces[2] = [u1, u2, l1, l2];
     };
     assert!(matches!(fault(swapped), MeshFault::BadInterface { element: 2, .. }));
+    let turned = |p: &mut JointParts| p.interfaces[1].reverse();
+    assert!(matches!(fault(turned), MeshFault::FacesSwapped { element: 1, .. }));
+    let twice = |p: &mut JointParts| p.elements.push(p.elements[4]);
+    assert_eq!(fault(twice), MeshFault::SameNodes { kind: "element", element: 12, other: 4 });
+    let twice = |p: &mut JointParts| p.interfaces.push(p.interfaces[2]);
+    assert_eq!(fault(twice), MeshFault::SameNodes { kind: "interface element", element: 3, other: 2 });
     assert!(matches!(fault(|p| p.interfaces[0].swap(2, 3)), MeshFault::BadInterface { element: 0, .. }));
     assert!(matches!(fault(|p| p.interfaces[0] = [8, 9, 8, 9]), MeshFault::SelfPair { node: 8 }));
     assert!(matches!(JointMesh::rectangular(0, 2, 1.0, 0.5), Err(MeshFault::Size { columns: 0, .. })));

@@ -50,6 +50,16 @@ pub enum MeshFault {
         /// Mean of its corners, mm.
         y: f64,
     },
+    /// Two elements on the same nodes.
+    #[error("{kind} {element} has the same nodes as {kind} {other}; take one of them out of the mesh")]
+    SameNodes {
+        /// `element` or `interface element`.
+        kind: &'static str,
+        /// The later one.
+        element: usize,
+        /// The one before.
+        other: usize,
+    },
     /// A node of no element.
     #[error("node {node} at ({x}, {y}) mm belongs to no element; take it out of the mesh")]
     DanglingNode {
@@ -72,6 +82,20 @@ pub enum MeshFault {
         element: usize,
         /// Its nodes.
         nodes: [u32; 4],
+    },
+    /// Interface elements that do not agree which face is the lower one.
+    #[error(
+        "interface element {element} (nodes {nodes:?}) has the pair ({lower}, {upper}) the other way round than one before it; give all of them with the same face first"
+    )]
+    FacesSwapped {
+        /// The interface element.
+        element: usize,
+        /// Its nodes.
+        nodes: [u32; 4],
+        /// Lower node of the pair before.
+        lower: u32,
+        /// Upper node of the pair before.
+        upper: u32,
     },
     /// A node opposite itself.
     #[error("node {node} is paired with itself; the two faces of the adhesive must have nodes of their own")]

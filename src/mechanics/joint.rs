@@ -65,10 +65,15 @@ impl JointMesh {
                 return Err(MeshFault::BadInterface { element, nodes: *corners });
             }
         }
+        all_different("interface element", &interfaces)?;
         let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(interfaces.len() + 1);
         let mut seen = HashSet::new();
-        for &[l1, l2, u1, u2] in &interfaces {
+        for (element, &nodes) in interfaces.iter().enumerate() {
+            let [l1, l2, u1, u2] = nodes;
             for pair in [[l1, u1], [l2, u2]] {
+                if pair[0] != pair[1] && seen.contains(&[pair[1], pair[0]]) {
+                    return Err(MeshFault::FacesSwapped { element, nodes, lower: pair[1], upper: pair[0] });
+                }
                 if seen.insert(pair) {
                     pairs.push(pair);
                 }
@@ -388,8 +393,22 @@ fn check_strips(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Result<(), MeshFau
             return Err(MeshFault::BadElement { element, x: at[0], y: at[1] });
         }
     }
+    all_different("element", elements)?;
     if let Some(node) = used.iter().position(|&used| !used) {
         return Err(MeshFault::DanglingNode { node, x: nodes[node][0], y: nodes[node][1] });
+    }
+    Ok(())
+}
+
+/// Refuses an element on the nodes of another: its stiffness would count twice.
+fn all_different(kind: &'static str, elements: &[[u32; 4]]) -> Result<(), MeshFault> {
+    let mut seen: HashMap<[u32; 4], usize> = HashMap::with_capacity(elements.len());
+    for (element, corners) in elements.iter().enumerate() {
+        let mut nodes = *corners;
+        nodes.sort_unstable();
+        if let Some(other) = seen.insert(nodes, element) {
+            return Err(MeshFault::SameNodes { kind, element, other });
+        }
     }
     Ok(())
 }
