@@ -11,7 +11,7 @@ use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::adapters;
 use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, repeat};
-use quadrille::correlate::{Correlator, Options};
+use quadrille::correlate::{Correlator, Options, Start};
 use quadrille::field::Status;
 use quadrille::isa::Isa;
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, inverse_diagonal, nested_dissection};
@@ -137,8 +137,9 @@ fn pairs() {
             assert_eq!(result.measurement.status, Status::Converged);
             let transfer: Vec<_> = result.zones.iter().map(|zone| zone.transfer).collect();
             // 0.1 px off everywhere: the kind of start that a smooth series gives.
-            let start: Vec<_> = result.measurement.displacement.iter().map(|u| u.map(|u| u + 0.1)).collect();
-            let tracked = time(7, || correlator.correlate(deformed.clone(), Some((start.clone(), &transfer))));
+            let displacement = result.measurement.displacement.iter().map(|u| u.map(|u| u + 0.1)).collect();
+            let start = Start { displacement, transfer };
+            let tracked = time(7, || correlator.correlate(deformed.clone(), Some(&start)));
             println!(
                 "| {size}² | {} | {} | {} | {} | {} | {} |",
                 shown3(preparing),

@@ -1,12 +1,17 @@
 //! Global Q4 digital image correlation: displacement fields from image series.
 //!
-//! One straight road: images -> [`field::Measurement`]. Modules know only modules of lower rank
-//! (`tests/layers.rs`): `units`, `clock`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`; `bench`, `metrology`; `report`; `cli`.
+//! One straight road: images -> [`field::Measurement`]. Beside it the mechanics of cohesive joints: displacements of
+//! the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
+//! (`tests/layers.rs`): `units`, `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
+//! `correlate`, `mechanics`; `bench`, `metrology`; `report`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+#[cfg(doctest)]
+#[doc = include_str!("../docs/mechanics.md")]
+struct Mechanics;
 
 pub mod backend;
 pub mod bench;
@@ -18,6 +23,7 @@ pub mod imaging;
 pub mod io;
 pub mod isa;
 pub mod linalg;
+pub mod mechanics;
 pub mod mesh;
 pub mod metrology;
 pub mod report;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 15] = [
+const RANKS: [(&str, u8); 16] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -17,6 +17,7 @@ const RANKS: [(&str, u8); 15] = [
     ("synth", 4),
     ("correlate", 5),
     ("bench", 6),
+    ("mechanics", 5),
     ("metrology", 6),
     ("report", 7),
     ("cli", 8),
@@ -31,7 +32,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 14] = [
+const HOMES: [Home; 17] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -52,6 +53,9 @@ const HOMES: [Home; 14] = [
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
+    Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },
+    Home { what: "the crate pollster", named_by: |s, at| s.names_crate(at, "pollster"), places: &["backend/gpu/"] },
+    Home { what: "the crate naga", named_by: |s, at| s.names_crate(at, "naga"), places: &[] },
     Home { what: "printing", named_by: Source::prints, places: &["cli/"] },
     Home { what: "opening files", named_by: Source::opens_files, places: &["io/", "report/", "cli/"] },
 ];

@@ -7,7 +7,7 @@ use common::dense::Dense;
 use common::*;
 use program::{Desk, INSIDE};
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::correlate::{CorrelationError, Correlator, Options, Regularisation};
+use quadrille::correlate::{CorrelationError, Correlator, Options, Regularisation, Start};
 use quadrille::field::Status;
 use quadrille::imaging::Image;
 use quadrille::linalg::{
@@ -178,9 +178,9 @@ fn measured_noise_has_the_gain_of_the_theory() {
     for seed in 0..24 {
         let deformed = noisy(&reference, 2.0, seed);
         let fields = correlators.each_ref().map(|correlator| {
-            let n = mesh.n_nodes();
-            let start = (vec![[0.0; 2]; n], &[quadrille::backend::GreyTransfer::NONE][..]);
-            let correlation = correlator.correlate(deformed.clone(), Some(start)).unwrap();
+            let transfer = vec![quadrille::backend::GreyTransfer::NONE];
+            let start = Start { displacement: vec![[0.0; 2]; mesh.n_nodes()], transfer };
+            let correlation = correlator.correlate(deformed.clone(), Some(&start)).unwrap();
             assert_eq!(correlation.measurement.status, Status::Converged, "seed {seed}");
             correlation.measurement.displacement
         });

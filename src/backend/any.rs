@@ -17,6 +17,7 @@ macro_rules! either {
     ($(#[$doc:meta])* $name:ident, $cpu:ty, $gpu:ty) => {
         $(#[$doc])*
         #[derive(Debug)]
+        #[allow(clippy::large_enum_variant, reason = "few of them live at a time, behind other owners")]
         pub enum $name {
             /// On the CPU.
             Cpu($cpu),

@@ -41,6 +41,8 @@ pub enum Command {
     Devices(DevicesArgs),
     /// Measure what correlation costs on the devices of this machine, side by side.
     Bench(BenchArgs),
+    /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
+    Simulate(SimulateArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -549,6 +551,33 @@ pub struct BenchArgs {
     /// Folder for bench.json and the plot of time against image size (PNG, SVG); an earlier one is replaced.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+}
+
+/// Arguments of `quadrille simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example of a case file:\n  \
+    [mesh]\n  file = \"mesh.json\"\n  \
+    [boundary]\n  file = \"boundary_displacements.csv\"\n  \
+    [substrate]\n  model = \"ramberg-osgood\"\n  E_MPa = 72000.0\n  nu = 0.33\n  sigma_0_MPa = 180.0\n  alpha = 0.06\n  n = 7.0\n  \
+    [cohesive]\n  model = \"extended-xu-needleman\"\n  phi_n_N_per_mm = 1.0\n  delta_n_mm = 0.005\n  delta_t_mm = 0.05\n  r = 4.0\n\n\
+    Exit status: 0 all instants converged; 1 some did not (see DIR/summary.json); 2 nothing could be run.")]
+pub struct SimulateArgs {
+    /// The case file (TOML): tables [mesh], [boundary], [substrate], [cohesive], [output]. Names of files in it are
+    /// relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {

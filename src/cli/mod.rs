@@ -16,6 +16,7 @@ mod quantities;
 mod record;
 mod run_folder;
 mod series;
+mod simulate;
 mod synth;
 mod zones;
 
@@ -60,6 +61,7 @@ pub fn main() -> ExitCode {
         args::Command::Metrology(args) => metrology::run(&args),
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(args) => bench::run(&args),
+        args::Command::Simulate(args) => simulate::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -15,6 +15,7 @@ const SUMMARY: &str = "summary.json";
 /// Folder of the pictures in that of a run.
 pub(super) const FIGURES: &str = "figures";
 const SERIES: &str = "series.pvd";
+const INTERFACE_SERIES: &str = "interface.pvd";
 
 /// The output folder of a run.
 #[derive(Debug, Clone)]
@@ -50,7 +51,7 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, SUMMARY] {
+        for name in [SERIES, INTERFACE_SERIES, SUMMARY] {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;
@@ -61,8 +62,8 @@ impl RunFolder {
                 let name = entry.file_name();
                 let name = name.to_string_lossy();
                 let Some((stem, ending)) = name.rsplit_once('.') else { continue };
-                // A picture has the name of what it shows behind its number.
-                let number = if kind == FIGURES { stem.split('-').next().unwrap_or_default() } else { stem };
+                // What a file shows may stand behind its number.
+                let number = stem.split('-').next().unwrap_or_default();
                 let numbered = number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit());
                 if numbered && endings.contains(&ending) {
                     remove(&entry.path())?;
@@ -136,8 +137,17 @@ impl RunFolder {
     }
 
     pub fn write_series(&self, numbers: &[usize]) -> Result<()> {
-        let entries: Vec<_> = numbers.iter().map(|&n| (n as f64, format!("vtu/{n:06}.vtu"))).collect();
-        self.write(SERIES, |out| vtk::write_pvd(out, &entries).map_err(std::io::Error::other))
+        self.write_list(SERIES, "", numbers)
+    }
+
+    /// The list of the grids of a joint's interface.
+    pub fn write_interface_series(&self, numbers: &[usize]) -> Result<()> {
+        self.write_list(INTERFACE_SERIES, "-interface", numbers)
+    }
+
+    fn write_list(&self, name: &str, ending: &str, numbers: &[usize]) -> Result<()> {
+        let entries: Vec<_> = numbers.iter().map(|&n| (n as f64, format!("vtu/{n:06}{ending}.vtu"))).collect();
+        self.write(name, |out| vtk::write_pvd(out, &entries).map_err(std::io::Error::other))
     }
 
     /// Writes under another name and renames, so that a file is there whole or not at all.

@@ -8,7 +8,7 @@ mod gmsh;
 mod vtu;
 
 use crate::mesh::ZoneElements;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -22,10 +22,21 @@ pub struct MeshFile {
     /// Its zones, in the order of their numbers in the file. Node positions are px of the reference image, y
     /// down; a triangle is an element whose last two nodes are equal.
     pub zones: Vec<ZoneElements>,
+    /// The physical groups of curves of a `.msh` file that have a name. Those of images leave them aside.
+    pub curves: Vec<NamedCurve>,
     /// What a user should know: lines and points, and elements of no group, left aside. Often empty.
     pub notes: Vec<String>,
     /// SHA-256 of the file, in hexadecimal.
     pub sha256: String,
+}
+
+/// A named group of curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedCurve {
+    /// Its name.
+    pub name: String,
+    /// Positions of the nodes on it, each once.
+    pub nodes: Vec<[f64; 2]>,
 }
 
 /// Why a file gives no mesh.
@@ -269,6 +280,8 @@ struct Parsed {
     elements: Vec<FileElement>,
     /// Names of groups, by their numbers.
     names: BTreeMap<i64, String>,
+    /// Named groups of curves: the places of their nodes.
+    curves: BTreeMap<String, BTreeSet<usize>>,
     /// Points and lines among the elements.
     n_aside: usize,
 }
@@ -317,7 +330,12 @@ impl Parsed {
             ZoneElements { name, nodes: zone.nodes, elements: zone.elements }
         };
         let zones = zones.into_iter().map(named).collect();
-        Ok(MeshFile { zones, notes, sha256: String::new() })
+        let curve = |(name, places): (&String, &BTreeSet<usize>)| {
+            let at = |&place: &usize| [self.nodes[place].at[0], self.nodes[place].at[1]];
+            NamedCurve { name: name.clone(), nodes: places.iter().map(at).collect() }
+        };
+        let curves = self.curves.iter().map(curve).collect();
+        Ok(MeshFile { zones, curves, notes, sha256: String::new() })
     }
 
     /// Every node of an element is finite, and all have one z. Other nodes do not matter.

@@ -4,6 +4,7 @@ pub mod arrays;
 pub mod case;
 pub mod csv;
 pub mod images;
+pub mod joint;
 pub mod load;
 pub mod mask;
 pub mod mat;

@@ -253,3 +253,83 @@ pub fn write_pvd<W: Write>(mut out: W, entries: &[(f64, String)]) -> Result<(), 
     out.flush()?;
     Ok(())
 }
+
+/// Values for a file of [`write_grid`]: a name and one number, or one vector, for each point or cell.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GridValues {
+    /// One number each.
+    Scalars(String, Vec<f64>),
+    /// Three numbers each.
+    Vectors(String, Vec<[f64; 3]>),
+}
+
+impl GridValues {
+    fn write<W: Write>(&self, xml: &mut Writer<W>) -> io::Result<()> {
+        match self {
+            Self::Scalars(name, values) => scalars(xml, name, values),
+            Self::Vectors(name, values) => vectors(xml, name, values),
+        }
+    }
+}
+
+/// Writes an unstructured grid of `points` (z = 0) and `cells` of two (lines), three (triangles) or four points
+/// (quadrilaterals), with values at points and cells.
+///
+/// # Errors
+/// Those of `out`.
+///
+/// # Panics
+/// When a cell has another number of points.
+pub fn write_grid<W: Write>(
+    mut out: W,
+    title: &str,
+    points: &[[f64; 2]],
+    cells: &[Vec<u32>],
+    at_points: &[GridValues],
+    at_cells: &[GridValues],
+) -> Result<(), VtkError> {
+    let points: Vec<[f64; 3]> = points.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+    let connectivity: Vec<i64> = cells.iter().flatten().map(|&node| i64::from(node)).collect();
+    let offsets: Vec<i64> = cells
+        .iter()
+        .scan(0, |end, cell| {
+            *end += cell.len() as i64;
+            Some(*end)
+        })
+        .collect();
+    let kind = |cell: &Vec<u32>| match cell.len() {
+        2 => 3,
+        3 => 5,
+        4 => VTK_QUAD,
+        n => panic!("a cell of {n} points"),
+    };
+    let types: Vec<u8> = cells.iter().map(kind).collect();
+    let mut xml = Writer::new_with_indent(&mut out, b' ', 1);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    let title: String = title.replace("--", "- -").chars().filter(|&c| is_xml(c)).collect();
+    xml.write_event(Event::Comment(BytesText::from_escaped(format!("\n{title}\n"))))?;
+    let file = xml.create_element("VTKFile").with_attributes([
+        ("type", "UnstructuredGrid"),
+        ("version", "1.0"),
+        ("byte_order", "LittleEndian"),
+        ("header_type", "UInt64"),
+    ]);
+    file.write_inner_content(|xml| {
+        inside(xml, "UnstructuredGrid", &[], |xml| {
+            let size = [("NumberOfPoints", points.len()), ("NumberOfCells", cells.len())];
+            inside(xml, "Piece", &size, |xml| {
+                inside(xml, "PointData", &[], |xml| at_points.iter().try_for_each(|values| values.write(xml)))?;
+                inside(xml, "CellData", &[], |xml| at_cells.iter().try_for_each(|values| values.write(xml)))?;
+                inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
+                inside(xml, "Cells", &[], |xml| {
+                    scalars(xml, "connectivity", &connectivity)?;
+                    scalars(xml, "offsets", &offsets)?;
+                    scalars(xml, "types", &types)
+                })
+            })
+        })
+    })?;
+    writeln!(out)?;
+    out.flush()?;
+    Ok(())
+}

@@ -1,19 +1,27 @@
-//! Symmetric systems of 2x2 nodal blocks: assembly, sparse Cholesky, block-Jacobi conjugate gradients.
+//! Symmetric systems of 2x2 nodal blocks: assembly, sparse Cholesky, block-Jacobi conjugate gradients. General
+//! systems: banded and sparse LU.
 
+mod banded_lu;
 mod blocks;
 mod cholesky;
 mod conjugate_gradients;
 mod dissection;
 mod inverse_diagonal;
+mod lu;
+mod nested_lu;
 mod selected_inverse;
 mod solver;
+mod sparse;
 mod spread;
 
+pub use banded_lu::BandedLu;
 pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dissection::{dissection, nested_dissection};
 pub use inverse_diagonal::inverse_diagonal;
+pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan, PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
+pub use sparse::{SparseMatrix, SparsePattern};
 pub use spread::{Spread, spread};

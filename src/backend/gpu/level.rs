@@ -12,6 +12,9 @@ use crate::units::Px;
 use std::ops::Range;
 use std::sync::Arc;
 
+/// Rows of the reference, and the first rows of the elements that they hold whole.
+type RowsAndElements = (Range<usize>, Range<i32>);
+
 /// Elements summed by one workgroup of the tally.
 const TOGETHER: usize = 256;
 /// Values per element of the moments kernel.
@@ -192,7 +195,7 @@ impl GpuLevel {
     }
 
     /// Windows of reference rows and the first rows of the elements that each holds whole.
-    fn reference_windows(&self, gpu: &Gpu) -> Result<Vec<(Range<usize>, Range<i32>)>, BackendError> {
+    fn reference_windows(&self, gpu: &Gpu) -> Result<Vec<RowsAndElements>, BackendError> {
         let height = self.reference.height;
         let highest = self.elements.iter().map(|e| e.size[1]).max().unwrap_or(0) as usize;
         let split = windows(height, 0, highest, self.reference.rows_seen(gpu));

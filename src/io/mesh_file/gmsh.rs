@@ -217,13 +217,17 @@ fn shortened(word: &str) -> String {
 struct Content {
     nodes: Vec<FileNode>,
     elements: Vec<(u64, Vec<u64>, Group)>,
-    /// First physical group of each surface.
+    /// Lines of two nodes.
+    lines: Vec<(u64, Vec<u64>, Group)>,
+    /// First physical group of each surface, and of each curve.
     groups: HashMap<i64, i64>,
+    curve_groups: HashMap<i64, i64>,
+    curve_names: HashMap<i64, String>,
     parsed: Parsed,
 }
 
 enum Group {
-    OfSurface(i64),
+    OfEntity(i64),
     Is(Option<i64>),
 }
 
@@ -241,8 +245,10 @@ impl Content {
             let name = name.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
             let name = name.ok_or_else(|| file.invalid(file.at, "the name of a group is not in quotes"))?;
             file.at += line.len();
-            if dimension == 2 {
-                self.parsed.names.insert(number, name.to_owned());
+            match dimension {
+                1 => drop(self.curve_names.insert(number, name.to_owned())),
+                2 => drop(self.parsed.names.insert(number, name.to_owned())),
+                _ => {}
             }
         }
         Ok(())
@@ -264,10 +270,9 @@ impl Content {
             file.position(3)?; // its box: two corners
             let groups = tags(file)?;
             tags(file)?; // its boundary
-            if k >= curves
-                && let Some(group) = groups
-            {
-                self.groups.insert(number, group);
+            if let Some(group) = groups {
+                let of = if k < curves { &mut self.curve_groups } else { &mut self.groups };
+                of.insert(number, group);
             }
         }
         Ok(())
@@ -308,7 +313,7 @@ impl Content {
             let n = file.size("the number of elements of a block")?;
             for _ in 0..n {
                 let number = file.size("the number of an element")?;
-                self.element(file, number, kind, Group::OfSurface(entity))?;
+                self.element(file, number, kind, Group::OfEntity(entity))?;
             }
         }
         Ok(())
@@ -357,13 +362,16 @@ impl Content {
             self.elements.push((number, nodes, group));
         } else {
             self.parsed.n_aside += 1;
+            if kind == 1 {
+                self.lines.push((number, nodes, group));
+            }
         }
         Ok(())
     }
 
     /// Finds the nodes and groups that are named by number.
     fn resolve(self) -> Result<Parsed, Problem> {
-        let Content { nodes, elements, groups, mut parsed } = self;
+        let Content { nodes, elements, lines, groups, curve_groups, curve_names, mut parsed } = self;
         let mut places = HashMap::with_capacity(nodes.len());
         for (place, node) in nodes.iter().enumerate() {
             if places.insert(node.number, place).is_some() {
@@ -371,20 +379,28 @@ impl Content {
                 return Err(Problem::Invalid { place: "$Nodes".into(), what });
             }
         }
+        let place = |element: u64, node: u64| {
+            places.get(&node).copied().ok_or(Problem::NodeMissing { element, node: node as i64 })
+        };
+        let of = |group: Group, groups: &HashMap<i64, i64>| match group {
+            Group::OfEntity(entity) => groups.get(&entity).copied(),
+            Group::Is(group) => group,
+        };
         for (number, names, group) in elements {
             let mut corners = [0; 4];
             for (corner, &node) in corners.iter_mut().zip(&names) {
-                let missing = Problem::NodeMissing { element: number, node: node as i64 };
-                *corner = *places.get(&node).ok_or(missing)?;
+                *corner = place(number, node)?;
             }
             if names.len() == 3 {
                 corners[3] = corners[2];
             }
-            let group = match group {
-                Group::OfSurface(surface) => groups.get(&surface).copied(),
-                Group::Is(group) => group,
-            };
-            parsed.elements.push(FileElement { nodes: corners, group });
+            parsed.elements.push(FileElement { nodes: corners, group: of(group, &groups) });
+        }
+        for (number, names, group) in lines {
+            if let Some(name) = of(group, &curve_groups).and_then(|group| curve_names.get(&group)) {
+                let nodes = names.iter().map(|&node| place(number, node)).collect::<Result<Vec<_>, _>>()?;
+                parsed.curves.entry(name.clone()).or_default().extend(nodes);
+            }
         }
         parsed.nodes = nodes;
         Ok(parsed)

@@ -1,0 +1,220 @@
+//! Files of a joint: its case file, its mesh, the displacements of its border, the tables of a solution.
+//!
+//! Lengths in mm, stresses in MPa, x to the right and y **up** (THEORY 1); nodes are counted from 0, instants from 1.
+//! [`read_joint`] reads everything that a case names; `mechanics::Joint` makes a model of it.
+
+mod boundary;
+mod case;
+mod mesh;
+mod run;
+mod table;
+
+pub use boundary::{BoundaryTable, read_boundary};
+pub use case::{CaseBoundary, CaseJointMesh, CaseJointOutput, JointCase, read_joint_case};
+pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
+pub use run::{JointRun, read_joint_run};
+pub use table::write_table;
+
+use super::case::CaseError;
+use super::mesh_file::MeshFileError;
+use super::store::StoreError;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A case with the content of the files that it names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointInput {
+    /// The case file.
+    pub case: JointCase,
+    /// Where the mesh comes from.
+    pub mesh: MeshInput,
+    /// Where the displacements of the border come from.
+    pub boundary: BoundaryInput,
+}
+
+/// Where the mesh of a joint comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MeshInput {
+    /// A mesh file.
+    File(JointMeshFile),
+    /// The zones of a correlation run.
+    Run(JointMeshFile),
+    /// Two strips of squares.
+    Rectangle {
+        /// Side of the elements, mm.
+        element_size: f64,
+        /// Elements along the joint.
+        columns: usize,
+        /// Rows of elements in each strip.
+        rows: usize,
+        /// Distance of the faces, mm.
+        gap: f64,
+    },
+}
+
+/// Where the displacements of the border come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum BoundaryInput {
+    /// A table.
+    Table(BoundaryTable),
+    /// The correlation run that the mesh is of.
+    Run(JointRun),
+}
+
+/// Reads the case file `path` and every file that it names.
+///
+/// # Errors
+/// See [`JointFileError`].
+pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
+    let case = read_joint_case(path)?;
+    let CaseJointMesh { file, store, element_size_mm, columns, rows, gap_mm, .. } = &case.mesh;
+    let boundary = &case.boundary;
+    let run = match (store, &boundary.store) {
+        (None, None) => None,
+        (Some(mesh), border) => {
+            let run = read_joint_run(&case.base.join(mesh))?;
+            if let Some(border) = border
+                && run_folder(&case.base.join(border)) != run_folder(&case.base.join(mesh))
+            {
+                return Err(JointFileError::OtherRun);
+            }
+            Some(run)
+        }
+        (None, Some(_)) => return Err(JointFileError::OtherRun),
+    };
+    let sizes = [element_size_mm.is_some(), columns.is_some(), rows.is_some(), gap_mm.is_some()];
+    let mesh = match (file, &run, element_size_mm, columns, rows, gap_mm) {
+        (Some(file), None, ..) if !sizes.contains(&true) => MeshInput::File(read_joint_mesh(&case.base.join(file))?),
+        (None, Some(run), ..) if !sizes.contains(&true) => MeshInput::Run(run.mesh.clone()),
+        (None, None, &Some(element_size), &Some(columns), &Some(rows), &Some(gap)) => {
+            MeshInput::Rectangle { element_size, columns, rows, gap }
+        }
+        _ => return Err(JointFileError::NoMesh),
+    };
+    let boundary = match (&boundary.file, run) {
+        (Some(file), _) if boundary.store.is_none() => BoundaryInput::Table(read_boundary(&case.base.join(file))?),
+        (None, Some(run)) if boundary.store.is_some() => BoundaryInput::Run(run),
+        _ => return Err(JointFileError::NoBoundary),
+    };
+    Ok(JointInput { case, mesh, boundary })
+}
+
+/// One name for each run, however it is written.
+fn run_folder(path: &Path) -> PathBuf {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if path.ends_with(super::store::STORE) { path.parent().map_or(path.clone(), Path::to_owned) } else { path }
+}
+
+/// Why a file of a joint cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum JointFileError {
+    /// There is no such file.
+    #[error("{}: there is no such file; check the name and the folder", path.display())]
+    NotFound {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file system refuses.
+    #[error("{}: the file cannot be read: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// Not the JSON of a mesh.
+    #[error("{}: no mesh of a joint in JSON ({reason}); it needs \"nodes\" [x, y] in mm and \"quads\", and \"cohesive\" where the faces are not to be found by geometry", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A `.msh` or `.vtu` file that cannot be used.
+    #[error(transparent)]
+    Mesh(#[from] MeshFileError),
+    /// A table without the columns that are needed.
+    #[error("{}: the header must be instant,node,x_mm,y_mm,ux_mm,uy_mm, not '{found}'", path.display())]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// The header there is.
+        found: String,
+    },
+    /// A row that is none.
+    #[error("{}, line {line}: {what}", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// An instant without all nodes.
+    #[error("{}: instant {instant} has no row for node {node}, which instant {other} has; every instant needs the same nodes", path.display())]
+    MissingNode {
+        /// The file.
+        path: PathBuf,
+        /// The instant without.
+        instant: usize,
+        /// The node.
+        node: u32,
+        /// An instant with it.
+        other: usize,
+    },
+    /// Instants that are not 1, 2, 3, ....
+    #[error("{}: there is no instant {instant}, but instant {last}; instants must be numbered 1, 2, 3, ... without a gap", path.display())]
+    MissingInstant {
+        /// The file.
+        path: PathBuf,
+        /// The one that is missing.
+        instant: usize,
+        /// The last one.
+        last: usize,
+    },
+    /// A table without rows.
+    #[error("{}: the table has no row", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The case file itself.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// The store of a correlation run that cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A correlation run without a scale.
+    #[error("{}: the run has no pixel size; correlate again with --pixel-size MM", path.display())]
+    NoPixelSize {
+        /// The run.
+        path: PathBuf,
+    },
+    /// A correlation run without a frame that can be used.
+    #[error("{}: no frame of the run converged; look at its summary.json", path.display())]
+    NoFrame {
+        /// The run.
+        path: PathBuf,
+    },
+    /// No mesh, or more than one.
+    #[error(
+        "[mesh] needs file = \"mesh.json\", or store = \"run/fields.zarr\", or element_size_mm, columns, rows and gap_mm together"
+    )]
+    NoMesh,
+    /// No border, or more than one.
+    #[error("[boundary] needs either file = \"displacements.csv\" or store = \"run/fields.zarr\"")]
+    NoBoundary,
+    /// A border that is measured on another mesh.
+    #[error("[boundary] store needs the same run as [mesh] store; for another mesh give file = \"displacements.csv\"")]
+    OtherRun,
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, JointFileError> {
+    std::fs::read(path).map_err(|reason| match reason.kind() {
+        ErrorKind::NotFound => JointFileError::NotFound { path: path.to_owned() },
+        _ => JointFileError::Io { path: path.to_owned(), reason },
+    })
+}

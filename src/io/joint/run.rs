@@ -1,0 +1,63 @@
+//! A correlation run as the mechanics sees it: mm, y up.
+
+use super::{JointFileError, JointMeshFile, counter_clockwise};
+use crate::field::Status;
+use crate::io::store::Store;
+use crate::units::PixelSize;
+use std::path::{Path, PathBuf};
+
+/// The strips of a correlation run with their measured displacements, in mm with y up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointRun {
+    /// The run.
+    pub path: PathBuf,
+    /// Its mesh; its zones are the groups.
+    pub mesh: JointMeshFile,
+    /// Number of the frame of each instant.
+    pub frames: Vec<usize>,
+    /// Displacement of every node at each instant, mm; `None` where it was not measured.
+    pub instants: Vec<Vec<Option<[f64; 2]>>>,
+    /// Frames that did not converge, or were not done: no instants are made of them.
+    pub left_out: Vec<usize>,
+}
+
+/// Pixels with y down to mm with y up: for positions and displacements alike, and the only place where y turns.
+fn mm_up(scale: PixelSize, [x, y]: [f64; 2]) -> [f64; 2] {
+    [scale.mm_from_px(x), scale.mm_from_px(-y)]
+}
+
+/// Reads the run in the folder `path`, or of the store `path`.
+///
+/// # Errors
+/// A store that cannot be read, no pixel size, no frame that converged.
+pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
+    let store = Store::open(path)?;
+    let Some(scale) = store.header().pixel_size else {
+        return Err(JointFileError::NoPixelSize { path: path.to_owned() });
+    };
+    let measured = store.mesh();
+    let nodes: Vec<[f64; 2]> = measured.nodes().iter().map(|&at| mm_up(scale, at)).collect();
+    let mesh = JointMeshFile {
+        path: path.to_owned(),
+        elements: measured.elements().iter().map(|&corners| counter_clockwise(corners, &nodes)).collect(),
+        nodes,
+        groups: measured.zones().to_vec(),
+        element_group: measured.element_zone().to_vec(),
+        ..JointMeshFile::default()
+    };
+    let (mut frames, mut instants, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    for number in 1..=store.n_frames() {
+        match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
+            Some(field) => {
+                let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then(|| mm_up(scale, u));
+                frames.push(number);
+                instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
+            }
+            None => left_out.push(number),
+        }
+    }
+    if frames.is_empty() {
+        return Err(JointFileError::NoFrame { path: path.to_owned() });
+    }
+    Ok(JointRun { path: path.to_owned(), mesh, frames, instants, left_out })
+}

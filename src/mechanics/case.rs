@@ -1,0 +1,360 @@
+//! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
+
+use super::boundary::BoundaryHistory;
+use super::cohesive::{CohesiveLaw, LawError, Parameter, law_by_name, parameters_by_name};
+use super::element::{Kinematics, Quadrature};
+use super::error::{BoundaryFault, MeshFault, ModelError};
+use super::joint::{JointMesh, JointParts};
+use super::model::{Model, ModelOptions};
+use super::substrate::{PlaneState, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters};
+use crate::field::RigidMotion;
+use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
+use std::path::PathBuf;
+use std::sync::Arc;
+use thiserror::Error;
+use toml::{Table, Value};
+
+/// Share of an element's size by which a node of a table may lie beside that of the mesh: more than any rounding of
+/// the table, less than would make two nodes one.
+const SAME_PLACE: f64 = 1e-3;
+
+/// A joint ready to run: what the tables `[mesh]`, `[boundary]`, `[substrate]` and `[cohesive]` of a case file say.
+#[derive(Debug)]
+pub struct Joint {
+    /// Mesh, materials and prescribed nodes.
+    pub model: Model,
+    /// The law of the adhesive with the values of the case.
+    pub law: Box<dyn CohesiveLaw>,
+    /// The displacements of the prescribed nodes.
+    pub boundary: BoundaryHistory,
+    /// The rigid motion that was taken off at each instant; empty when none was asked to be.
+    pub removed: Vec<RigidMotion>,
+    /// What is possible, but hardly meant.
+    pub doubts: Vec<String>,
+}
+
+/// Why the content of a case file makes no joint.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum JointError {
+    /// A key that is missing, not known, or of the wrong kind.
+    #[error("[{section}] {what}")]
+    Key {
+        /// The table.
+        section: String,
+        /// What is wrong with which key.
+        what: String,
+    },
+    /// A law of the adhesive that there is not.
+    #[error(transparent)]
+    Law(#[from] LawError),
+    /// A material that there is not.
+    #[error(transparent)]
+    Substrate(#[from] SubstrateError),
+    /// A mesh that makes no joint.
+    #[error("{place}: {fault}")]
+    Mesh {
+        /// The file, or the table of the case.
+        place: String,
+        /// What is wrong with it.
+        fault: MeshFault,
+    },
+    /// Displacements that cannot be used.
+    #[error("{}: {fault}", path.display())]
+    Boundary {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: BoundaryFault,
+    },
+    /// A node of the table that the mesh does not have.
+    #[error("{}: node {node} at ({x}, {y}) mm is not a node of the mesh: {there}; nodes are counted from 0, y is up", path.display())]
+    NotInMesh {
+        /// The table.
+        path: PathBuf,
+        /// The node.
+        node: u32,
+        /// Where the table has it, mm.
+        x: f64,
+        /// Where the table has it, mm.
+        y: f64,
+        /// What the mesh has instead.
+        there: String,
+    },
+    /// A node that the mesh file says is prescribed, without a row.
+    #[error("{}: there is no row for node {node} at ({x}, {y}) mm, which the mesh file has among its prescribed nodes; give its displacement at every instant, or take it off that list", path.display())]
+    NotPrescribed {
+        /// The table.
+        path: PathBuf,
+        /// The node.
+        node: u32,
+        /// Its position, mm.
+        x: f64,
+        /// Its position, mm.
+        y: f64,
+    },
+    /// A node of the outer border that was not measured.
+    #[error("{}: frame {frame} has no displacement at node {node} of the outer border; correlate with fewer frames or another region", path.display())]
+    NotMeasured {
+        /// The run.
+        path: PathBuf,
+        /// The frame.
+        frame: usize,
+        /// The node.
+        node: u32,
+    },
+    /// A border that does not hold the mesh.
+    #[error("[boundary] {0}")]
+    Model(#[from] ModelError),
+}
+
+fn wrong(section: &str, what: impl Into<String>) -> JointError {
+    JointError::Key { section: section.to_owned(), what: what.into() }
+}
+
+impl Joint {
+    /// The joint of a case.
+    ///
+    /// # Errors
+    /// See [`JointError`].
+    pub fn new(input: &JointInput) -> Result<Self, JointError> {
+        let case = &input.case;
+        let (law, kinematics, quadrature) = law_of_case(&case.cohesive)?;
+        let mut mesh = mesh(&input.mesh)?;
+        let mut doubts = Vec::new();
+        let mut boundary = match &input.boundary {
+            BoundaryInput::Table(table) => from_table(table, &input.mesh, &mesh, &mut doubts)?,
+            BoundaryInput::Run(run) => from_run(run, &mesh, &mut doubts)?,
+        };
+        if let Some(k) = case.mesh.refine {
+            let (fine, carry) =
+                mesh.refined(k).map_err(|fault| JointError::Mesh { place: "[mesh]".to_owned(), fault })?;
+            boundary = mesh.carry_boundary(&carry, &boundary);
+            mesh = fine;
+        }
+        let mut removed = Vec::new();
+        match case.boundary.remove_rigid_motion.as_deref() {
+            None | Some("none") => {}
+            Some("overall") => {
+                (boundary, removed) = boundary.without_rigid_motion(mesh.nodes());
+                if kinematics == Kinematics::Paper {
+                    let largest = removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
+                    doubts.push(format!(
+                        "the overall rigid motion is taken off (rotation up to {largest:.2e} rad); with kinematics = \
+                         \"paper\" this changes the sliding jump by up to {:.2e} mm",
+                        largest * mesh.gap()
+                    ));
+                }
+            }
+            Some(other) => {
+                let what = format!("remove_rigid_motion = \"{other}\"; give \"none\" or \"overall\"");
+                return Err(wrong("boundary", what));
+            }
+        }
+        let materials = materials_of_case(&case.substrate, mesh.groups())?;
+        let options = ModelOptions { kinematics, quadrature, ..ModelOptions::default() };
+        let model = Model::new(mesh, materials, boundary.nodes(), options)?;
+        let mut joint = Self { model, law, boundary, removed, doubts };
+        joint.doubt_units();
+        Ok(joint)
+    }
+
+    /// Lengths that cannot all be in mm.
+    fn doubt_units(&mut self) {
+        let (size, opening) = (self.model.mesh().element_size(), self.law.front_opening());
+        if size > 1e4 * opening || size < 1e-4 * opening {
+            self.doubts.push(format!(
+                "elements of {size:.3e} mm beside a joint that is open at {opening:.3e} mm: are all lengths in mm?"
+            ));
+        }
+        let largest = self.boundary.instants().iter().flatten().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
+        let extent = self.model.mesh().extent();
+        if largest > extent {
+            self.doubts.push(format!(
+                "the border moves by up to {largest:.3e} mm, more than the joint's size of {extent:.3e} mm: are all \
+                 lengths in mm?"
+            ));
+        }
+    }
+}
+
+fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
+    match input {
+        MeshInput::File(file) | MeshInput::Run(file) => {
+            let JointMeshFile { path, nodes, elements, interfaces, faces, groups, element_group, .. } = file.clone();
+            let paired = interfaces.is_some();
+            let interfaces = interfaces.unwrap_or_default();
+            let parts = JointParts { nodes, elements, interfaces, faces, groups, element_group };
+            let made = if paired { JointMesh::new(parts) } else { JointMesh::from_strips(parts) };
+            made.map_err(|fault| JointError::Mesh { place: path.display().to_string(), fault })
+        }
+        &MeshInput::Rectangle { element_size, columns, rows, gap } => {
+            JointMesh::rectangular(columns, rows, element_size, gap)
+                .map_err(|fault| JointError::Mesh { place: "[mesh]".to_owned(), fault })
+        }
+    }
+}
+
+/// The prescribed displacements of a table, for the nodes of `mesh`.
+fn from_table(
+    table: &BoundaryTable,
+    input: &MeshInput,
+    mesh: &JointMesh,
+    doubts: &mut Vec<String>,
+) -> Result<BoundaryHistory, JointError> {
+    let file = match input {
+        MeshInput::File(file) => Some(file),
+        MeshInput::Run(_) | MeshInput::Rectangle { .. } => None,
+    };
+    let by_position = file.is_some_and(|file| file.by_position);
+    let tolerance = SAME_PLACE * mesh.element_size();
+    let near = |at: [f64; 2], [x, y]: [f64; 2]| (x - at[0]).abs() <= tolerance && (y - at[1]).abs() <= tolerance;
+    let mut nodes = Vec::with_capacity(table.nodes.len());
+    for (&node, &at) in table.nodes.iter().zip(&table.positions) {
+        let named = mesh.nodes().get(node as usize).is_some_and(|&place| near(at, place));
+        let found = || mesh.nodes().iter().position(|&place| near(at, place)).filter(|_| by_position);
+        let found = if named { Some(node as usize) } else { found() };
+        let Some(found) = found else {
+            let there = mesh.nodes().get(node as usize).map_or_else(
+                || format!("the mesh has {} nodes", mesh.nodes().len()),
+                |[x, y]| format!("the mesh has it at ({x}, {y}) mm"),
+            );
+            return Err(JointError::NotInMesh { path: table.path.clone(), node, x: at[0], y: at[1], there });
+        };
+        nodes.push(found as u32);
+    }
+    let mut given = vec![false; mesh.nodes().len()];
+    nodes.iter().for_each(|&node| given[node as usize] = true);
+    let ends = mesh.face_ends();
+    let missing = |border: &[u32]| border.iter().copied().find(|&node| !given[node as usize] && !ends.contains(&node));
+    if let Some(node) = file.and_then(|file| file.prescribed.as_deref()).and_then(missing) {
+        let [x, y] = mesh.nodes()[node as usize];
+        return Err(JointError::NotPrescribed { path: table.path.clone(), node, x, y });
+    }
+    let free: Vec<u32> = mesh.outer_nodes().into_iter().filter(|&node| !given[node as usize]).collect();
+    if let Some(first) = free.first() {
+        doubts.push(format!(
+            "{} nodes of the outer border are not prescribed and left free (the first is node {first}); measured \
+             displacements of the whole border, end nodes of the adhesive's faces included, determine the joint better",
+            free.len()
+        ));
+    }
+    BoundaryHistory::new(nodes, table.instants.clone())
+        .map_err(|fault| JointError::Boundary { path: table.path.clone(), fault })
+}
+
+/// The measured displacements of the outer nodes, frame by frame.
+fn from_run(run: &JointRun, mesh: &JointMesh, doubts: &mut Vec<String>) -> Result<BoundaryHistory, JointError> {
+    let path = || run.path.clone();
+    if !run.left_out.is_empty() {
+        let numbers: Vec<String> = run.left_out.iter().map(usize::to_string).collect();
+        doubts.push(format!(
+            "frames {} did not converge and are left out; instants are counted without them",
+            numbers.join(", ")
+        ));
+    }
+    let nodes = mesh.outer_nodes();
+    let mut instants = Vec::with_capacity(run.instants.len());
+    for (&frame, field) in run.frames.iter().zip(&run.instants) {
+        let at =
+            |&node: &u32| field[node as usize].ok_or_else(|| JointError::NotMeasured { path: path(), frame, node });
+        instants.push(nodes.iter().map(at).collect::<Result<_, _>>()?);
+    }
+    BoundaryHistory::new(nodes, instants).map_err(|fault| JointError::Boundary { path: path(), fault })
+}
+
+/// The number under `key`.
+fn number(table: &Table, section: &str, key: &str, model: &str, needed: &str) -> Result<f64, JointError> {
+    match table.get(key) {
+        Some(Value::Float(value)) => Ok(*value),
+        Some(Value::Integer(value)) => Ok(*value as f64),
+        Some(other) => Err(wrong(section, format!("{key} = {other}: give a number"))),
+        None => Err(wrong(section, format!("{key} is missing; model = \"{model}\" needs {needed}"))),
+    }
+}
+
+/// Which of `choices` stands under `key`; the first when there is none.
+fn choice<T: Copy>(table: &Table, section: &str, key: &str, choices: &[(&str, T)]) -> Result<T, JointError> {
+    match name(table, section, key)? {
+        None => Ok(choices[0].1),
+        Some(given) => choices.iter().find(|(name, _)| *name == given).map(|&(_, value)| value).ok_or_else(|| {
+            let names: Vec<String> = choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+            wrong(section, format!("{key} = \"{given}\"; give {}", names.join(" or ")))
+        }),
+    }
+}
+
+/// The text under `key`.
+fn name<'a>(table: &'a Table, section: &str, key: &str) -> Result<Option<&'a str>, JointError> {
+    match table.get(key) {
+        None => Ok(None),
+        Some(Value::String(value)) => Ok(Some(value)),
+        Some(other) => Err(wrong(section, format!("{key} = {other}: give a name in quotes"))),
+    }
+}
+
+/// The values of a law's parameters, when no other keys are there than those and `others`.
+fn values(
+    table: &Table,
+    section: &str,
+    model: &str,
+    parameters: &[Parameter],
+    others: &[&str],
+) -> Result<Vec<f64>, JointError> {
+    let keys: Vec<String> = parameters.iter().map(Parameter::key).collect();
+    let needed = keys.join(", ");
+    let known = |key: &String| keys.contains(key) || others.contains(&key.as_str());
+    if let Some(key) = table.keys().find(|key| !known(key)) {
+        let others = others.join(", ");
+        let what = format!("{key}: there is no such key; model = \"{model}\" needs {needed}; also {others}");
+        return Err(wrong(section, what));
+    }
+    keys.iter().map(|key| number(table, section, key, model, &needed)).collect()
+}
+
+/// The law of the table `[cohesive]`, and how the interface is modelled.
+///
+/// # Errors
+/// See [`JointError`].
+pub fn law_of_case(table: &Table) -> Result<(Box<dyn CohesiveLaw>, Kinematics, Quadrature), JointError> {
+    let section = "cohesive";
+    let model = name(table, section, "model")?.unwrap_or("extended-xu-needleman");
+    let parameters = parameters_by_name(model)?;
+    let values = values(table, section, model, parameters, &["model", "kinematics", "quadrature"])?;
+    let kinematics = [Kinematics::Paper, Kinematics::Objective].map(|kind| (kind.name(), kind));
+    let quadrature = [Quadrature::NewtonCotes, Quadrature::Gauss].map(|kind| (kind.name(), kind));
+    Ok((
+        law_by_name(model, &values)?,
+        choice(table, section, "kinematics", &kinematics)?,
+        choice(table, section, "quadrature", &quadrature)?,
+    ))
+}
+
+/// One material for each group of elements: that of `[substrate.NAME]`, else that of `[substrate]`.
+///
+/// # Errors
+/// See [`JointError`].
+pub fn materials_of_case(table: &Table, groups: &[String]) -> Result<Vec<Arc<dyn SubstrateLaw>>, JointError> {
+    let (own, plain): (Vec<_>, Vec<_>) = table.iter().partition(|(_, value)| value.is_table());
+    let plain: Table = plain.into_iter().map(|(key, value)| (key.clone(), value.clone())).collect();
+    if let Some((name, _)) = own.iter().find(|(name, _)| !groups.contains(name)) {
+        let there = groups.join(", ");
+        let what = format!("the mesh has no group of elements of that name; it has {there}");
+        return Err(wrong(&format!("substrate.{name}"), what));
+    }
+    let planes = [PlaneState::PlaneStress, PlaneState::PlaneStrain].map(|plane| (plane.name(), plane));
+    let common = choice(&plain, "substrate", "plane", &planes)?;
+    groups
+        .iter()
+        .map(|group| {
+            let of_group = own.iter().find(|(name, _)| *name == group).and_then(|(_, value)| value.as_table());
+            let section = of_group.map_or_else(|| "substrate".to_owned(), |_| format!("substrate.{group}"));
+            let table = of_group.unwrap_or(&plain);
+            let model = name(table, &section, "model")?.unwrap_or("ramberg-osgood");
+            let parameters = substrate_parameters(model)?;
+            let values = values(table, &section, model, parameters, &["model", "plane"])?;
+            let plane = if table.contains_key("plane") { choice(table, &section, "plane", &planes)? } else { common };
+            Ok(Arc::from(substrate_by_name(model, &values, plane)?))
+        })
+        .collect()
+}

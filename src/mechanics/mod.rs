@@ -1,0 +1,27 @@
+//! Cohesive joints: two strips and the adhesive between them, driven by the displacements of their border.
+//!
+//! [`Model::forward`] gives the displacements at every instant with exact parameter sensitivities; the law of the
+//! adhesive is an argument. Units: mm, MPa, N/mm (unit thickness); x to the right, y **up** (THEORY 1).
+
+mod boundary;
+mod case;
+pub mod cohesive;
+pub mod element;
+mod error;
+mod joint;
+mod model;
+mod newton;
+mod pairing;
+mod sensitivity;
+mod solution;
+pub mod substrate;
+
+pub use boundary::BoundaryHistory;
+pub use case::{Joint, JointError, law_of_case, materials_of_case};
+pub use element::{Kinematics, Quadrature};
+pub use error::{BoundaryFault, MeshFault, ModelError};
+pub use joint::{Carry, JointMesh, JointParts};
+pub use model::{Model, ModelOptions};
+pub use newton::{ForwardOptions, NewtonOptions};
+pub use sensitivity::{Linearised, NodalField};
+pub use solution::{Failure, Instant, Sensitivity, Solution, Status};

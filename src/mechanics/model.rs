@@ -1,0 +1,575 @@
+//! The discrete joint: which displacements are unknown, and the forces and stiffness at a field of them.
+
+use super::boundary::BoundaryHistory;
+use super::cohesive::{CohesiveLaw, Jump, Traction};
+use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Quadrature};
+use super::error::ModelError;
+use super::joint::JointMesh;
+use super::substrate::{Stress, SubstrateLaw, SubstrateState};
+use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
+use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+/// Place of a component that is prescribed, or of a matrix entry that is not stored.
+const NONE: u32 = u32::MAX;
+
+/// Elements that a thread takes at a time.
+const GRAIN: usize = 128;
+
+/// How the joint is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ModelOptions {
+    /// What counts as jump.
+    pub kinematics: Kinematics,
+    /// Where tractions are evaluated.
+    pub quadrature: Quadrature,
+    /// Which factor of the tangent is made.
+    pub solver: LuChoice,
+}
+
+/// A joint with its materials and its prescribed nodes: everything that stays when the adhesive's law and the
+/// prescribed values change. Strips have unit thickness, so that forces are in N/mm.
+#[derive(Debug)]
+pub struct Model {
+    mesh: JointMesh,
+    materials: Vec<Arc<dyn SubstrateLaw>>,
+    options: ModelOptions,
+    prescribed: Vec<u32>,
+    /// Per component of each node, its place among the unknowns.
+    unknowns: Vec<[u32; 2]>,
+    /// Node of each pair of unknowns.
+    free_nodes: Vec<u32>,
+    quads: Vec<Q4>,
+    interfaces: Vec<Interface>,
+    /// Numbers of the two pairs of each interface element.
+    end_pairs: Vec<[u32; 2]>,
+    /// Nodes of all elements: the quadrilaterals, then the interfaces.
+    corners: Vec<[u32; 4]>,
+    /// Per element, where the entry (row, column) goes among the values of the matrix.
+    places: Vec<[u32; 64]>,
+    /// Elements that couple free and prescribed nodes.
+    coupled: Vec<u32>,
+    plan: LuPlan,
+    pattern: Arc<SparsePattern>,
+}
+
+/// What is kept between evaluations of one run: no memory is asked for in an iteration.
+#[derive(Debug)]
+pub(super) struct Work {
+    pub matrix: SparseMatrix,
+    pub factor: LuFactor,
+    stiffness: Vec<ElementStiffness>,
+    forces: Vec<ElementVector>,
+    /// Internal force at every node, N/mm.
+    pub force: Vec<[f64; 2]>,
+}
+
+/// Which stiffness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stiffness {
+    /// The derivative of the forces.
+    Tangent,
+    /// The matrix that gives the forces when multiplied with the displacements.
+    Secant,
+    /// The tangent with this share of the law's initial stiffness added at the interface: that of a viscous
+    /// adhesive over a step of time.
+    Viscous(f64),
+}
+
+impl Model {
+    /// A model of `mesh` with one of `materials` for each of its groups, and the nodes whose displacements will be
+    /// prescribed.
+    ///
+    /// # Errors
+    /// A node that does not exist, a strip with fewer than two prescribed nodes, another number of materials than
+    /// of groups.
+    pub fn new(
+        mesh: JointMesh,
+        materials: Vec<Arc<dyn SubstrateLaw>>,
+        prescribed: &[u32],
+        options: ModelOptions,
+    ) -> Result<Self, ModelError> {
+        let n_nodes = mesh.nodes().len();
+        if materials.len() != mesh.groups().len() {
+            return Err(ModelError::Materials { needed: mesh.groups().len(), given: materials.len() });
+        }
+        if let Some(&node) = prescribed.iter().find(|&&node| node as usize >= n_nodes) {
+            return Err(ModelError::PrescribedNode { node, n_nodes });
+        }
+        let mut is_prescribed = vec![false; n_nodes];
+        prescribed.iter().for_each(|&node| is_prescribed[node as usize] = true);
+        for strip in 0..mesh.n_strips() {
+            let of_strip = || (0..n_nodes).filter(|&node| mesh.strip()[node] as usize == strip);
+            let prescribed = of_strip().filter(|&node| is_prescribed[node]).count();
+            if let Some(node) = of_strip().next().filter(|_| prescribed < 2) {
+                let [x, y] = mesh.nodes()[node];
+                return Err(ModelError::StripNotHeld { node, x, y, prescribed });
+            }
+        }
+        let at = |corners: &[u32; 4]| corners.map(|node| mesh.nodes()[node as usize]);
+        let quads = mesh.elements().iter().map(|corners| Q4::new(at(corners)).expect("a checked element")).collect();
+        let interface = |corners| {
+            Interface::new(at(corners), options.quadrature, options.kinematics).expect("a checked interface element")
+        };
+        let interfaces = mesh.interfaces().iter().map(interface).collect();
+        let number: HashMap<[u32; 2], u32> = (0u32..).zip(mesh.pairs()).map(|(k, &pair)| (pair, k)).collect();
+        let ends = |&[l1, l2, u1, u2]: &[u32; 4]| [[l1, u1], [l2, u2]].map(|pair| number[&pair]);
+        let end_pairs = mesh.interfaces().iter().map(ends).collect();
+        let corners: Vec<[u32; 4]> = mesh.elements().iter().chain(mesh.interfaces()).copied().collect();
+        let free_nodes = banded_order(mesh.nodes(), &corners, &is_prescribed);
+        let mut unknowns = vec![[NONE; 2]; n_nodes];
+        for (place, &node) in (0u32..).zip(&free_nodes) {
+            unknowns[node as usize] = [2 * place, 2 * place + 1];
+        }
+        let groups: Vec<Vec<u32>> = corners
+            .iter()
+            .map(|corners| {
+                let mut group: Vec<u32> = corners.iter().flat_map(|&node| unknowns[node as usize]).collect();
+                group.retain(|&unknown| unknown != NONE);
+                group.sort_unstable();
+                group.dedup();
+                group
+            })
+            .collect();
+        let pattern = SparsePattern::from_groups(2 * free_nodes.len(), groups.iter().map(Vec::as_slice));
+        let pattern = Arc::new(pattern);
+        let places = corners
+            .par_iter()
+            .map(|corners| {
+                let mut places = [NONE; 64];
+                let unknown = |k: usize| unknowns[corners[k / 2] as usize][k % 2];
+                for row in 0..8 {
+                    for column in 0..8 {
+                        if unknown(row) != NONE && unknown(column) != NONE {
+                            let place = pattern.place(unknown(row) as usize, unknown(column) as usize);
+                            places[8 * row + column] = place.expect("an entry of the pattern") as u32;
+                        }
+                    }
+                }
+                places
+            })
+            .collect();
+        let coupled = (0..corners.len() as u32)
+            .filter(|&element| {
+                let prescribed = corners[element as usize].map(|node| is_prescribed[node as usize]);
+                prescribed.contains(&true) && prescribed.contains(&false)
+            })
+            .collect();
+        let plan = LuPlan::new(&pattern, &positions(mesh.nodes(), &free_nodes), options.solver);
+        let prescribed = prescribed.to_vec();
+        Ok(Self {
+            mesh,
+            materials,
+            options,
+            prescribed,
+            unknowns,
+            free_nodes,
+            quads,
+            interfaces,
+            end_pairs,
+            corners,
+            places,
+            coupled,
+            plan,
+            pattern,
+        })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &JointMesh {
+        &self.mesh
+    }
+
+    /// The material of each group.
+    pub fn materials(&self) -> &[Arc<dyn SubstrateLaw>] {
+        &self.materials
+    }
+
+    /// How it is modelled.
+    pub fn options(&self) -> &ModelOptions {
+        &self.options
+    }
+
+    /// The prescribed nodes, in the order of every boundary history.
+    pub fn prescribed(&self) -> &[u32] {
+        &self.prescribed
+    }
+
+    /// Number of unknown components.
+    pub fn n_unknowns(&self) -> usize {
+        2 * self.free_nodes.len()
+    }
+
+    /// Place of a component (0: x, 1: y) of a node among the unknowns; `None` when it is prescribed.
+    pub fn unknown(&self, node: usize, component: usize) -> Option<usize> {
+        let place = self.unknowns[node][component];
+        (place != NONE).then_some(place as usize)
+    }
+
+    /// Where each unknown lies, mm.
+    pub fn unknown_positions(&self) -> Vec<[f64; 2]> {
+        positions(self.mesh.nodes(), &self.free_nodes)
+    }
+
+    /// Which factor of the tangent is made: `banded`, `sparse`, ....
+    pub fn solver(&self) -> &'static str {
+        self.plan.name()
+    }
+
+    /// Largest distance from the diagonal of an entry of the tangent.
+    pub fn half_bandwidth(&self) -> usize {
+        self.pattern.half_bandwidth()
+    }
+
+    pub(super) fn work(&self) -> Work {
+        Work {
+            matrix: SparseMatrix::zero(&self.pattern),
+            factor: self.plan.factor(),
+            stiffness: vec![[[0.0; 8]; 8]; self.corners.len()],
+            forces: vec![[0.0; 8]; self.corners.len()],
+            force: vec![[0.0; 2]; self.mesh.nodes().len()],
+        }
+    }
+
+    fn material(&self, element: usize) -> &dyn SubstrateLaw {
+        &*self.materials[self.mesh.element_group()[element] as usize]
+    }
+
+    /// Displacements of an element's nodes.
+    fn gather(&self, element: usize, u: &[[f64; 2]]) -> ElementVector {
+        let corners = &self.corners[element];
+        std::array::from_fn(|k| u[corners[k / 2] as usize][k % 2])
+    }
+
+    /// Adds up the nodal forces of all elements, in their order.
+    fn add_up(&self, forces: &[ElementVector], sum: &mut [[f64; 2]]) {
+        sum.fill([0.0; 2]);
+        for (corners, force) in self.corners.iter().zip(forces) {
+            for (k, &node) in corners.iter().enumerate() {
+                sum[node as usize][0] += force[2 * k];
+                sum[node as usize][1] += force[2 * k + 1];
+            }
+        }
+    }
+
+    /// Internal force and stiffness at the field `u`, into `work`.
+    pub(super) fn assemble(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], kind: Stiffness, work: &mut Work) {
+        let n_quads = self.quads.len();
+        let viscous = match kind {
+            Stiffness::Viscous(share) => {
+                let [[normal, _], [_, tangential]] = law.response(Jump::default()).tangent;
+                [share * normal, share * tangential]
+            }
+            Stiffness::Tangent | Stiffness::Secant => [0.0; 2],
+        };
+        let evaluate = |(element, (stiffness, force)): (usize, (&mut ElementStiffness, &mut ElementVector))| {
+            let u = self.gather(element, u);
+            match kind {
+                Stiffness::Tangent | Stiffness::Viscous(_) if element < n_quads => {
+                    (*force, *stiffness) = self.quads[element].tangent(self.material(element), &u);
+                }
+                Stiffness::Tangent | Stiffness::Viscous(_) => {
+                    (*force, *stiffness) = self.interfaces[element - n_quads].tangent(law, viscous, &u);
+                }
+                Stiffness::Secant => {
+                    *stiffness = match element < n_quads {
+                        true => self.quads[element].secant(self.material(element), &u),
+                        false => self.interfaces[element - n_quads].secant(law, &u),
+                    };
+                    *force = std::array::from_fn(|row| (0..8).map(|k| stiffness[row][k] * u[k]).sum());
+                }
+            }
+        };
+        let Work { matrix, stiffness, forces, force, .. } = work;
+        stiffness.par_iter_mut().zip(forces.par_iter_mut()).with_min_len(GRAIN).enumerate().for_each(evaluate);
+        self.add_up(forces, force);
+        // In the order of the elements: the same bits for any number of threads.
+        let values = matrix.values_mut();
+        values.fill(0.0);
+        for (places, stiffness) in self.places.iter().zip(stiffness.iter()) {
+            for (&place, &entry) in places.iter().zip(stiffness.as_flattened()) {
+                if place != NONE {
+                    values[place as usize] += entry;
+                }
+            }
+        }
+    }
+
+    /// Internal force at the field `u`, into `work`.
+    pub(super) fn evaluate_force(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], work: &mut Work) {
+        let n_quads = self.quads.len();
+        let evaluate = |(element, force): (usize, &mut ElementVector)| {
+            let u = self.gather(element, u);
+            *force = match element < n_quads {
+                true => self.quads[element].force(self.material(element), &u),
+                false => self.interfaces[element - n_quads].force(law, &u),
+            };
+        };
+        work.forces.par_iter_mut().with_min_len(GRAIN).enumerate().for_each(evaluate);
+        self.add_up(&work.forces, &mut work.force);
+    }
+
+    /// `-K_fD du_D` for displacements `du` that are zero at the free nodes: the forces that moving the border
+    /// puts on the unknowns, with the stiffness of the last assembly.
+    pub(super) fn pull_of_border(&self, du: &[[f64; 2]], work: &Work, pull: &mut [f64]) {
+        pull.fill(0.0);
+        for &element in &self.coupled {
+            let (stiffness, moved) = (&work.stiffness[element as usize], self.gather(element as usize, du));
+            for (k, &node) in self.corners[element as usize].iter().enumerate() {
+                for c in 0..2 {
+                    let unknown = self.unknowns[node as usize][c];
+                    if unknown != NONE {
+                        let row = &stiffness[2 * k + c];
+                        pull[unknown as usize] -= row.iter().zip(&moved).map(|(k, u)| k * u).sum::<f64>();
+                    }
+                }
+            }
+        }
+    }
+
+    /// The unknown components of a nodal field.
+    pub(super) fn of_unknowns(&self, field: &[[f64; 2]]) -> Vec<f64> {
+        self.free_nodes.iter().flat_map(|&node| field[node as usize]).collect()
+    }
+
+    /// Adds `factor` times values of the unknowns to a nodal field.
+    pub(super) fn add_to_field(&self, values: &[f64], factor: f64, field: &mut [[f64; 2]]) {
+        for (&node, values) in self.free_nodes.iter().zip(values.chunks_exact(2)) {
+            field[node as usize][0] += factor * values[0];
+            field[node as usize][1] += factor * values[1];
+        }
+    }
+
+    /// Node of an unknown.
+    pub(super) fn node_of(&self, unknown: usize) -> u32 {
+        self.free_nodes[unknown / 2]
+    }
+
+    /// A round-off of the residual that no iteration can undercut: stiffness times displacement times epsilon.
+    pub(super) fn round_off(&self, u: &[[f64; 2]]) -> f64 {
+        let young = self.materials.iter().fold(0.0_f64, |most, material| most.max(material.young()));
+        let largest = u.iter().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
+        4.0 * f64::EPSILON * young * largest
+    }
+
+    pub(super) fn check_boundary(&self, boundary: &BoundaryHistory) -> Result<(), ModelError> {
+        if boundary.nodes() == self.prescribed { Ok(()) } else { Err(ModelError::OtherNodes) }
+    }
+
+    pub(super) fn check_field(&self, u: &[[f64; 2]]) -> Result<(), ModelError> {
+        let (needed, given) = (self.mesh.nodes().len(), u.len());
+        if needed == given { Ok(()) } else { Err(ModelError::FieldSize { needed, given }) }
+    }
+
+    /// Derivatives of the internal force by each parameter of the law, at fixed displacements, at every node.
+    pub(super) fn force_by_law(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+        let mut sums = vec![vec![[0.0; 2]; self.mesh.nodes().len()]; law.parameters().len()];
+        for (k, interface) in self.interfaces.iter().enumerate() {
+            let element = self.quads.len() + k;
+            let forces = interface.force_by_parameters(law, &self.gather(element, u));
+            self.add_each(element, &forces, &mut sums);
+        }
+        sums
+    }
+
+    /// Derivatives of the internal force by each parameter of the material of `group`.
+    pub(super) fn force_by_material(&self, group: usize, u: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+        let material = &*self.materials[group];
+        let mut sums = vec![vec![[0.0; 2]; self.mesh.nodes().len()]; material.parameters().len()];
+        for (element, quad) in self.quads.iter().enumerate() {
+            if self.mesh.element_group()[element] as usize == group {
+                let forces = quad.force_by_parameters(material, &self.gather(element, u));
+                self.add_each(element, &forces, &mut sums);
+            }
+        }
+        sums
+    }
+
+    fn add_each(&self, element: usize, forces: &[ElementVector], sums: &mut [Vec<[f64; 2]>]) {
+        for (force, sum) in forces.iter().zip(sums) {
+            for (k, &node) in self.corners[element].iter().enumerate() {
+                sum[node as usize][0] += force[2 * k];
+                sum[node as usize][1] += force[2 * k + 1];
+            }
+        }
+    }
+
+    /// The jump at each node pair ([`JointMesh::pairs`]), mm: where two elements meet, the mean of theirs by
+    /// length.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn jumps(&self, u: &[[f64; 2]]) -> Vec<Jump> {
+        let pairs = self.mesh.pairs();
+        let mut sums = vec![[0.0; 3]; pairs.len()];
+        self.for_each_end(|pair, element, end| {
+            let jump = end.jump(&self.gather(element, u));
+            let sum = &mut sums[pair];
+            *sum = [sum[0] + end.weight * jump.normal, sum[1] + end.weight * jump.tangential, sum[2] + end.weight];
+        });
+        sums.into_iter()
+            .map(|[normal, tangential, w]| Jump { normal: normal / w, tangential: tangential / w })
+            .collect()
+    }
+
+    /// The traction at each node pair, MPa.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn tractions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<Traction> {
+        self.jumps(u).into_iter().map(|jump| law.response(jump).traction).collect()
+    }
+
+    /// Place of each node pair on the mid-line, mm, and its distance along the joint from the first pair.
+    pub fn pair_positions(&self) -> Vec<([f64; 2], f64)> {
+        let nodes = self.mesh.nodes();
+        let middle: Vec<[f64; 2]> = (self.mesh.pairs().iter())
+            .map(|pair| [0, 1].map(|c| 0.5 * (nodes[pair[0] as usize][c] + nodes[pair[1] as usize][c])))
+            .collect();
+        let mut along = 0.0;
+        let mut before = middle.first().copied().unwrap_or_default();
+        middle
+            .into_iter()
+            .map(|at| {
+                along += (at[0] - before[0]).hypot(at[1] - before[1]);
+                before = at;
+                (at, along)
+            })
+            .collect()
+    }
+
+    /// Calls `each` with the number of the pair, the element's number, and the point, for both ends of each
+    /// interface element.
+    fn for_each_end(&self, mut each: impl FnMut(usize, usize, &InterfacePoint)) {
+        for (k, (interface, pairs)) in self.interfaces.iter().zip(&self.end_pairs).enumerate() {
+            for (end, &pair) in interface.ends().iter().zip(pairs) {
+                each(pair as usize, self.quads.len() + k, end);
+            }
+        }
+    }
+
+    /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+).
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn stresses(&self, u: &[[f64; 2]]) -> Vec<[Stress; 4]> {
+        let of = |(element, quad): (usize, &Q4)| {
+            let u = self.gather(element, u);
+            quad.points().map(|point| self.material(element).stress(point.strain(&u)))
+        };
+        self.quads.iter().enumerate().map(of).collect()
+    }
+
+    /// Equivalent stress (MPa) and plastic strain at the four Gauss points of each element.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn states(&self, u: &[[f64; 2]]) -> Vec<[SubstrateState; 4]> {
+        let of = |(element, quad): (usize, &Q4)| {
+            let u = self.gather(element, u);
+            quad.points().map(|point| self.material(element).state(point.strain(&u)))
+        };
+        self.quads.iter().enumerate().map(of).collect()
+    }
+
+    /// The internal force at every node, N/mm: at prescribed nodes the reaction, at the others the residual.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn forces(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut work = self.work();
+        self.evaluate_force(law, u, &mut work);
+        work.force
+    }
+
+    /// Where, along the joint from the first pair (mm), the normal jump passes the law's front opening: the
+    /// crack front (THEORY 9), interpolated. Of several the first; `None` where none is.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn crack_front(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Option<f64> {
+        let (jumps, positions, opening) = (self.jumps(u), self.pair_positions(), law.front_opening());
+        let rest = |k: usize| jumps[k].normal - opening;
+        (1..jumps.len()).find(|&k| (rest(k - 1) < 0.0) != (rest(k) < 0.0)).map(|k| {
+            let share = rest(k - 1) / (rest(k - 1) - rest(k));
+            positions[k - 1].1 + share * (positions[k].1 - positions[k - 1].1)
+        })
+    }
+
+    /// Memory of the element arrays, the matrix and, where it is known beforehand, the factor, bytes.
+    pub fn bytes(&self) -> usize {
+        let per_element = size_of::<Q4>() + size_of::<[u32; 64]>() + size_of::<ElementStiffness>();
+        self.corners.len() * per_element + 12 * self.pattern.n_values() + 8 * self.plan.n_values().unwrap_or(0)
+    }
+}
+
+/// The place of each of the two unknowns of the free nodes.
+fn positions(nodes: &[[f64; 2]], free_nodes: &[u32]) -> Vec<[f64; 2]> {
+    free_nodes.iter().flat_map(|&node| [nodes[node as usize]; 2]).collect()
+}
+
+/// The free nodes in an order in which coupled ones are close: along x, along y, or by neighbourhood (reverse
+/// Cuthill-McKee), whichever gives the narrowest band.
+fn banded_order(nodes: &[[f64; 2]], corners: &[[u32; 4]], prescribed: &[bool]) -> Vec<u32> {
+    let free: Vec<u32> = (0..nodes.len() as u32).filter(|&node| !prescribed[node as usize]).collect();
+    // Nodes in line count as equal although their coordinates differ in the last bits.
+    let size = corners.first().map_or(1.0, |c| {
+        let [a, b] = [nodes[c[0] as usize], nodes[c[1] as usize]];
+        (a[0] - b[0]).hypot(a[1] - b[1])
+    });
+    let along = |axis: usize| {
+        let key = |node: u32| (nodes[node as usize][axis] / (1e-6 * size)).round() as i64;
+        let mut order = free.clone();
+        order.sort_by(|&a, &b| {
+            let across = nodes[a as usize][1 - axis].total_cmp(&nodes[b as usize][1 - axis]);
+            key(a).cmp(&key(b)).then(across).then(a.cmp(&b))
+        });
+        order
+    };
+    let mut neighbours: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); nodes.len()];
+    for corners in corners {
+        for &a in corners {
+            for &b in corners {
+                if a != b && !prescribed[a as usize] && !prescribed[b as usize] {
+                    neighbours[a as usize].insert(b);
+                }
+            }
+        }
+    }
+    let band = |order: &[u32]| {
+        let mut place = vec![0usize; nodes.len()];
+        order.iter().enumerate().for_each(|(k, &node)| place[node as usize] = k);
+        let reach = |&node: &u32| {
+            let at = place[node as usize];
+            neighbours[node as usize].iter().map(|&other| at.abs_diff(place[other as usize])).max().unwrap_or(0)
+        };
+        order.iter().map(reach).max().unwrap_or(0)
+    };
+    let orders = [along(0), along(1), by_neighbourhood(&free, &neighbours)];
+    orders.into_iter().min_by_key(|order| band(order)).unwrap_or_default()
+}
+
+/// Reverse Cuthill-McKee: breadth first from the node of least degree, neighbours by degree, backwards.
+fn by_neighbourhood(free: &[u32], neighbours: &[BTreeSet<u32>]) -> Vec<u32> {
+    let degree = |node: u32| (neighbours[node as usize].len(), node);
+    let mut starts = free.to_vec();
+    starts.sort_by_key(|&node| degree(node));
+    let (mut order, mut seen) = (Vec::with_capacity(free.len()), vec![false; neighbours.len()]);
+    for start in starts {
+        if std::mem::replace(&mut seen[start as usize], true) {
+            continue;
+        }
+        let mut next = order.len();
+        order.push(start);
+        while next < order.len() {
+            let mut ring: Vec<u32> = neighbours[order[next] as usize].iter().copied().collect();
+            ring.retain(|&node| !std::mem::replace(&mut seen[node as usize], true));
+            ring.sort_by_key(|&node| degree(node));
+            order.extend(ring);
+            next += 1;
+        }
+    }
+    order.reverse();
+    order
+}

@@ -1,0 +1,486 @@
+//! Newton's iteration along the instants (THEORY 5 and 9).
+//!
+//! One rule for the branch: every evaluation starts at rest and follows the prescribed displacements in time. The
+//! increment of the border enters through the tangent; a line search guards each iteration; an increment that
+//! does not converge is halved. Where halving does not help, node pairs snap: the field has to leave the state it
+//! was in. It is then carried over to the next stable state as a slightly viscous adhesive would do it, step by
+//! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
+
+use super::boundary::BoundaryHistory;
+use super::cohesive::{CohesiveLaw, Jump};
+use super::error::ModelError;
+use super::model::{Model, Stiffness, Work};
+use super::sensitivity;
+use super::solution::{Failure, Instant, Sensitivity, Solution, Status};
+
+/// How far the iteration goes before it gives up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewtonOptions {
+    /// Largest residual force over the largest nodal force (reactions included) at which an increment has
+    /// converged. One more correction follows, so that the error left is its square.
+    pub tolerance: f64,
+    /// Iterations per increment.
+    pub max_iterations: u32,
+    /// How often an increment is halved: the smallest is `2^-max_halvings` of the step between two instants.
+    pub max_halvings: u32,
+    /// Viscous steps, and secant iterations, of a rescue.
+    pub max_rescue: u32,
+}
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-11, max_iterations: 25, max_halvings: 6, max_rescue: 400 }
+    }
+}
+
+/// What to compute beside the displacements.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ForwardOptions {
+    /// The iteration.
+    pub newton: NewtonOptions,
+    /// Derivatives of the displacements by the parameters of the cohesive law.
+    pub law_sensitivities: bool,
+    /// Derivatives by the parameters of the materials, group by group.
+    pub substrate_sensitivities: bool,
+}
+
+impl Model {
+    /// The displacements at every instant of `boundary` under `law`, from rest.
+    ///
+    /// Not converging is an outcome: the instant says so ([`Status::NotConverged`]), with what is known of the place,
+    /// and those after it are [`Status::NotReached`].
+    ///
+    /// # Errors
+    /// A history of other nodes than those of the model.
+    pub fn forward(
+        &self,
+        law: &dyn CohesiveLaw,
+        boundary: &BoundaryHistory,
+        options: &ForwardOptions,
+    ) -> Result<Solution, ModelError> {
+        self.check_boundary(boundary)?;
+        let mut path = Path::new(self, law, options.newton);
+        let mut instants: Vec<Instant> = Vec::with_capacity(boundary.instants().len());
+        for target in boundary.instants() {
+            if instants.last().is_some_and(|last| !last.status.converged()) {
+                instants.push(Instant::not_reached());
+                continue;
+            }
+            let mut instant = path.advance(target);
+            if instant.status.converged() && (options.law_sensitivities || options.substrate_sensitivities) {
+                let groups = if options.substrate_sensitivities { self.mesh().groups().len() } else { 0 };
+                let rhs = sensitivity::pseudo_loads(self, law, &path.u, options.law_sensitivities, groups);
+                instant.sensitivities = sensitivity::solve(self, &path.work, &rhs);
+            }
+            instants.push(instant);
+        }
+        let mut parameters = Vec::new();
+        if options.law_sensitivities {
+            parameters.extend(law.parameters().iter().map(|&parameter| Sensitivity { parameter, group: None }));
+        }
+        if options.substrate_sensitivities {
+            for (group, material) in self.materials().iter().enumerate() {
+                let of = |&parameter| Sensitivity { parameter, group: Some(group) };
+                parameters.extend(material.parameters().iter().map(of));
+            }
+        }
+        Ok(Solution { instants, parameters })
+    }
+}
+
+/// Where a run stands: a converged field, and the factor of its tangent.
+struct Path<'a> {
+    model: &'a Model,
+    law: &'a dyn CohesiveLaw,
+    options: NewtonOptions,
+    work: Work,
+    /// The converged displacements.
+    u: Vec<[f64; 2]>,
+    /// The solution of the last increment that was accepted.
+    last: Vec<[f64; 2]>,
+    /// The jumps that the tangent foretold for the increment.
+    foretold: Vec<Jump>,
+    /// Room for the field of an iteration, and for one that is tried.
+    field: Vec<[f64; 2]>,
+    trial: Vec<[f64; 2]>,
+    rhs: Vec<f64>,
+    /// Whether `work` holds stiffness and factor at `u`.
+    ready: bool,
+}
+
+/// What an increment took.
+#[derive(Debug, Clone, Default)]
+struct Effort {
+    iterations: u32,
+    /// Relative residual at each iterate.
+    residuals: Vec<f64>,
+}
+
+/// Largest residual force and the largest of all nodal forces, N/mm.
+#[derive(Debug, Clone, Copy)]
+struct Balance {
+    residual: f64,
+    force: f64,
+    /// Root of the sum of squares of the residual: what the line search lowers.
+    norm: f64,
+    /// The round-off of the residual.
+    floor: f64,
+}
+
+impl Balance {
+    fn relative(&self) -> f64 {
+        if self.force > 0.0 { self.residual / self.force } else { 0.0 }
+    }
+}
+
+impl<'a> Path<'a> {
+    fn new(model: &'a Model, law: &'a dyn CohesiveLaw, options: NewtonOptions) -> Self {
+        let rest = vec![[0.0; 2]; model.mesh().nodes().len()];
+        Self {
+            model,
+            law,
+            options,
+            work: model.work(),
+            field: rest.clone(),
+            trial: rest.clone(),
+            last: rest.clone(),
+            foretold: Vec::new(),
+            u: rest,
+            rhs: vec![0.0; model.n_unknowns()],
+            ready: false,
+        }
+    }
+
+    /// Moves the border to `target`, in as many increments as it takes.
+    fn advance(&mut self, target: &[[f64; 2]]) -> Instant {
+        let from: Vec<[f64; 2]> = self.model.prescribed().iter().map(|&node| self.u[node as usize]).collect();
+        let between = |share: f64| -> Vec<[f64; 2]> {
+            if share == 1.0 {
+                return target.to_vec();
+            }
+            from.iter().zip(target).map(|(a, b)| [0, 1].map(|c| a[c] + share * (b[c] - a[c]))).collect()
+        };
+        let smallest = 0.5_f64.powi(self.options.max_halvings as i32);
+        let mut instant = Instant { status: Status::Converged, ..Instant::not_reached() };
+        // Shares are sums of powers of two: exact.
+        let (mut done, mut step) = (0.0, 1.0_f64);
+        while done < 1.0 {
+            step = step.min(1.0 - done);
+            let border = between(done + step);
+            let before = self.model.jumps(&self.u);
+            let mut effort = Effort::default();
+            let mut converged = self.increment(&border, &mut effort);
+            // Further than the tangent said by an opening at the peak: was the path left on the way?
+            let leapt = converged && self.strays();
+            if (leapt || !converged) && step > smallest {
+                self.step_back(converged);
+                instant.iterations += effort.iterations;
+                instant.halvings += 1;
+                step *= 0.5;
+                continue;
+            }
+            if !converged {
+                let mut rescue = 0;
+                converged =
+                    self.relax(&border, &mut effort, &mut rescue) || self.secant(&border, &mut effort, &mut rescue);
+                instant.rescue_iterations += rescue;
+                if converged {
+                    instant.status = Status::Rescued;
+                    instant.add_snapped(&before, &self.model.jumps(&self.u));
+                }
+            }
+            if leapt {
+                instant.status = Status::Rescued;
+                instant.add_snapped(&before, &self.model.jumps(&self.u));
+            }
+            instant.iterations += effort.iterations;
+            instant.residual = effort.residuals.last().copied().unwrap_or(0.0);
+            instant.residuals = effort.residuals;
+            if !converged {
+                instant.status = Status::NotConverged;
+                instant.add_snapped(&before, &self.model.jumps(&self.field));
+                instant.failure = Some(Failure { share: done });
+                break;
+            }
+            done += step;
+            step *= 2.0;
+            self.last.clone_from(&self.u);
+        }
+        instant.displacement.clone_from(&self.u);
+        instant
+    }
+
+    /// One increment of the border; the state is kept only when it converges.
+    fn increment(&mut self, border: &[[f64; 2]], effort: &mut Effort) -> bool {
+        if !self.ready {
+            self.model.assemble(self.law, &self.u, Stiffness::Tangent, &mut self.work);
+            if self.work.factor.refactor(&self.work.matrix).is_err() {
+                return false;
+            }
+            self.ready = true;
+        }
+        self.predict(border);
+        self.iterate(self.options.max_iterations, effort)
+    }
+
+    /// Sets `field` to the border's new place with the inside following along the stiffness that is factorised,
+    /// `K_ff du_f = -K_fD du_D`.
+    fn predict(&mut self, border: &[[f64; 2]]) {
+        self.trial.fill([0.0; 2]);
+        for (&node, to) in self.model.prescribed().iter().zip(border) {
+            let from = self.u[node as usize];
+            self.trial[node as usize] = [to[0] - from[0], to[1] - from[1]];
+        }
+        self.model.pull_of_border(&self.trial, &self.work, &mut self.rhs);
+        self.work.factor.solve(&mut self.rhs);
+        self.field.clone_from(&self.u);
+        self.set_border(border);
+        self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
+        self.foretold = self.model.jumps(&self.field);
+        self.ready = false;
+    }
+
+    /// Whether some pair opened much further than foretold.
+    fn strays(&self) -> bool {
+        let allowed = 0.2 * self.law.front_opening();
+        let found = self.model.jumps(&self.u);
+        found.iter().zip(&self.foretold).any(|(a, b)| (a.normal - b.normal).abs() > allowed)
+    }
+
+    /// Back to the last accepted solution, if an increment went on to another.
+    fn step_back(&mut self, moved: bool) {
+        if moved {
+            self.u.clone_from(&self.last);
+            self.ready = false;
+        }
+    }
+
+    fn set_border(&mut self, border: &[[f64; 2]]) {
+        for (&node, &to) in self.model.prescribed().iter().zip(border) {
+            self.field[node as usize] = to;
+        }
+    }
+
+    /// Newton from `field`, whose border is in place. On success `u` is the solution, and `work` holds the factor
+    /// of its tangent.
+    fn iterate(&mut self, max_iterations: u32, effort: &mut Effort) -> bool {
+        self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
+        let mut balance = self.balance();
+        let mut stalled = 0;
+        loop {
+            effort.residuals.push(balance.relative());
+            if !balance.norm.is_finite() || self.work.factor.refactor(&self.work.matrix).is_err() {
+                return false;
+            }
+            let converged = balance.residual <= self.options.tolerance * balance.force + balance.floor;
+            // The correction is made in any case: at convergence it costs one solve and squares the error.
+            self.residual_into_rhs();
+            self.work.factor.solve(&mut self.rhs);
+            // An odd number of negative eigenvalues: an equilibrium, but not one that a test can show.
+            let unstable = || self.work.factor.pivots().is_some_and(|pivots| !pivots.positive_determinant());
+            if converged && unstable() {
+                return false;
+            }
+            if converged {
+                self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
+                std::mem::swap(&mut self.u, &mut self.field);
+                self.ready = true;
+                return self.u.iter().flatten().all(|u| u.is_finite());
+            }
+            if effort.iterations >= max_iterations {
+                return false;
+            }
+            effort.iterations += 1;
+            match self.line_search(balance) {
+                Some(next) => {
+                    // A residual that hardly falls is no convergence.
+                    stalled = if next.norm > 0.9 * balance.norm { stalled + 1 } else { 0 };
+                    balance = next;
+                }
+                None => return false,
+            }
+            if stalled > 4 {
+                return false;
+            }
+        }
+    }
+
+    /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not.
+    fn line_search(&mut self, before: Balance) -> Option<Balance> {
+        let mut best: Option<(f64, f64)> = None;
+        let mut share = 1.0;
+        for attempt in 0..6 {
+            self.trial.clone_from(&self.field);
+            self.model.add_to_field(&self.rhs, share, &mut self.trial);
+            // The first attempt mostly holds: make its tangent at once.
+            if attempt == 0 {
+                self.model.assemble(self.law, &self.trial, Stiffness::Tangent, &mut self.work);
+            } else {
+                self.model.evaluate_force(self.law, &self.trial, &mut self.work);
+            }
+            let balance = self.balance();
+            if balance.norm <= (1.0 - 1e-4 * share) * before.norm || balance.residual <= balance.floor {
+                std::mem::swap(&mut self.field, &mut self.trial);
+                if attempt > 0 {
+                    self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
+                }
+                return Some(balance);
+            }
+            if balance.norm.is_finite() && best.is_none_or(|(norm, _)| balance.norm < norm) {
+                best = Some((balance.norm, share));
+            }
+            share *= 0.5;
+        }
+        // Across a kink the residual may have to rise a little before it falls.
+        let (norm, share) = best?;
+        if norm > 1.5 * before.norm {
+            return None;
+        }
+        self.model.add_to_field(&self.rhs, share, &mut self.field);
+        self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
+        Some(self.balance())
+    }
+
+    /// Carries the field over a snap: steps of a viscous adhesive at a border that stands still,
+    /// `(K + eta C_0) du = -R`, with `eta C_0` a share of the initial stiffness added at the interface.
+    ///
+    /// With `eta` large enough each step goes downhill in every mode whatever the tangent (the pivots tell); while
+    /// the steps do, `eta` falls, and where the tangent is positive again the last of them are those of Newton. (The secant iteration alone
+    /// crawls past the place where the equilibrium was lost: hundreds of iterations, measured.)
+    fn relax(&mut self, border: &[[f64; 2]], effort: &mut Effort, steps: &mut u32) -> bool {
+        let longest = 0.2 * self.law.front_opening();
+        let mut share = 1.0;
+        // As the increment of Newton: the border enters through the tangent, or the elements along it yield.
+        self.model.assemble(self.law, &self.u, Stiffness::Viscous(share), &mut self.work);
+        if self.work.factor.refactor(&self.work.matrix).is_err() {
+            return false;
+        }
+        self.predict(border);
+        for _ in 0..self.options.max_rescue {
+            *steps += 1;
+            self.model.assemble(self.law, &self.field, Stiffness::Viscous(share), &mut self.work);
+            if !self.balance().norm.is_finite() || share > 1e6 {
+                return false;
+            }
+            if share < 1e-6 {
+                return self.iterate(self.options.max_iterations, effort);
+            }
+            self.residual_into_rhs();
+            let load = self.rhs.clone();
+            let stable = self.work.factor.refactor(&self.work.matrix).is_ok()
+                && self.work.factor.pivots().is_none_or(|pivots| pivots.all_positive());
+            share = match stable && self.downhill(&load, longest) {
+                true => 0.5 * share,
+                false => 4.0 * share,
+            };
+        }
+        false
+    }
+
+    /// One viscous step from `field` under `load`, or half of it, a quarter, ...: none may open a pair further than
+    /// `longest` (mm) or overshoot. False when there is none such, and the field stays.
+    fn downhill(&mut self, load: &[f64], longest: f64) -> bool {
+        self.work.factor.solve(&mut self.rhs);
+        let along = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let slope = along(&self.rhs, load);
+        if !(slope > 0.0 && slope.is_finite()) {
+            return false;
+        }
+        let before = self.model.jumps(&self.field);
+        let mut part = 1.0;
+        for _ in 0..5 {
+            self.trial.clone_from(&self.field);
+            self.model.add_to_field(&self.rhs, part, &mut self.trial);
+            let after = self.model.jumps(&self.trial);
+            let moved = before.iter().zip(&after).map(|(a, b)| (a.normal - b.normal).abs()).fold(0.0, f64::max);
+            if moved <= longest {
+                self.model.evaluate_force(self.law, &self.trial, &mut self.work);
+                if along(&self.rhs, &self.model.of_unknowns(&self.work.force)) <= 0.5 * slope {
+                    std::mem::swap(&mut self.field, &mut self.trial);
+                    return true;
+                }
+            }
+            part *= 0.5;
+        }
+        false
+    }
+
+    /// The secant iteration (Kacanov) from the converged field, with Newton tried now and then.
+    fn secant(&mut self, border: &[[f64; 2]], effort: &mut Effort, rescue: &mut u32) -> bool {
+        let start = self.u.clone();
+        let mut current = start.clone();
+        for (&node, &to) in self.model.prescribed().iter().zip(border) {
+            current[node as usize] = to;
+        }
+        let mut only_border = vec![[0.0; 2]; start.len()];
+        for (&node, &to) in self.model.prescribed().iter().zip(border) {
+            only_border[node as usize] = to;
+        }
+        for iteration in 1..=self.options.max_rescue {
+            *rescue += 1;
+            self.model.assemble(self.law, &current, Stiffness::Secant, &mut self.work);
+            if self.work.factor.refactor(&self.work.matrix).is_err() {
+                break;
+            }
+            self.model.pull_of_border(&only_border, &self.work, &mut self.rhs);
+            self.work.factor.solve(&mut self.rhs);
+            let mut next = only_border.clone();
+            self.model.add_to_field(&self.rhs, 1.0, &mut next);
+            if next.iter().flatten().any(|u| !u.is_finite()) {
+                break;
+            }
+            let moved = largest_difference(&next, &current);
+            let size = largest_difference(&next, &start).max(f64::MIN_POSITIVE);
+            current = next;
+            // Newton once the secant iteration has settled somewhat, and then from time to time.
+            if iteration % 10 == 0 || moved < 1e-3 * size {
+                self.field.clone_from(&current);
+                let mut attempt = Effort::default();
+                let converged = self.iterate(10, &mut attempt);
+                effort.iterations += attempt.iterations;
+                if converged {
+                    effort.residuals = attempt.residuals;
+                    return true;
+                }
+            }
+            if moved < 1e-13 * size {
+                break;
+            }
+        }
+        // Nothing helped: what was reached is left in `field` for the report.
+        self.field = current;
+        self.u = start;
+        self.ready = false;
+        false
+    }
+
+    /// Residual and largest force of the last evaluation.
+    fn balance(&self) -> Balance {
+        let mut balance = Balance { residual: 0.0, force: 0.0, norm: 0.0, floor: self.model.round_off(&self.field) };
+        let mut squares = 0.0;
+        for (node, force) in self.work.force.iter().enumerate() {
+            let size = force[0].abs().max(force[1].abs());
+            // A NaN must come through: max() would drop it.
+            if size.is_nan() {
+                return Balance { residual: f64::NAN, norm: f64::NAN, ..balance };
+            }
+            balance.force = balance.force.max(size);
+            if self.model.unknown(node, 0).is_some() {
+                balance.residual = balance.residual.max(size);
+                squares += force[0] * force[0] + force[1] * force[1];
+            }
+        }
+        balance.norm = squares.sqrt();
+        balance
+    }
+
+    fn residual_into_rhs(&mut self) {
+        self.rhs = self.model.of_unknowns(&self.work.force);
+        self.rhs.iter_mut().for_each(|force| *force = -*force);
+    }
+}
+
+fn largest_difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    let differences = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max)
+}

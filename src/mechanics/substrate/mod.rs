@@ -1,0 +1,197 @@
+//! Laws of the adherends: the stress in a strip of unit thickness from its strain, with all its derivatives.
+//!
+//! A law is one file: a type that implements [`SubstrateLaw`], and its line in [`substrate_by_name`].
+
+mod linear_elastic;
+mod ramberg_osgood;
+
+pub use linear_elastic::LinearElastic;
+pub use ramberg_osgood::RambergOsgood;
+
+use super::cohesive::Parameter;
+use std::fmt::Debug;
+use thiserror::Error;
+
+/// Small strain in the plane: `eps_xx`, `eps_yy` and the engineering shear `gamma_xy = 2 eps_xy`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Strain(pub [f64; 3]);
+
+/// Stress in the plane, MPa: `sigma_xx`, `sigma_yy`, `sigma_xy`; or its derivative by a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stress(pub [f64; 3]);
+
+/// `d stress / d strain`, MPa; symmetric.
+pub type SubstrateStiffness = [[f64; 3]; 3];
+
+/// What a law answers to a strain.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SubstrateResponse {
+    /// The stress, MPa.
+    pub stress: Stress,
+    /// Its derivative by the strain, MPa.
+    pub tangent: SubstrateStiffness,
+}
+
+/// How far a point is from elastic.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SubstrateState {
+    /// Von Mises equivalent stress, out-of-plane stress included, MPa.
+    pub equivalent_stress: f64,
+    /// Equivalent plastic strain.
+    pub plastic_strain: f64,
+}
+
+/// What happens out of the plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PlaneState {
+    /// No stress out of the plane: thin strips, free surfaces.
+    #[default]
+    PlaneStress,
+    /// No strain out of the plane: the middle of thick strips.
+    PlaneStrain,
+}
+
+impl PlaneState {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PlaneStress => "stress",
+            Self::PlaneStrain => "strain",
+        }
+    }
+}
+
+/// A holonomic law of the substrate: a function of the strain alone (THEORY 3).
+pub trait SubstrateLaw: Debug + Send + Sync {
+    /// Its name in case files and results.
+    fn name(&self) -> &'static str;
+
+    /// Its parameters, in the order of [`SubstrateLaw::values`] and of all sensitivities.
+    fn parameters(&self) -> &'static [Parameter];
+
+    /// The values of the parameters.
+    fn values(&self) -> Vec<f64>;
+
+    /// The same law, in the same plane state, with other values of its parameters.
+    ///
+    /// # Errors
+    /// When a value is not allowed, or their number is not that of the parameters.
+    fn with_values(&self, values: &[f64]) -> Result<Box<dyn SubstrateLaw>, SubstrateError>;
+
+    /// Stress and consistent tangent at `strain`.
+    fn response(&self, strain: Strain) -> SubstrateResponse;
+
+    /// The stress alone, which costs less; the same bits as in [`SubstrateLaw::response`].
+    fn stress(&self, strain: Strain) -> Stress;
+
+    /// Derivatives of the stress by each parameter at fixed `strain`, into `derivatives`.
+    ///
+    /// # Panics
+    /// When `derivatives` has not as many entries as there are parameters.
+    fn by_parameters(&self, strain: Strain, derivatives: &mut [Stress]);
+
+    /// A symmetric positive definite matrix `S` with `S strain = stress`, MPa: for the secant iteration.
+    fn secant(&self, strain: Strain) -> SubstrateStiffness;
+
+    /// Equivalent stress and plastic strain.
+    fn state(&self, strain: Strain) -> SubstrateState;
+
+    /// Strain at which the material yields, if it does: what rotations of the strips are measured by.
+    fn yield_strain(&self) -> Option<f64>;
+
+    /// Young's modulus, MPa.
+    fn young(&self) -> f64;
+}
+
+/// Why there is no such law.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SubstrateError {
+    /// A parameter outside its range.
+    #[error("[substrate] {key} is {value}: {needed}")]
+    Parameter {
+        /// Its key.
+        key: String,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// Another number of values than of parameters.
+    #[error("the substrate law '{law}' has {needed} parameters, {given} values were given")]
+    Count {
+        /// Name of the law.
+        law: &'static str,
+        /// Number of its parameters.
+        needed: usize,
+        /// Number given.
+        given: usize,
+    },
+    /// No law has this name.
+    #[error("[substrate] model = \"{name}\": there is no such law; give one of {}", SUBSTRATE_NAMES.join(", "))]
+    Unknown {
+        /// The name given.
+        name: String,
+    },
+}
+
+/// Names of all laws.
+pub const SUBSTRATE_NAMES: [&str; 2] = [RambergOsgood::NAME, LinearElastic::NAME];
+
+/// The parameters of the law called `name`.
+///
+/// # Errors
+/// [`SubstrateError::Unknown`].
+pub fn substrate_parameters(name: &str) -> Result<&'static [Parameter], SubstrateError> {
+    match name {
+        RambergOsgood::NAME => Ok(&RambergOsgood::PARAMETERS),
+        LinearElastic::NAME => Ok(&LinearElastic::PARAMETERS),
+        _ => Err(SubstrateError::Unknown { name: name.to_owned() }),
+    }
+}
+
+/// The law called `name` with the given parameter values, in the order of [`substrate_parameters`].
+///
+/// # Errors
+/// No such law, another number of values, a value that is not allowed.
+pub fn substrate_by_name(
+    name: &str,
+    values: &[f64],
+    plane: PlaneState,
+) -> Result<Box<dyn SubstrateLaw>, SubstrateError> {
+    match name {
+        RambergOsgood::NAME => Ok(Box::new(RambergOsgood::new(exactly(RambergOsgood::NAME, values)?, plane)?)),
+        LinearElastic::NAME => {
+            let [young, nu] = exactly(LinearElastic::NAME, values)?;
+            Ok(Box::new(LinearElastic::new(young, nu, plane)?))
+        }
+        _ => Err(SubstrateError::Unknown { name: name.to_owned() }),
+    }
+}
+
+/// The values as an array of the length that the law needs.
+fn exactly<const N: usize>(law: &'static str, values: &[f64]) -> Result<[f64; N], SubstrateError> {
+    values.try_into().map_err(|_| SubstrateError::Count { law, needed: N, given: values.len() })
+}
+
+/// Young's modulus above zero, Poisson's ratio above -1 and below 0.5.
+fn check_elastic(parameters: &[Parameter], young: f64, nu: f64) -> Result<(), SubstrateError> {
+    check_positive(&parameters[0], young)?;
+    if !(nu > -1.0 && nu < 0.5) {
+        let needed = "Poisson's ratio must be above -1 and below 0.5";
+        return Err(SubstrateError::Parameter { key: parameters[1].key(), value: nu, needed });
+    }
+    Ok(())
+}
+
+fn check_positive(parameter: &Parameter, value: f64) -> Result<(), SubstrateError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(SubstrateError::Parameter { key: parameter.key(), value, needed: "it must be a finite number above zero" })
+}
+
+/// `matrix vector`.
+fn times(matrix: &SubstrateStiffness, vector: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
+}

@@ -1,0 +1,113 @@
+//! The figures of a run: deformed joint, tractions along the adhesive, maps of the derivatives.
+
+use super::{JointMap, JointProfiles, JointReport};
+use crate::mechanics::cohesive::Traction;
+use crate::report::{Picture, ReportError};
+
+impl JointReport<'_> {
+    /// The instants to draw: those `asked` for that have a solution, or the first, the middle and the last one.
+    pub fn chosen(&self, asked: Option<&[usize]>) -> Vec<usize> {
+        let solved: Vec<usize> = self.solved().map(|(number, _)| number).collect();
+        let mut chosen: Vec<usize> = match (asked, solved.as_slice()) {
+            (Some(asked), _) => asked.iter().copied().filter(|instant| solved.contains(instant)).collect(),
+            (None, []) => Vec::new(),
+            (None, [first, .., last]) => vec![*first, solved[solved.len() / 2], *last],
+            (None, [only]) => vec![*only],
+        };
+        chosen.dedup();
+        chosen
+    }
+
+    /// Draws the deformed joint and the tractions at the `chosen` instants and the derivatives at the last of them; `save` is
+    /// called with the name (without ending) of each picture.
+    ///
+    /// # Errors
+    /// A picture without a finite range, and what `save` refuses.
+    pub fn draw<E: From<ReportError>>(
+        &self,
+        chosen: &[usize],
+        mut save: impl FnMut(String, Picture) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Some(&last) = chosen.iter().max() else { return Ok(()) };
+        for &number in chosen {
+            save(format!("{number:06}-deformed"), self.deformed(number)?)?;
+        }
+        let profiles = [
+            ("tn", self.profiles(chosen, |t| t.normal, "Normal traction along the joint", "T_n (MPa)")),
+            ("tt", self.profiles(chosen, |t| t.tangential, "Tangential traction along the joint", "T_t (MPa)")),
+        ];
+        for (name, profiles) in profiles {
+            save(format!("{last:06}-{name}"), profiles.draw()?)?;
+        }
+        let fields = &self.solution.instants[last - 1].sensitivities;
+        for (sensitivity, field) in self.solution.parameters.iter().zip(fields) {
+            let name = self.name_of(sensitivity);
+            let unit = match sensitivity.parameter.unit {
+                "1" => "mm".to_owned(),
+                unit => format!("mm per {unit}"),
+            };
+            for (c, component) in ["u_x", "u_y"].into_iter().enumerate() {
+                let values: Vec<f64> = field.iter().map(|v| v[c]).collect();
+                if values.iter().all(|v| *v == 0.0) {
+                    continue;
+                }
+                let map = JointMap {
+                    title: format!("Sensitivity of {component} to {name} at instant {last}"),
+                    label: format!("d {component} / d {name} ({unit})"),
+                    notes: Vec::new(),
+                    nodes: self.joint.model.mesh().nodes(),
+                    elements: self.joint.model.mesh().elements(),
+                    values: &values,
+                };
+                save(format!("{last:06}-d{}_d{name}", component.replace('_', "")), map.draw()?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The joint with its displacements enlarged, coloured by the equivalent stress.
+    fn deformed(&self, number: usize) -> Result<Picture, ReportError> {
+        let model = &self.joint.model;
+        let (mesh, u) = (model.mesh(), &self.solution.instants[number - 1].displacement);
+        let largest = u.iter().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
+        // A round factor that makes the motion about a tenth of the joint's size.
+        let wanted = 0.1 * mesh.extent() / largest.max(f64::MIN_POSITIVE);
+        let factor = if wanted > 1.0 && wanted < 1e6 { 10f64.powf(wanted.log10().floor()) } else { 1.0 };
+        let moved: Vec<[f64; 2]> =
+            mesh.nodes().iter().zip(u).map(|(x, u)| [x[0] + factor * u[0], x[1] + factor * u[1]]).collect();
+        // At the nodes: the mean of the elements around.
+        let mut stress = vec![[0.0; 2]; u.len()];
+        for (corners, states) in mesh.elements().iter().zip(model.states(u)) {
+            for (&node, state) in corners.iter().zip(states) {
+                stress[node as usize][0] += state.equivalent_stress;
+                stress[node as usize][1] += 1.0;
+            }
+        }
+        JointMap {
+            title: format!("Deformed joint at instant {number}"),
+            label: "equivalent stress (MPa)".into(),
+            notes: vec![format!("displacements times {factor}; largest {largest:.3e} mm")],
+            nodes: &moved,
+            elements: mesh.elements(),
+            values: &stress.iter().map(|[sum, n]| sum / n).collect::<Vec<_>>(),
+        }
+        .draw()
+    }
+
+    /// One component of the traction along the joint at the `chosen` instants.
+    fn profiles(&self, chosen: &[usize], pick: fn(Traction) -> f64, title: &str, label: &str) -> JointProfiles {
+        let (model, law) = (&self.joint.model, &*self.joint.law);
+        let of = |&number: &usize| {
+            let u = &self.solution.instants[number - 1].displacement;
+            let values = model.tractions(law, u).into_iter().map(pick).collect();
+            (format!("instant {number}"), values, model.crack_front(law, u))
+        };
+        JointProfiles {
+            title: title.into(),
+            label: label.into(),
+            instants: chosen.iter().map(of).collect(),
+            along: model.pair_positions().into_iter().map(|(_, along)| along).collect(),
+            notes: vec![format!("crack front: where the normal jump reaches {:.3e} mm", law.front_opening())],
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! A solution for ParaView: the strips, and the interface as its own line.
+
+use super::{JointReport, version};
+use crate::io::vtk::{GridValues, write_grid};
+use crate::mechanics::cohesive::Jump;
+use crate::mechanics::{Instant, Joint};
+use std::collections::HashMap;
+use std::io::{self, Write};
+
+impl JointReport<'_> {
+    /// Writes the strips at instant `number`: displacement and its derivatives at the nodes; stress, equivalent stress and
+    /// plastic strain of the elements (means of their Gauss points).
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_strips<W: Write>(&self, out: W, number: usize, instant: &Instant) -> io::Result<()> {
+        let (model, u) = (&self.joint.model, &instant.displacement);
+        let mesh = model.mesh();
+        let cell = |&[a, b, c, d]: &[u32; 4]| if c == d { vec![a, b, c] } else { vec![a, b, c, d] };
+        let cells: Vec<Vec<u32>> = mesh.elements().iter().map(cell).collect();
+        let mut at_points = vec![GridValues::Vectors("displacement_mm".into(), spatial(u))];
+        for (name, field) in self.names().iter().zip(&instant.sensitivities) {
+            at_points.push(GridValues::Vectors(format!("du_d{name}"), spatial(field)));
+        }
+        let mean = |values: [f64; 4]| values.iter().sum::<f64>() / 4.0;
+        let stress = model.stresses(u).into_iter().map(|s| [0, 1, 2].map(|c| mean(s.map(|s| s.0[c])))).collect();
+        let states = model.states(u);
+        let at_cells = [
+            GridValues::Vectors("stress_xx_yy_xy_MPa".into(), stress),
+            GridValues::Scalars(
+                "equivalent_stress_MPa".into(),
+                states.iter().map(|s| mean(s.map(|s| s.equivalent_stress))).collect(),
+            ),
+            GridValues::Scalars(
+                "plastic_strain".into(),
+                states.iter().map(|s| mean(s.map(|s| s.plastic_strain))).collect(),
+            ),
+            GridValues::Scalars("group".into(), mesh.element_group().iter().map(|&g| f64::from(g)).collect()),
+        ];
+        write_grid(out, &title(number), mesh.nodes(), &cells, &at_points, &at_cells).map_err(io::Error::other)
+    }
+
+    /// Writes the mid-line of the interface at instant `number`: displacement, jumps, tractions, and the state (-1
+    /// compressed, 0 loading, 1 softening, 2 open).
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_interface<W: Write>(&self, out: W, number: usize, instant: &Instant) -> io::Result<()> {
+        let (model, law, u) = (&self.joint.model, &*self.joint.law, &instant.displacement);
+        let mesh = model.mesh();
+        let place: HashMap<[u32; 2], u32> = (0u32..).zip(mesh.pairs()).map(|(k, &pair)| (pair, k)).collect();
+        let line = |&[l1, l2, u1, u2]: &[u32; 4]| vec![place[&[l1, u1]], place[&[l2, u2]]];
+        let lines: Vec<Vec<u32>> = mesh.interfaces().iter().map(line).collect();
+        let middle: Vec<[f64; 2]> = model.pair_positions().into_iter().map(|(at, _)| at).collect();
+        let between = |&[lower, upper]: &[u32; 2]| [0, 1].map(|c| 0.5 * (u[lower as usize][c] + u[upper as usize][c]));
+        let along: Vec<[f64; 2]> = mesh.pairs().iter().map(between).collect();
+        let jumps = model.jumps(u);
+        let scalars = |name: &str, of: &dyn Fn(Jump) -> f64| {
+            GridValues::Scalars(name.into(), jumps.iter().map(|&jump| of(jump)).collect())
+        };
+        let at_points = [
+            GridValues::Vectors("displacement_mm".into(), spatial(&along)),
+            scalars("normal_jump_mm", &|jump| jump.normal),
+            scalars("tangential_jump_mm", &|jump| jump.tangential),
+            scalars("normal_traction_MPa", &|jump| law.response(jump).traction.normal),
+            scalars("tangential_traction_MPa", &|jump| law.response(jump).traction.tangential),
+            scalars("state", &|jump| state(self.joint, jump)),
+        ];
+        let title = format!("{}; state: -1 compressed, 0 loading, 1 softening, 2 open", title(number));
+        write_grid(out, &title, &middle, &lines, &at_points, &[]).map_err(io::Error::other)
+    }
+}
+
+fn title(number: usize) -> String {
+    format!("{}, instant {number}; mm, MPa, y up", version())
+}
+
+fn spatial(field: &[[f64; 2]]) -> Vec<[f64; 3]> {
+    field.iter().map(|&[x, y]| [x, y, 0.0]).collect()
+}
+
+/// -1 compressed, 0 loading, 1 softening (the symmetric part of the tangent is not positive), 2 open.
+fn state(joint: &Joint, jump: Jump) -> f64 {
+    let [[nn, nt], [tn, tt]] = joint.law.response(jump).tangent;
+    if jump.normal < 0.0 {
+        -1.0
+    } else if jump.normal >= joint.law.front_opening() {
+        2.0
+    } else if nn * tt - 0.25 * (nt + tn) * (nt + tn) < 0.0 || nn + tt < 0.0 {
+        1.0
+    } else {
+        0.0
+    }
+}

@@ -1,0 +1,46 @@
+//! What a run of the mechanics gives people and programs: tables, grids for ParaView, figures, the summary.
+
+mod drawing;
+mod figures;
+mod grids;
+mod summary;
+mod tables;
+
+pub use drawing::{JointMap, JointProfiles};
+pub use summary::{InstantSummary, JointSummary, LawSummary};
+
+use crate::mechanics::{Instant, Joint, Sensitivity, Solution};
+
+/// A joint and its solution.
+#[derive(Debug, Clone, Copy)]
+pub struct JointReport<'a> {
+    /// The joint.
+    pub joint: &'a Joint,
+    /// Its solution.
+    pub solution: &'a Solution,
+}
+
+impl<'a> JointReport<'a> {
+    /// The instants that have a solution, with their numbers from 1.
+    pub fn solved(&self) -> impl Iterator<Item = (usize, &'a Instant)> {
+        (1..).zip(&self.solution.instants).filter(|(_, instant)| instant.status.converged())
+    }
+
+    /// Name of a parameter in files: that of its symbol, for a material with the name of its group.
+    fn name_of(&self, sensitivity: &Sensitivity) -> String {
+        match sensitivity.group {
+            None => sensitivity.parameter.name.to_owned(),
+            Some(group) => format!("{}_{}", sensitivity.parameter.name, self.joint.model.mesh().groups()[group]),
+        }
+    }
+
+    /// The names of all parameters, in the order of the sensitivities.
+    fn names(&self) -> Vec<String> {
+        self.solution.parameters.iter().map(|sensitivity| self.name_of(sensitivity)).collect()
+    }
+}
+
+/// Who wrote a file.
+fn version() -> String {
+    format!("quadrille {}", env!("CARGO_PKG_VERSION"))
+}

@@ -1,0 +1,179 @@
+//! `summary.json` of a run of the mechanics.
+
+use super::JointReport;
+use crate::field::RigidMotion;
+use crate::mechanics::cohesive::Parameter;
+use crate::mechanics::{Instant, Joint, Status};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Share of the yield strain that half the square of a strip's rotation may reach (THEORY 7).
+const SMALL_ROTATION: f64 = 0.1;
+
+/// What a run came to.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointSummary {
+    /// Version of the program.
+    pub quadrille: &'static str,
+    /// The case file.
+    pub case: String,
+    /// Time of the solution with its sensitivities, without files.
+    pub seconds: f64,
+    /// Units and axes.
+    pub units: &'static str,
+    /// Elements of the strips.
+    pub elements: usize,
+    /// Elements of the interface.
+    pub interface_elements: usize,
+    /// Unknown components.
+    pub unknowns: usize,
+    /// Which factor of the tangent was made.
+    pub solver: &'static str,
+    /// The adhesive.
+    pub cohesive: LawSummary,
+    /// The material of each group of elements.
+    pub substrate: BTreeMap<String, LawSummary>,
+    /// What counts as jump.
+    pub kinematics: &'static str,
+    /// Where tractions are evaluated.
+    pub quadrature: &'static str,
+    /// `none` or `overall`.
+    pub remove_rigid_motion: &'static str,
+    /// What was taken off at each instant.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rigid_motion_removed: Vec<RigidMotion>,
+    /// What a user should look at.
+    pub warnings: Vec<String>,
+    /// Every instant.
+    pub instants: Vec<InstantSummary>,
+}
+
+/// A law with its values.
+#[derive(Debug, Clone, Serialize)]
+pub struct LawSummary {
+    /// Its name.
+    pub model: &'static str,
+    /// Its parameters by the keys of a case file.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+impl LawSummary {
+    fn of(model: &'static str, parameters: &[Parameter], values: &[f64]) -> Self {
+        Self { model, parameters: parameters.iter().map(Parameter::key).zip(values.iter().copied()).collect() }
+    }
+}
+
+/// What became of one instant.
+#[derive(Debug, Clone, Serialize)]
+pub struct InstantSummary {
+    /// Its number, from 1.
+    pub instant: usize,
+    /// `converged`, `rescued`, `not_converged` or `not_reached`.
+    pub status: &'static str,
+    /// Newton iterations over all increments, failed ones included.
+    pub newton_iterations: u32,
+    /// How often the increment was halved.
+    pub halvings: u32,
+    /// Whether node pairs snapped and were carried over.
+    pub rescue: bool,
+    /// Steps that this took.
+    pub rescue_steps: u32,
+    /// Largest residual force over the largest nodal force.
+    pub residual: f64,
+    /// Place of the crack front, from the first node pair along the joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crack_front_mm: Option<f64>,
+    /// Rotation of the strip that turns most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub largest_strip_rotation_rad: Option<f64>,
+    /// Node pairs (lower, upper) that snapped, or moved most where the instant failed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub snapped_pairs: Vec<[u32; 2]>,
+    /// Why there is no solution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub message: Option<String>,
+    /// What a user should look at.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+}
+
+impl JointReport<'_> {
+    /// The summary of a run of the case file `case` that took `seconds`.
+    pub fn summary(&self, case: String, seconds: f64, warnings: Vec<String>) -> JointSummary {
+        let Joint { model, law, removed, .. } = self.joint;
+        JointSummary {
+            quadrille: env!("CARGO_PKG_VERSION"),
+            case,
+            seconds,
+            units: "mm, MPa, N/mm; x to the right, y up; nodes counted from 0, instants from 1",
+            elements: model.mesh().elements().len(),
+            interface_elements: model.mesh().interfaces().len(),
+            unknowns: model.n_unknowns(),
+            solver: model.solver(),
+            cohesive: LawSummary::of(law.name(), law.parameters(), &law.values()),
+            substrate: (model.mesh().groups().iter().zip(model.materials()))
+                .map(|(group, law)| (group.clone(), LawSummary::of(law.name(), law.parameters(), &law.values())))
+                .collect(),
+            kinematics: model.options().kinematics.name(),
+            quadrature: model.options().quadrature.name(),
+            remove_rigid_motion: if removed.is_empty() { "none" } else { "overall" },
+            rigid_motion_removed: removed.clone(),
+            warnings,
+            instants: (1..).zip(&self.solution.instants).map(|(k, instant)| self.summary_of(k, instant)).collect(),
+        }
+    }
+
+    fn summary_of(&self, number: usize, instant: &Instant) -> InstantSummary {
+        let Joint { model, law, .. } = self.joint;
+        let snapped_pairs: Vec<[u32; 2]> = instant.snapped.iter().map(|&k| model.mesh().pairs()[k]).collect();
+        let converged = instant.status.converged();
+        let rotation = converged.then(|| largest_rotation(self.joint, &instant.displacement));
+        let message = match instant.status {
+            Status::NotConverged => Some(format!(
+                "instant {number} did not converge beyond {:.1} % of its step; node pairs (lower, upper) {} moved most. \
+                 Give instants closer together, a finer mesh, or a law whose peak traction ({:.0} MPa) is lower",
+                100.0 * instant.failure.map_or(0.0, |failure| failure.share),
+                snapped_pairs.iter().map(|[lower, upper]| format!("({lower}, {upper})")).collect::<Vec<_>>().join(" "),
+                law.peak().normal
+            )),
+            Status::NotReached => Some("an earlier instant did not converge".to_owned()),
+            Status::Converged | Status::Rescued => None,
+        };
+        InstantSummary {
+            instant: number,
+            status: instant.status.name(),
+            newton_iterations: instant.iterations,
+            halvings: instant.halvings,
+            rescue: instant.status == Status::Rescued,
+            rescue_steps: instant.rescue_iterations,
+            residual: instant.residual,
+            crack_front_mm: if converged { model.crack_front(&**law, &instant.displacement) } else { None },
+            largest_strip_rotation_rad: rotation,
+            snapped_pairs,
+            message,
+            warnings: rotation.and_then(|w| too_large(self.joint, w)).into_iter().collect(),
+        }
+    }
+}
+
+/// The rotation of the strip that turns most, radians.
+fn largest_rotation(joint: &Joint, u: &[[f64; 2]]) -> f64 {
+    let mesh = joint.model.mesh();
+    let of = |strip: usize| {
+        let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] as usize == strip);
+        RigidMotion::fit(nodes().map(|node| (mesh.nodes()[node], u[node]))).map_or(0.0, |motion| motion.rotation_rad)
+    };
+    (0..mesh.n_strips()).map(of).fold(0.0, |most: f64, w| if w.abs() > most.abs() { w } else { most })
+}
+
+/// What is to be said when small strains do not hold under the rotation `w` of a strip.
+fn too_large(joint: &Joint, w: f64) -> Option<String> {
+    let yields = joint.model.materials().iter().filter_map(|law| law.yield_strain()).fold(f64::INFINITY, f64::min);
+    (0.5 * w * w > SMALL_ROTATION * yields).then(|| {
+        format!(
+            "a strip turns by {w:.2e} rad: w^2/2 = {:.1e} is more than a tenth of the yield strain {yields:.1e}; \
+             small strains no longer hold",
+            0.5 * w * w
+        )
+    })
+}

@@ -1,0 +1,73 @@
+//! Tables of a solution.
+
+use super::{JointReport, version};
+use crate::io::joint::write_table;
+use std::io::{self, Write};
+
+impl JointReport<'_> {
+    fn table<W: Write>(
+        &self,
+        out: W,
+        what: &str,
+        columns: &[String],
+        rows: impl Iterator<Item = (Vec<u64>, Vec<f64>)>,
+    ) -> io::Result<()> {
+        let notes = [version(), format!("{what}; mm, MPa; y up; nodes from 0, instants from 1")];
+        write_table(out, &notes, columns, rows)
+    }
+
+    /// Writes `solution.csv`: the displacement of every node at every instant that has a solution.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_solution<W: Write>(&self, out: W) -> io::Result<()> {
+        let rows = self.solved().flat_map(|(number, instant)| {
+            (0..).zip(&instant.displacement).map(move |(node, u)| (vec![number as u64, node], u.to_vec()))
+        });
+        self.table(out, "displacement of every node", &names(&["instant", "node", "ux_mm", "uy_mm"]), rows)
+    }
+
+    /// Writes `tractions.csv`: jump and traction of every node pair, in their order along the joint.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_tractions<W: Write>(&self, out: W) -> io::Result<()> {
+        let columns = ["instant", "lower_node", "upper_node", "x_mm", "y_mm", "Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa"];
+        let model = &self.joint.model;
+        let positions = model.pair_positions();
+        let rows = self.solved().flat_map(|(number, instant)| {
+            let jumps = model.jumps(&instant.displacement);
+            let rows: Vec<_> = (model.mesh().pairs().iter().zip(&positions).zip(jumps))
+                .map(|((&[lower, upper], ([x, y], _)), jump)| {
+                    let traction = self.joint.law.response(jump).traction;
+                    let values = vec![*x, *y, jump.normal, jump.tangential, traction.normal, traction.tangential];
+                    (vec![number as u64, lower.into(), upper.into()], values)
+                })
+                .collect();
+            rows
+        });
+        self.table(out, "jump and traction of every node pair, upper minus lower", &names(&columns), rows)
+    }
+
+    /// Writes `sensitivities.csv`: the derivatives of every displacement, first those of u_x, then those of u_y.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_sensitivities<W: Write>(&self, out: W) -> io::Result<()> {
+        let mut columns = names(&["instant", "node"]);
+        for component in ["ux", "uy"] {
+            columns.extend(self.names().iter().map(|name| format!("d{component}_d{name}")));
+        }
+        let rows = self.solved().flat_map(|(number, instant)| {
+            (0..instant.displacement.len()).map(move |node| {
+                let of = |c: usize| instant.sensitivities.iter().map(move |field| field[node][c]);
+                (vec![number as u64, node as u64], of(0).chain(of(1)).collect())
+            })
+        });
+        self.table(out, "derivative of every displacement (mm) by each parameter", &columns, rows)
+    }
+}
+
+fn names(columns: &[&str]) -> Vec<String> {
+    columns.iter().map(|&name| name.to_owned()).collect()
+}
