@@ -32,7 +32,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 17] = [
+const HOMES: [Home; 16] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -55,7 +55,6 @@ const HOMES: [Home; 17] = [
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },
     Home { what: "the crate pollster", named_by: |s, at| s.names_crate(at, "pollster"), places: &["backend/gpu/"] },
-    Home { what: "the crate naga", named_by: |s, at| s.names_crate(at, "naga"), places: &[] },
     Home { what: "printing", named_by: Source::prints, places: &["cli/"] },
     Home { what: "opening files", named_by: Source::opens_files, places: &["io/", "report/", "cli/"] },
 ];
