@@ -39,6 +39,12 @@ fn plan(args: &BenchArgs) -> Result<Plan> {
     if !(4..=128).contains(&args.element_size) {
         return Err(format!("--element-size {} is outside 4 to 128 px", args.element_size).into());
     }
+    if let Some(size) = sizes.iter().find(|size| **size < 4 * args.element_size) {
+        let element = args.element_size;
+        return Err(
+            format!("--size {size} has no room for elements of {element} px: {} px at least", 4 * element).into()
+        );
+    }
     Ok(Plan { sizes_px: sizes, element_size_px: args.element_size, runs: args.runs.max(1), frames: args.frames.max(1) })
 }
 

@@ -1,0 +1,92 @@
+//! `quadrille bench`: its figures are there, mean what they say, and hold together.
+
+mod program;
+
+use program::*;
+use serde_json::Value;
+
+#[track_caller]
+fn number(value: &Value, what: &str) -> f64 {
+    let number = value.as_f64().unwrap_or_else(|| panic!("{what}: {value} is no number"));
+    assert!(number.is_finite() && number >= 0.0, "{what}: {number}");
+    number
+}
+
+/// All devices of this machine at two sizes.
+fn measured(desk: &Desk) -> Value {
+    serde_json::from_str(&desk.run("bench --size 128,256 --runs 2 --frames 2 --json --output out").printed()).unwrap()
+}
+
+#[test]
+fn every_device_has_every_figure_at_every_size() {
+    let desk = Desk::new();
+    let record = measured(&desk);
+    let adapters: Value = serde_json::from_str(&desk.run("devices --json").printed()).unwrap();
+    let usable = adapters.as_array().unwrap().iter().filter(|device| device["unusable"].is_null()).count();
+    let devices = record["devices"].as_array().unwrap();
+    assert_eq!(devices.len(), usable, "the CPU and every adapter");
+    for device in devices {
+        let name = device["device"].as_str().unwrap();
+        assert!(number(&device["copy_gb_per_s"], name) > 0.0, "{name}");
+        let sizes: Vec<u64> =
+            device["sizes"].as_array().unwrap().iter().map(|s| s["size_px"].as_u64().unwrap()).collect();
+        assert_eq!(sizes, [128, 256], "{name}");
+        for cost in device["sizes"].as_array().unwrap() {
+            let pixels = number(&cost["size_px"], name).powi(2);
+            for pass in cost["passes"].as_array().unwrap() {
+                let what = format!("{name}, {}", pass["name"]);
+                let clock = if device["clock"] == "processor" { "cpu" } else { "wall" };
+                let [fastest, median, slowest] =
+                    ["fastest", "median", "slowest"].map(|k| number(&pass["seconds"][clock][k], &what));
+                assert!(fastest <= median && median <= slowest, "{what}: {fastest} {median} {slowest}");
+                // The same time said in three ways, to the round-off of a product.
+                let per_px = number(&pass["ns_per_px"], &what);
+                assert!((per_px * pixels - 1e9 * fastest).abs() <= 1e-9 * 1e9 * fastest, "{what}");
+                let bytes = number(&pass["bound"]["bytes"], &what);
+                let rate = number(&pass["bound"]["gb_per_s"], &what);
+                assert!((rate * fastest - 1e-9 * bytes).abs() <= 1e-12 * bytes, "{what}: {rate} GB/s, {bytes} B");
+            }
+            let on_gpu = device["kind"] != "CPU";
+            assert_eq!(cost["kernels"].as_array().unwrap().is_empty(), !on_gpu, "{name}");
+            for part in ["pair", "series"] {
+                assert!(number(&cost[part]["frame_s"]["wall"]["fastest"], name) > 0.0, "{name}, {part}");
+                assert_eq!(cost[part]["traffic"].is_null(), !on_gpu, "{name}, {part}");
+            }
+            let rate = number(&cost["series"]["frames_per_s"], name);
+            assert!((rate * number(&cost["series"]["frame_s"]["wall"]["median"], name) - 1.0).abs() < 1e-9, "{name}");
+            if on_gpu {
+                let shares = cost["series"]["shares"].as_array().unwrap();
+                let all: f64 = shares.iter().map(|share| number(&share["percent"], name)).sum();
+                assert!((all - 100.0).abs() < 1e-9, "{name}: parts of {all} %");
+            }
+        }
+        // Compilation and first runs are told apart from everything else, where there are any.
+        assert_eq!(device["start_up"].is_null(), device["kind"] == "CPU", "{name}");
+    }
+    assert_eq!(desk.files("out"), ["bench.json", "bench.png", "bench.svg"]);
+    assert_eq!(desk.json("out/bench.json"), record);
+}
+
+#[test]
+fn the_table_has_a_line_for_every_pass_and_says_what_its_clock_is() {
+    let desk = Desk::new();
+    let text = desk.run("bench --device cpu --size 128 --runs 1 --frames 1").printed();
+    for words in
+        ["processor time of this process", "residual", "iteration", "cold pair", "frames/s", "ns/px", "of copy"]
+    {
+        assert!(text.contains(words), "{words} in\n{text}");
+    }
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused_with_what_can() {
+    let desk = Desk::new();
+    for (line, words) in [
+        ("bench --size 10", ["10", "64 to 32768 px"]),
+        ("bench --element-size 3", ["3", "4 to 128 px"]),
+        ("bench --size 64 --element-size 64", ["64", "element"]),
+        ("bench --size 64 --device abacus", ["abacus", "no graphics device"]),
+    ] {
+        desk.run(line).refused(&words);
+    }
+}
