@@ -7,8 +7,7 @@
 #import q4
 #import place
 #import spline
-
-override LANES: u32 = 16u;
+#import sums
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -18,10 +17,8 @@ override LANES: u32 = 16u;
 @group(0) @binding(5) var<storage, read> transfer: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> sums: array<f32>;
 
-const QUANTITIES: u32 = 15u;
 // No pixel lies there, nor one row below.
 const FAR: i32 = -1000000000;
-var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
 
 @compute @workgroup_size(64)
 fn main(
@@ -118,25 +115,9 @@ fn main(
     partial[320u + thread] = far_right.y;
     partial[384u + thread] = far_left.x;
     partial[448u + thread] = far_left.y;
-    partial[512u + thread] = n;
-    partial[576u + thread] = rr;
-    partial[640u + thread] = g;
-    partial[704u + thread] = gg;
-    partial[768u + thread] = fg;
-    partial[832u + thread] = lost.x;
-    partial[896u + thread] = lost.y;
+    keep(thread, vec4<f32>(n, rr, g, gg), fg, lost);
     workgroupBarrier();
     if mine {
-        for (var k = lane; k < QUANTITIES; k += LANES) {
-            var sum = 0.0;
-            for (var i = 0u; i < LANES; i++) {
-                sum += partial[64u * k + slot * LANES + i];
-            }
-            let at = e * SUMS + k;
-            if run.accumulate != 0u {
-                sum += sums[at];
-            }
-            sums[at] = sum;
-        }
+        add_up(e, slot, lane);
     }
 }

@@ -6,8 +6,7 @@
 #import q4
 #import place
 #import spline
-
-override LANES: u32 = 16u;
+#import sums
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -19,8 +18,6 @@ override LANES: u32 = 16u;
 // Numbers of these elements; runs of four (column, row, pixels, first point); points of two (xi, eta).
 @group(0) @binding(7) var<storage, read> shape: array<u32>;
 
-const QUANTITIES: u32 = 15u;
-var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
 
 @compute @workgroup_size(64)
 fn main(
@@ -90,25 +87,9 @@ fn main(
         partial[128u * a + thread] = bx[a];
         partial[128u * a + 64u + thread] = by[a];
     }
-    partial[512u + thread] = n;
-    partial[576u + thread] = rr;
-    partial[640u + thread] = g;
-    partial[704u + thread] = gg;
-    partial[768u + thread] = fg;
-    partial[832u + thread] = lost.x;
-    partial[896u + thread] = lost.y;
+    keep(thread, vec4<f32>(n, rr, g, gg), fg, lost);
     workgroupBarrier();
     if mine {
-        for (var k = lane; k < QUANTITIES; k += LANES) {
-            var sum = 0.0;
-            for (var i = 0u; i < LANES; i++) {
-                sum += partial[64u * k + slot * LANES + i];
-            }
-            let at = e * SUMS + k;
-            if run.accumulate != 0u {
-                sum += sums[at];
-            }
-            sums[at] = sum;
-        }
+        add_up(e, slot, lane);
     }
 }

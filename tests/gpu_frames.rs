@@ -14,7 +14,7 @@ use quadrille::field::{Brightness, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::io::images::read_image;
 use quadrille::linalg::SolverChoice;
-use quadrille::mesh::{Guard, Mask, Zone, ZoneElements};
+use quadrille::mesh::{Guard, Mask, Zone};
 use quadrille::synth::{
     Accuracy, Affine, Depth, Motion, Peel, RenderOptions, Rotation, Sinusoids, Texture, Translation, render,
 };
@@ -263,33 +263,6 @@ fn the_direct_solver_gives_the_field_of_the_cpu() {
 const SIZE: [usize; 2] = [261, 203];
 const INSIDE: [f64; 4] = [18.0, 20.0, 242.0, 180.0];
 
-/// The elements of a grid on `INSIDE`, inner nodes moved by up to `shake` px; each as two triangles when `halved`.
-fn free_mesh(size: f64, shake: f64, halved: bool) -> ZoneElements {
-    let [x0, y0, x1, y1] = INSIDE;
-    let (nx, ny) = (((x1 - x0) / size) as usize, ((y1 - y0) / size) as usize);
-    let mut nodes = Vec::new();
-    for j in 0..=ny {
-        for i in 0..=nx {
-            let inner = i > 0 && i < nx && j > 0 && j < ny;
-            let by = |a: f64, b: f64| if inner { shake * (a * i as f64 + b * j as f64).sin() } else { 0.0 };
-            nodes.push([x0 + i as f64 * size + by(12.9898, 78.233), y0 + j as f64 * size + by(39.346, 11.135)]);
-        }
-    }
-    let node = |i: usize, j: usize| (j * (nx + 1) + i) as u32;
-    let mut elements = Vec::new();
-    for j in 0..ny {
-        for i in 0..nx {
-            let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-            if halved {
-                elements.extend([[a, b, c, c], [a, c, d, d]]);
-            } else {
-                elements.push([a, b, c, d]);
-            }
-        }
-    }
-    ZoneElements { name: "free".into(), nodes, elements }
-}
-
 #[test]
 fn regions_of_every_shape_give_the_field_of_the_cpu() {
     let Some(gpu) = device() else { return };
@@ -299,15 +272,14 @@ fn regions_of_every_shape_give_the_field_of_the_cpu() {
     let bits = (0..width * height).map(disc).collect();
     let polygon = vec![[20.3, 17.0], [240.0, 30.0], [220.0, 190.0], [120.0, 150.0], [15.0, 185.0]];
     let hole = vec![[90.0, 70.0], [140.0, 75.0], [120.0, 120.0]];
-    let free = |elements| Zone { name: "free".into(), elements: Some(Arc::new(elements)), ..Zone::default() };
     let shapes = [
         ("mask", Zone { name: "disc".into(), mask: Mask::new(width, height, bits).map(Arc::new), ..Zone::default() }),
         (
             "polygon",
             Zone { name: "poly".into(), polygon, exclude: vec![hole], guard: Guard::All(2.0), ..Zone::default() },
         ),
-        ("free quadrilaterals", free(free_mesh(16.0, 3.0, false))),
-        ("triangles", free(free_mesh(32.0, 5.0, true))),
+        ("free quadrilaterals", free_zone(free_mesh(INSIDE, 16.0, 3.0, false))),
+        ("triangles", free_zone(free_mesh(INSIDE, 32.0, 5.0, true))),
     ];
     for (what, zone) in shapes {
         for (brightness, interpolation) in

@@ -11,7 +11,7 @@ use quadrille::backend::{Backend, ElementMoments, Found, GreyTransfer, KernelOpt
 use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice};
-use quadrille::mesh::{ELEMENT_SHARE, Mask, PixelMesh, Zone, ZoneElements};
+use quadrille::mesh::{ELEMENT_SHARE, Mask, PixelMesh, Zone};
 use quadrille::synth::{Affine, Depth, RenderOptions, Translation};
 use std::sync::Arc;
 
@@ -352,36 +352,6 @@ fn sums_on_coarse_levels_are_right_within_round_off() {
     }
 }
 
-/// A grid of elements whose inner nodes are moved; each as two triangles when `halved`.
-fn free_mesh([x0, y0, x1, y1]: [f64; 4], size: f64, halved: bool) -> ZoneElements {
-    let (nx, ny) = (((x1 - x0) / size) as usize, ((y1 - y0) / size) as usize);
-    let mut nodes = Vec::new();
-    for j in 0..=ny {
-        for i in 0..=nx {
-            let inner = i > 0 && i < nx && j > 0 && j < ny;
-            let by = |a: f64, b: f64| if inner { 0.2 * size * (a * i as f64 + b * j as f64).sin() } else { 0.0 };
-            nodes.push([x0 + i as f64 * size + by(12.9898, 78.233), y0 + j as f64 * size + by(39.346, 11.135)]);
-        }
-    }
-    let node = |i: usize, j: usize| (j * (nx + 1) + i) as u32;
-    let mut elements = Vec::new();
-    for j in 0..ny {
-        for i in 0..nx {
-            let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-            if halved {
-                elements.extend([[a, b, c, c], [a, c, d, d]]);
-            } else {
-                elements.push([a, b, c, d]);
-            }
-        }
-    }
-    ZoneElements { name: "free".into(), nodes, elements }
-}
-
-fn free(elements: ZoneElements) -> Zone {
-    Zone { name: "free".into(), elements: Some(Arc::new(elements)), ..Zone::default() }
-}
-
 #[test]
 fn sums_over_regions_of_every_shape_are_right_within_round_off() {
     let Some(gpu) = device() else { return };
@@ -393,8 +363,8 @@ fn sums_over_regions_of_every_shape_are_right_within_round_off() {
     let shapes = [
         ("mask", vec![Zone { name: "disc".into(), mask, ..Zone::default() }]),
         ("polygon", vec![Zone { name: "polygon".into(), polygon, ..Zone::default() }]),
-        ("free quadrilaterals", vec![free(free_mesh([1.0, 1.5, 91.0, 76.5], 15.0, false))]),
-        ("triangles", vec![free(free_mesh([2.0, 2.0, 86.0, 65.0], 21.0, true))]),
+        ("free quadrilaterals", vec![free_zone(free_mesh([1.0, 1.5, 91.0, 76.5], 15.0, 0.2 * 15.0, false))]),
+        ("triangles", vec![free_zone(free_mesh([2.0, 2.0, 86.0, 65.0], 21.0, 0.2 * 21.0, true))]),
         (
             "two rectangles and a polygon",
             vec![

@@ -30,38 +30,6 @@ fn mask(inside: impl Fn(f64, f64) -> bool) -> Arc<Mask> {
     Arc::new(Mask::new(width, height, bits.collect()).unwrap())
 }
 
-/// The elements of a grid on `INSIDE`, every inner node moved by up to `shake` px; each as two triangles
-/// when `halved`.
-fn free_mesh(size: f64, shake: f64, halved: bool) -> ZoneElements {
-    let [x0, y0, x1, y1] = INSIDE;
-    let (nx, ny) = (((x1 - x0) / size) as usize, ((y1 - y0) / size) as usize);
-    let mut nodes = Vec::new();
-    for j in 0..=ny {
-        for i in 0..=nx {
-            let inner = i > 0 && i < nx && j > 0 && j < ny;
-            let by = |a: f64, b: f64| if inner { shake * (a * i as f64 + b * j as f64).sin() } else { 0.0 };
-            nodes.push([x0 + i as f64 * size + by(12.9898, 78.233), y0 + j as f64 * size + by(39.346, 11.135)]);
-        }
-    }
-    let node = |i: usize, j: usize| (j * (nx + 1) + i) as u32;
-    let mut elements = Vec::new();
-    for j in 0..ny {
-        for i in 0..nx {
-            let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-            if halved {
-                elements.extend([[a, b, c, c], [a, c, d, d]]);
-            } else {
-                elements.push([a, b, c, d]);
-            }
-        }
-    }
-    ZoneElements { name: "free".into(), nodes, elements }
-}
-
-fn free_zone(elements: ZoneElements) -> Zone {
-    Zone { name: "free".into(), elements: Some(Arc::new(elements)), ..Zone::default() }
-}
-
 fn largest_difference(a: &Measurement<Px>, b: &Measurement<Px>) -> f64 {
     assert_eq!(a.displacement.len(), b.displacement.len());
     let pairs = a.displacement.iter().flatten().zip(b.displacement.iter().flatten());
@@ -96,7 +64,7 @@ fn a_grid_read_as_a_free_mesh_gives_the_field_of_the_grid() {
     for brightness in [Brightness::Zone, Brightness::Element, Brightness::Off] {
         let options = Options { brightness, tolerance_px: 1e-6, ..sized(16) };
         let grid = solved(&prepared(&reference, &one(INSIDE), options.clone()), &deformed);
-        let free = solved(&prepared(&reference, &[free_zone(free_mesh(16.0, 0.0, false))], options), &deformed);
+        let free = solved(&prepared(&reference, &[free_zone(free_mesh(INSIDE, 16.0, 0.0, false))], options), &deformed);
         // Other kernels for the same sums in f32, and another search of the start: both are iterated to 1e-6 px.
         let difference = largest_difference(&grid, &free);
         assert!(difference < 5e-6, "{brightness}: {difference} px");
@@ -109,7 +77,7 @@ fn a_grid_read_as_a_free_mesh_gives_the_field_of_the_grid() {
 #[test]
 fn every_pixel_of_a_distorted_mesh_belongs_to_one_element_and_knows_its_place() {
     for halved in [false, true] {
-        let zone = free_zone(free_mesh(16.0, 3.5, halved));
+        let zone = free_zone(free_mesh(INSIDE, 16.0, 3.5, halved));
         let laid = PixelMesh::on_zones(&[zone], 16, ELEMENT_SHARE, SIZE).unwrap();
         let mut owners = vec![0; SIZE[0] * SIZE[1]];
         for (element, pixels) in laid.pixels.elements.iter().enumerate() {
@@ -138,7 +106,7 @@ fn affine_fields_are_recovered_on_distorted_quadrilaterals_and_triangles() {
     for (halved, size) in [(false, 16.0), (true, 32.0)] {
         for brightness in [Brightness::Zone, Brightness::Element] {
             let options = Options { interpolation: Interpolation::Quintic, brightness, ..sized(16) };
-            let zone = free_zone(free_mesh(size, 0.2 * size, halved));
+            let zone = free_zone(free_mesh(INSIDE, size, 0.2 * size, halved));
             let correlator = prepared(&reference, &[zone], options);
             let found = solved(&correlator, &deformed);
             let error = rms(&node_errors(correlator.mesh(), &found.displacement, &motion));
@@ -170,7 +138,7 @@ fn a_distorted_mesh_follows_a_field_as_well_as_a_grid() {
             .collect();
         rms(&errors)
     };
-    let (grid, shaken) = (error(&one(INSIDE)), error(&[free_zone(free_mesh(16.0, 2.5, false))]));
+    let (grid, shaken) = (error(&one(INSIDE)), error(&[free_zone(free_mesh(INSIDE, 16.0, 2.5, false))]));
     // Elements stretched by up to a third have an interpolation error (h^2) larger by up to three quarters.
     assert!(shaken < 1.75 * grid, "grid {grid} px, distorted {shaken} px");
 }
@@ -316,7 +284,7 @@ fn regions_that_make_no_sense_are_refused_with_a_reason() {
     let other = Zone { name: "b".into(), ..polygon(&rectangle_corners([200.0, 100.0, 250.0, 190.0])) };
     assert_refused(&[zone("a", INSIDE), other], "zones 'a' and 'b' overlap");
     let own = |change: &dyn Fn(&mut ZoneElements)| {
-        let mut elements = free_mesh(32.0, 0.0, false);
+        let mut elements = free_mesh(INSIDE, 32.0, 0.0, false);
         change(&mut elements);
         free_zone(elements)
     };
@@ -363,7 +331,7 @@ fn elements_keep_their_share_of_a_region_or_are_left_out() {
 
 #[test]
 fn local_coordinates_undo_the_shape_functions_and_locate_finds_every_element() {
-    let mesh: Mesh<Px> = Mesh::from_zones(vec![free_mesh(16.0, 3.5, false)]).unwrap();
+    let mesh: Mesh<Px> = Mesh::from_zones(vec![free_mesh(INSIDE, 16.0, 3.5, false)]).unwrap();
     for element in 0..mesh.n_elements() {
         for (xi, eta) in [(0.5, 0.5), (0.1, 0.9), (0.97, 0.03)] {
             let p = mesh.interpolate(mesh.nodes(), (element, xi, eta));

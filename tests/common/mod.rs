@@ -14,7 +14,7 @@ use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options};
 use quadrille::field::{Measurement, Status};
 use quadrille::imaging::{Image, Pixels};
 use quadrille::isa::Isa;
-use quadrille::mesh::{Mesh, Roi, Zone, shape_functions};
+use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements, shape_functions};
 use quadrille::synth::{Depth, Motion, RenderOptions, Texture, Translation, render};
 use quadrille::units::Px;
 use rand::SeedableRng;
@@ -213,4 +213,36 @@ pub fn noisy(image: &Image, noise: f32, seed: u64) -> Arc<Image> {
         }
     }
     Arc::new(Image::new(image.width(), image.height(), Pixels::F32(greys)).unwrap())
+}
+
+/// The elements of a grid on `[x0, y0, x1, y1]`, every inner node moved by up to `shake` px; each as two triangles when
+/// `halved`.
+pub fn free_mesh([x0, y0, x1, y1]: [f64; 4], size: f64, shake: f64, halved: bool) -> ZoneElements {
+    let (nx, ny) = (((x1 - x0) / size) as usize, ((y1 - y0) / size) as usize);
+    let mut nodes = Vec::new();
+    for j in 0..=ny {
+        for i in 0..=nx {
+            let inner = i > 0 && i < nx && j > 0 && j < ny;
+            let by = |a: f64, b: f64| if inner { shake * (a * i as f64 + b * j as f64).sin() } else { 0.0 };
+            nodes.push([x0 + i as f64 * size + by(12.9898, 78.233), y0 + j as f64 * size + by(39.346, 11.135)]);
+        }
+    }
+    let node = |i: usize, j: usize| (j * (nx + 1) + i) as u32;
+    let mut elements = Vec::new();
+    for j in 0..ny {
+        for i in 0..nx {
+            let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+            if halved {
+                elements.extend([[a, b, c, c], [a, c, d, d]]);
+            } else {
+                elements.push([a, b, c, d]);
+            }
+        }
+    }
+    ZoneElements { name: "free".into(), nodes, elements }
+}
+
+/// A zone of them.
+pub fn free_zone(elements: ZoneElements) -> Zone {
+    Zone { name: "free".into(), elements: Some(Arc::new(elements)), ..Zone::default() }
 }

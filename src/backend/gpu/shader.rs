@@ -180,6 +180,7 @@ const FILES: &[(&str, &str)] = &[
     ("q4", include_str!("../../../shaders/shared/q4.wgsl")),
     ("quintic", include_str!("../../../shaders/shared/quintic.wgsl")),
     ("reduce", include_str!("../../../shaders/shared/reduce.wgsl")),
+    ("sums", include_str!("../../../shaders/shared/sums.wgsl")),
     ("tallies", include_str!("../../../shaders/shared/tallies.wgsl")),
     ("taps4", include_str!("../../../shaders/shared/taps4.wgsl")),
     ("taps6", include_str!("../../../shaders/shared/taps6.wgsl")),
