@@ -363,3 +363,146 @@ impl Reference {
         self.buffer.part(from as u64 * row, (to.min(self.height) - from) as u64 * row)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::device::{Recorder, values};
+    use super::super::{GpuBackend, GpuOptions, adapters};
+    use super::*;
+    use crate::field::Brightness;
+
+    /// A device; none, which is said, where there is no driver.
+    fn device() -> Option<GpuBackend> {
+        let usable = adapters().list.into_iter().find(|adapter| adapter.unusable.is_none());
+        let Some(adapter) = usable else {
+            assert_ne!(std::env::var("QUADRILLE_GPU").as_deref(), Ok("require"), "no graphics adapter");
+            eprintln!("no graphics adapter: the tests of image planes did not run");
+            return None;
+        };
+        Some(GpuBackend::new(&adapter, &GpuOptions::default()).unwrap())
+    }
+
+    fn fetched(gpu: &Gpu, buffer: &Buffer) -> Vec<f32> {
+        let bytes = Recorder::untimed(gpu).fetch(&[(buffer, buffer.bytes())], &mut Traffic::default()).unwrap();
+        values(&bytes)
+    }
+
+    /// Grey levels without any order.
+    fn wild(k: usize) -> f64 {
+        (k as f64 * 12.9898).sin().mul_add(43758.5453, 0.0).rem_euclid(1.0)
+    }
+
+    fn pictures(width: usize, height: usize) -> [Pixels; 3] {
+        let each = 0..width * height;
+        [
+            Pixels::U8(each.clone().map(|k| (255.0 * wild(k)) as u8).collect()),
+            Pixels::U16(each.clone().map(|k| (65535.0 * wild(k)) as u16).collect()),
+            Pixels::F32(each.map(|k| (1000.0 * wild(k)) as f32).collect()),
+        ]
+    }
+
+    #[test]
+    fn grey_levels_are_exact_and_every_coarser_one_is_the_mean_of_four() {
+        let Some(backend) = device() else { return };
+        let gpu = &*backend.gpu;
+        // Widths that are no multiple of anything, so that pixels begin within words.
+        for (width, height) in [(1, 1), (3, 2), (67, 41), (130, 64)] {
+            for pixels in pictures(width, height) {
+                let image = Arc::new(Image::new(width, height, pixels).unwrap());
+                let options = KernelOptions {
+                    interpolation: Interpolation::Cubic,
+                    grey_offset: 100.0,
+                    brightness: Brightness::Zone,
+                };
+                let mut host = Pyramid::new(image.clone(), options.grey_offset);
+                let mut frame = GpuFrame::new(gpu, image, &options).unwrap();
+                for level in 0..2usize.min(width.min(height).ilog2() as usize + 1) {
+                    let want = host.level(level).clone();
+                    let plane = frame.grey(gpu, level).unwrap();
+                    let got = fetched(gpu, &plane.buffer);
+                    for (k, want) in want.values.iter().enumerate() {
+                        let (x, y) = (k % want_width(width, level), k / want_width(width, level));
+                        let got = got[(y + BORDER) * plane.stride + x + BORDER];
+                        // Level 0 takes one subtraction on both sides; a mean of four, three additions in any order.
+                        let allowed = if level == 0 { 0.0 } else { 4.0 * f32::EPSILON * 65536.0 };
+                        assert!((got - want).abs() <= allowed, "{width} x {height}, level {level}, ({x}, {y})");
+                    }
+                }
+            }
+        }
+    }
+
+    fn want_width(width: usize, level: usize) -> usize {
+        width >> level
+    }
+
+    #[test]
+    fn splines_go_through_the_grey_levels_and_gradients_are_theirs() {
+        let Some(backend) = device() else { return };
+        let gpu = &*backend.gpu;
+        let methods = [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear];
+        for interpolation in methods {
+            // Below, at and above the length of a tile and its halo; a quintic spline reaches three pixels far.
+            for (width, height) in [(5, 3), (3, 9), (64, 33), (65, 200), (151, 90)] {
+                let [pixels, ..] = pictures(width, height);
+                let image = Arc::new(Image::new(width, height, pixels).unwrap());
+                let options = KernelOptions { interpolation, grey_offset: 128.0, brightness: Brightness::Zone };
+                let mut frame = GpuFrame::new(gpu, image, &options).unwrap();
+                let what = format!("{}, {width} x {height}", interpolation.name());
+                let grey = frame.grey(gpu, 0).unwrap();
+                let (stride, grey) = (grey.stride, fetched(gpu, &grey.buffer));
+                let plane = frame.coefficients(gpu, 0).unwrap();
+                let coefficients = fetched(gpu, &plane.buffer);
+                let at = |x: isize, y: isize| {
+                    let place = (y + BORDER as isize) * stride as isize + x + BORDER as isize;
+                    f64::from(coefficients[place as usize])
+                };
+                // Continued through the outermost coefficients, as far as the images reach.
+                let last = [width as isize - 1, height as isize - 1];
+                for k in 1..=BORDER as isize {
+                    for y in 0..=last[1] {
+                        let inner = k.min(last[0]);
+                        assert_eq!(at(-k, y) as f32, (2.0 * at(0, y)) as f32 - at(inner, y) as f32, "{what}");
+                    }
+                    for x in 0..=last[0] {
+                        let inner = k.min(last[1]);
+                        let want = (2.0 * at(x, last[1])) as f32 - at(x, last[1] - inner) as f32;
+                        assert_eq!(at(x, last[1] + k) as f32, want, "{what}");
+                    }
+                }
+                let reference = Reference::new(gpu, &mut frame, 0).unwrap();
+                let planes = fetched(gpu, &reference.buffer);
+                let (value, derivative) = at_pixel(interpolation);
+                let sum = |x: usize, y: usize, along_x: [f32; 5], along_y: [f32; 5]| {
+                    let term = |(j, wy): (usize, f32)| {
+                        let row = along_x.iter().enumerate().map(|(i, wx)| {
+                            f64::from(*wx) * at(x as isize + i as isize - 2, y as isize + j as isize - 2)
+                        });
+                        f64::from(wy) * row.sum::<f64>()
+                    };
+                    along_y.into_iter().enumerate().map(term).sum::<f64>()
+                };
+                // Coefficients of grey levels of +- 128 reach some 2000 (quintic: gain 10 per axis); a filter of two
+                // poles and a sum of 25 products round by some 30 half steps, and cut off what is below 2e-6 of them.
+                let largest = coefficients.iter().fold(0.0f32, |all, c| all.max(c.abs()));
+                let allowed = f64::from(32.0 * f32::EPSILON * largest);
+                for y in 0..height {
+                    for x in 0..width {
+                        let f = grey[(y + BORDER) * stride + x + BORDER];
+                        let got = [0, 1, 2].map(|k| planes[(3 * y + k) * reference.stride + x]);
+                        assert_eq!(got[0], f, "{what}: grey level at ({x}, {y})");
+                        let through = sum(x, y, value, value);
+                        assert!((through - f64::from(f)).abs() <= allowed, "{what}: {through} for {f} at ({x}, {y})");
+                        let want = [sum(x, y, derivative, value), sum(x, y, value, derivative)];
+                        for (want, got) in want.into_iter().zip(&got[1..]) {
+                            assert!(
+                                (want - f64::from(*got)).abs() <= allowed,
+                                "{what}: {got} for {want} at ({x}, {y})"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
