@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 16] = [
+const RANKS: [(&str, u8); 17] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -19,6 +19,7 @@ const RANKS: [(&str, u8); 16] = [
     ("bench", 6),
     ("mechanics", 5),
     ("metrology", 6),
+    ("virtual_test", 6),
     ("report", 7),
     ("cli", 8),
 ];

@@ -43,6 +43,8 @@ pub enum Command {
     Bench(BenchArgs),
     /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
     Simulate(SimulateArgs),
+    /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
+    Virtual(VirtualArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -450,6 +452,44 @@ pub struct SynthArgs {
     /// Distance of the points at which the exact displacement is written, px.
     #[arg(long, value_name = "PX", default_value_t = 16, allow_negative_numbers = true)]
     pub grid: usize,
+}
+
+/// Depth of the images of a virtual test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum VirtualDepth {
+    /// 0 to 255.
+    #[value(name = "8")]
+    Eight,
+    /// 0 to 65535.
+    #[value(name = "16")]
+    Sixteen,
+}
+
+/// Arguments of `quadrille virtual`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
+    Written are images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
+    and truth: mesh, displacements, border and tractions of the region that is measured.")]
+pub struct VirtualArgs {
+    /// Folder for the test; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace a test that is there.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Seed of speckles and noise.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Depth of the images, bits.
+    #[arg(long, value_enum, default_value = "8")]
+    pub depth: VirtualDepth,
+    /// Standard deviation of the noise, grey levels of 255.
+    #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
+    pub noise: f32,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
 }
 
 /// Arguments of `quadrille demo`.

@@ -18,6 +18,7 @@ mod run_folder;
 mod series;
 mod simulate;
 mod synth;
+mod virtual_test;
 mod zones;
 
 use clap::Parser;
@@ -62,6 +63,7 @@ pub fn main() -> ExitCode {
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
+        args::Command::Virtual(args) => virtual_test::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
