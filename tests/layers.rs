@@ -33,7 +33,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 17] = [
+const HOMES: [Home; 18] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -52,6 +52,7 @@ const HOMES: [Home; 17] = [
         named_by: |s, at| s.names_crate(at, "ab_glyph"),
         places: &["report/letters.rs"],
     },
+    Home { what: "the crate maud", named_by: |s, at| s.names_crate(at, "maud"), places: &["report/page.rs"] },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },

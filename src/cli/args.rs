@@ -45,6 +45,8 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
     Virtual(VirtualArgs),
+    /// From images to the law of an adhesive: correlate, identify, report; from one case file.
+    Run(RunArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -452,6 +454,35 @@ pub struct SynthArgs {
     /// Distance of the points at which the exact displacement is written, px.
     #[arg(long, value_name = "PX", default_value_t = 16, allow_negative_numbers = true)]
     pub grid: usize,
+}
+
+/// Arguments of `quadrille run`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
+    Steps already done with the same images and options are not done again. DIR/report.html tells all; the measured\n\
+    fields are in DIR/correlation.\n\n\
+    Exit status: 0 all is there; 1 a frame or the fit did not converge; 2 nothing could be run.")]
+pub struct RunArgs {
+    /// The case file (TOML): [images], [correlation], two [[zone]], [interface], [substrate], [cohesive], [measurement],
+    /// [fit]. Names of files in it are relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Do all steps again, and replace the results of any earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
+    pub device: DeviceChoice,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
 }
 
 /// Depth of the images of a virtual test.

@@ -14,6 +14,7 @@ mod probe;
 mod progress;
 mod quantities;
 mod record;
+mod run;
 mod run_folder;
 mod series;
 mod simulate;
@@ -64,6 +65,7 @@ pub fn main() -> ExitCode {
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
         args::Command::Virtual(args) => virtual_test::run(&args),
+        args::Command::Run(args) => run::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -192,6 +192,14 @@ impl Plot {
     /// A series whose lists differ in length, and a range without extent (or, on a logarithmic axis, one that
     /// begins at or below zero).
     pub fn draw(&self) -> Result<Picture, ReportError> {
+        self.draw_sized(SIZE)
+    }
+
+    /// [`Plot::draw`] with `size` (at least 120 each way) between the axes; letters keep theirs.
+    ///
+    /// # Errors
+    /// Those of [`Plot::draw`].
+    pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
         for series in &self.series {
             let band = series.band.as_ref().map_or(series.x.len(), Vec::len);
             if series.y.len() != series.x.len() || band != series.x.len() {
@@ -199,7 +207,7 @@ impl Plot {
                 return Err(ReportError::Series { name, x, y, band });
             }
         }
-        let [width, height] = SIZE;
+        let [width, height] = size.map(|side| side.max(120));
         let usable = |axis: &Axis, v: f64| v.abs() <= LARGEST && (!axis.log || v > 0.0);
         let shown = |s: &Series, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
         let points =
@@ -214,7 +222,7 @@ impl Plot {
         let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
 
         let letters = Letters::new();
-        let inner = width + 90;
+        let inner = width + 90.min(width / 8);
         let mut head = Lines::default();
         head.title(&letters, &self.title, inner);
         let mut foot = Lines::default();

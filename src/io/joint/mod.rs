@@ -13,7 +13,7 @@ pub use boundary::{BoundaryTable, read_boundary};
 pub use case::{CaseBoundary, CaseJointMesh, CaseJointOutput, JointCase, read_joint_case};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::{JointRun, read_joint_run};
-pub use table::write_table;
+pub use table::{read_table, write_table};
 
 use super::case::CaseError;
 use super::mesh_file::MeshFileError;
