@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 17] = [
+const RANKS: [(&str, u8); 18] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -16,6 +16,7 @@ const RANKS: [(&str, u8); 17] = [
     ("io", 4),
     ("synth", 4),
     ("correlate", 5),
+    ("identify", 6),
     ("bench", 6),
     ("mechanics", 5),
     ("metrology", 6),
@@ -33,7 +34,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 18] = [
+const HOMES: [Home; 19] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -53,6 +54,11 @@ const HOMES: [Home; 18] = [
         places: &["report/letters.rs"],
     },
     Home { what: "the crate maud", named_by: |s, at| s.names_crate(at, "maud"), places: &["report/page.rs"] },
+    Home {
+        what: "the crate clarabel",
+        named_by: |s, at| s.names_crate(at, "clarabel"),
+        places: &["identify/cone_step.rs"],
+    },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },

@@ -118,6 +118,10 @@ impl IdentificationReport<'_> {
     /// Names of the fitted parameters.
     fn fitted(&self) -> Vec<String> {
         let Some(fit) = self.fit else { return Vec::new() };
+        // In this order stand the rows of its matrices and its iterates.
+        if let Some(order) = fit["parameter_order"].as_array() {
+            return order.iter().filter_map(|name| name.as_str().map(str::to_owned)).collect();
+        }
         let there = |name: &str| fit["parameters"].get(name).is_some();
         self.law.parameters().iter().map(|p| p.name.to_owned()).filter(|name| there(name)).collect()
     }
