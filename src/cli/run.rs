@@ -30,6 +30,11 @@ const STEPS: &str = "steps.json";
 const FIT: &str = "fit.json";
 const REPORT: &str = "report.html";
 
+/// The correlation of the run in `folder`.
+pub(super) fn correlation_in(folder: &Path) -> PathBuf {
+    folder.join(CORRELATION)
+}
+
 /// Runs the command.
 pub(super) fn run(args: &RunArgs) -> Result<Outcome> {
     let done = of_case(args)?;
@@ -197,7 +202,7 @@ impl Steps {
     }
 }
 
-fn read_json(path: &Path) -> Result<Value> {
+pub(super) fn read_json(path: &Path) -> Result<Value> {
     let text = fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
     Ok(serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?)
 }

@@ -68,7 +68,13 @@ fn significant(value: f64, digits: usize) -> String {
 fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
-        Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), |value| significant(value, 5)),
+        Value::Number(number) if number.is_u64() || number.is_i64() => number.to_string(),
+        Value::Number(number) => match number.as_f64() {
+            Some(value) if value == value.round() && value.abs() < 1e6 => format!("{value:.0}"),
+            Some(value) if (1e-5..1e6).contains(&value.abs()) => format!("{}", significant(value, 5).parse().unwrap_or(value)),
+            Some(value) => significant(value, 3),
+            None => number.to_string(),
+        },
         Value::Bool(true) => "yes".to_owned(),
         Value::Bool(false) => "no".to_owned(),
         Value::Null => "-".to_owned(),
@@ -422,7 +428,9 @@ impl IdentificationReport<'_> {
                         half.push(2e3 * sigma(lower).hypot(sigma(upper)));
                     }
                 }
-                series.push(Series::new(String::new(), Style::Markers, x, y).with_band(half));
+                // The colour of its line.
+                let colour = Some(self.drawn().iter().position(|&other| other == at).unwrap_or(0));
+                series.push(Series { colour, ..Series::new(String::new(), Style::Markers, x, y).with_band(half) });
             }
             let plot = Plot {
                 title: format!("{title} along the joint, measured and computed"),

@@ -91,6 +91,8 @@ pub struct Series {
     pub band: Option<Vec<f64>>,
     /// How it is drawn.
     pub style: Style,
+    /// Number of its colour (and marker); its place among the series unless given.
+    pub colour: Option<usize>,
 }
 
 /// How a [`Series`] is drawn. Colours and markers follow the order of the series; they differ for
@@ -112,7 +114,7 @@ pub enum Style {
 impl Series {
     /// A curve without a band.
     pub fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), x, y, band: None, style }
+        Self { name: name.into(), x, y, band: None, style, colour: None }
     }
 
     /// The same curve with a band of plus and minus `half`.
@@ -273,11 +275,11 @@ impl Plot {
             for (k, series) in self.series.iter().enumerate() {
                 let bands = series.band.is_some() && !series.has_markers();
                 if bands {
-                    draw_band(&mut scene, series, k, &shown, &place);
+                    draw_band(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
                 }
             }
             for (k, series) in self.series.iter().enumerate() {
-                draw_series(&mut scene, series, k, &shown, &place);
+                draw_series(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
             }
             scene.unclip();
         }
