@@ -8,6 +8,7 @@ mod devices;
 mod export;
 mod figures;
 mod frames;
+mod identify;
 mod metrology;
 mod plan;
 mod probe;
@@ -62,6 +63,8 @@ pub fn main() -> ExitCode {
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
+        args::Command::Identify(args) => identify::run(&args),
+        args::Command::Sweep(args) => identify::run_sweep(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
