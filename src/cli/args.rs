@@ -43,6 +43,10 @@ pub enum Command {
     Bench(BenchArgs),
     /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
     Simulate(SimulateArgs),
+    /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty.
+    Identify(IdentifyArgs),
+    /// The same with one parameter prescribed at several values.
+    Sweep(SweepArgs),
     /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
     Virtual(VirtualArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
@@ -637,6 +641,59 @@ pub struct SimulateArgs {
     /// relative to its folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille identify`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille identify joint.toml --output out/fit\n\n\
+    Exit status: 0 the fit converged; 1 it did not, the best point is in DIR/fit.json; 2 it could not run.")]
+pub struct IdentifyArgs {
+    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]. Names of files in it are
+    /// relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille sweep`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille sweep joint.toml --values 3,4,5,6 --output out/sweep\n\n\
+    Exit status: 0 all fits converged; 1 some did not; 2 it could not run.")]
+pub struct SweepArgs {
+    /// The case file of `quadrille identify`.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// The parameter that is prescribed.
+    #[arg(long, value_name = "NAME", default_value = "r")]
+    pub parameter: String,
+    /// Its values. Default: the table [fit.sweep] of the case.
+    #[arg(long, value_name = "X,X,...", value_delimiter = ',')]
+    pub values: Vec<f64>,
     /// Folder for the results; made when it is not there.
     #[arg(long, value_name = "DIR")]
     pub output: PathBuf,

@@ -8,6 +8,7 @@ mod devices;
 mod export;
 mod figures;
 mod frames;
+mod identify;
 mod metrology;
 mod plan;
 mod probe;
@@ -64,6 +65,8 @@ pub fn main() -> ExitCode {
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
+        args::Command::Identify(args) => identify::run(&args),
+        args::Command::Sweep(args) => identify::run_sweep(&args),
         args::Command::Virtual(args) => virtual_test::run(&args),
         args::Command::Run(args) => run::run(&args),
     };

@@ -5,10 +5,11 @@ use super::correlate::run_series;
 use super::plan::Plan;
 use super::progress::Talk;
 use super::run_folder::RunFolder;
-use super::{Outcome, Result, plural, pool, simulate};
+use super::{Outcome, Result, identify, plural, pool, simulate};
 use crate::field::{Measurement, Status};
 use crate::io::images::sha256;
-use crate::io::joint::{read_joint, read_table};
+use crate::identify::{Case, fit};
+use crate::io::joint::{JointInput, read_joint, read_table};
 use crate::io::run_case::{RunCase, read_run_case};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
@@ -29,6 +30,8 @@ const CORRELATION: &str = "correlation";
 const STEPS: &str = "steps.json";
 const FIT: &str = "fit.json";
 const REPORT: &str = "report.html";
+/// What the parameters are when the rigid motion is treated the other way.
+const RIGID_MOTION: &str = "rigid-motion.json";
 
 /// The correlation of the run in `folder`.
 pub(super) fn correlation_in(folder: &Path) -> PathBuf {
@@ -101,9 +104,50 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
 
 /// The step from the measured displacements to the result: the fit, or the model with the given law when nothing is to
 /// be found.
-fn mechanics(args: &RunArgs, case: &Path, _fit: bool) -> Result<Outcome> {
-    let (output, case) = (args.output.clone(), case.to_owned());
-    simulate::run(&SimulateArgs { case, output, overwrite: true, threads: args.threads, quiet: args.quiet })
+fn mechanics(args: &RunArgs, case: &Path, has_fit: bool) -> Result<Outcome> {
+    let effect = args.output.join(RIGID_MOTION);
+    // That of an earlier fit.
+    let _ = fs::remove_file(&effect);
+    if !has_fit {
+        let (output, case) = (args.output.clone(), case.to_owned());
+        return simulate::run(&SimulateArgs { case, output, overwrite: true, threads: args.threads, quiet: args.quiet });
+    }
+    let input = read_joint(case)?;
+    let pool = pool(args.threads)?;
+    let (found, outcome) = identify::identify(&input, case, &args.output, true, &pool)?;
+    if !args.quiet {
+        identify::say(&found, &args.output);
+    }
+    let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(&name, entry)| (name, entry.value)).collect();
+    let other = pool.install(|| with_other_rigid_motion(&input, case, &values));
+    let json = match other {
+        Ok((removed, other)) => json!({ "other_choice": if removed { "overall" } else { "none" }, "parameters": other }),
+        Err(error) => json!({ "failed": super::chain(error.as_ref()) }),
+    };
+    fs::write(&effect, format!("{json:#}\n")).map_err(|error| format!("{}: cannot be written: {error}", effect.display()))?;
+    Ok(outcome)
+}
+
+/// The fit from `found` on, with the rigid motion removed where it was kept, and the other way round: whether it is removed, and the
+/// parameters then.
+fn with_other_rigid_motion(
+    input: &JointInput,
+    case: &Path,
+    found: &BTreeMap<&str, f64>,
+) -> Result<(bool, BTreeMap<String, f64>)> {
+    let mut input = input.clone();
+    let remove = input.case.boundary.remove_rigid_motion.as_deref() != Some("overall");
+    input.case.boundary.remove_rigid_motion = Some(if remove { "overall" } else { "none" }.to_owned());
+    if let Some(fit) = &mut input.case.fit {
+        fit.starts.clear();
+        fit.latin_hypercube = None;
+        fit.profile = None;
+        fit.start.extend(found.iter().map(|(&name, &value)| (name.to_owned(), value)));
+    }
+    let joint = Case::joint(&input)?;
+    let case = Case::new(&joint, &input, case)?;
+    let fit = fit(&case.problem, &case.options)?;
+    Ok((remove, fit.parameters.iter().map(|p| (p.parameter.name.to_owned(), p.value)).collect()))
 }
 
 /// Flags of the correlation that a run has too; all others have the values of the case file.
@@ -223,8 +267,8 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
     let file = header.reference.first().ok_or("the correlation names no reference image")?;
     let reference = Frame::named(file, page).read()?.image;
     let joint = Joint::new(&read_joint(joint_case)?)?;
-    let fit = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
-    let fit = fit.map(|path| read_json(&path)).transpose()?;
+    let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
+    let fit = found.map(|path| read_json(&path)).transpose()?;
     let law = identified(&*joint.law, fit.as_ref())?;
     let (computed, sensitivities) = fields(folder, &joint, frames.len(), fit.as_ref())?;
     let truth = args.case.parent().map(|folder| folder.join("truth.json")).filter(|path| path.exists());
@@ -247,6 +291,12 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
     }
     let mut notes = case.notes.clone();
     notes.extend(joint.doubts.iter().cloned());
+    let warnings = fit.as_ref().and_then(|fit| fit["warnings"].as_array()).into_iter().flatten();
+    notes.extend(warnings.filter_map(|line| line.as_str().map(str::to_owned)));
+    let mut seen = std::collections::BTreeSet::new();
+    notes.retain(|note| seen.insert(note.clone()));
+    let other = folder.join(RIGID_MOTION);
+    let other = if other.exists() { Some(read_json(&other)?) } else { None };
     let report = IdentificationReport {
         case: args.case.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         reference: &reference,
@@ -261,6 +311,7 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
         sensitivities: &sensitivities,
         fit: fit.as_ref(),
         truth: truth.as_ref().map(|truth| &truth["parameters"]),
+        other_rigid_motion: other.as_ref(),
         notes,
         provenance,
     };

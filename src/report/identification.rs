@@ -38,6 +38,8 @@ pub struct IdentificationReport<'a> {
     pub fit: Option<&'a Value>,
     /// True values of the parameters by their names, where they are known: of a virtual test.
     pub truth: Option<&'a Value>,
+    /// `rigid-motion.json`: the parameters when the rigid motion is treated the other way.
+    pub other_rigid_motion: Option<&'a Value>,
     /// Remarks of the steps.
     pub notes: Vec<String>,
     /// Versions, hashes and steps: name and value.
@@ -338,9 +340,24 @@ impl IdentificationReport<'_> {
         let turn = largest(|m| m.rotation_rad);
         let slide = 1e3 * turn * self.thickness_mm;
         let done = if removed.is_empty() { "It was kept" } else { "It was removed" };
+        let mut effect = String::new();
+        if let (Some(other), Some(fit)) = (self.other_rigid_motion, self.fit) {
+            let list: Vec<String> = (self.fitted().iter())
+                .filter_map(|name| {
+                    let value = fit["parameters"][name]["value"].as_f64()?;
+                    let changed = other["parameters"][name].as_f64()?;
+                    Some(format!("{name} {:+.2} %", 100.0 * (changed / value - 1.0)))
+                })
+                .collect();
+            let choice = if removed.is_empty() { "Removed" } else { "Kept" };
+            effect = match other["failed"].as_str() {
+                Some(why) => format!(" What the other choice would change is not known: {why}."),
+                None => format!(" {choice}, the parameters would change by: {}.", list.join(", ")),
+            };
+        }
         Block::Text(format!(
             "Rigid motion of the whole joint: up to {} \u{b5}m and {turn:.2e} rad. {done} ([boundary] remove_rigid_motion); with kinematics = \"paper\" \
-             the choice changes the sliding jump by up to {} \u{b5}m.",
+             the choice changes the sliding jump by up to {} \u{b5}m.{effect}",
             significant(shift, 3),
             significant(slide, 2),
         ))

@@ -4,6 +4,7 @@ mod axes;
 mod backdrop;
 mod edges;
 mod figures;
+pub mod fit;
 pub mod identification;
 pub mod joint;
 mod letters;
