@@ -401,14 +401,16 @@ fn estimate_boundary(
         });
         stage.rescued += usize::from(evaluation.rescued);
         if size < options.region.step_tolerance {
-            stage.reason = format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
+            stage.reason =
+                format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
             let largest = corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
             return Ok((boundary, largest));
         }
         // The rest after the step: what the corrections of the boundary have to explain.
         let rest: Vec<Dense> = (evaluation.blocks.iter())
             .map(|block| {
-                let left = |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
+                let left =
+                    |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
                 Dense::from_fn(block.n_rows(), 1, left)
             })
             .collect();
@@ -461,8 +463,7 @@ fn with_uncertainty(unknowns: &Unknowns, x: &[f64], covariance: Option<&Dense>) 
         let covariance = covariance?;
         let slope = |k: usize| slopes[k].get(q).copied().unwrap_or(0.0);
         let n = x.len();
-        let variance: f64 =
-            (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
+        let variance: f64 = (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
         Some(variance.max(0.0).sqrt())
     };
     at(x).into_iter().enumerate().map(|(q, quantity)| FittedQuantity { quantity, std: std(q) }).collect()

@@ -12,18 +12,20 @@ pub use options::{VirtualError, VirtualOptions};
 use crate::imaging::Image;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use crate::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution};
+use crate::mechanics::{
+    BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution,
+};
 use crate::synth::{GridField, RenderOptions, Strips, SynthError, Texture, exact_at, render};
 use std::sync::Arc;
 
 /// Millimetres per pixel: 30.9 um over 16 px.
 pub const PIXEL_MM: f64 = 30.9e-3 / 16.0;
 /// Columns and rows of the images.
-pub const SIZE: [usize; 2] = [720, 352];
+pub const SIZE: [usize; 2] = [720, 448];
 /// Side of the identification's elements, px.
 pub const ELEMENT_PX: f64 = 16.0;
 /// Columns of elements in the region that is measured, and rows in each strip.
-pub const REGION: [usize; 2] = [39, 7];
+pub const REGION: [usize; 2] = [39, 10];
 /// Thickness of the adhesive, px: 60 um, rounded so that its faces lie at a multiple of 1/32 px.
 pub const BAND_PX: f64 = 31.0625;
 /// Elements of the truth along the side of one of the identification's.
@@ -31,7 +33,7 @@ const FINER: usize = 2;
 /// Left end of the computed joint, px; it lies whole elements from the region's.
 const LEFT_PX: f64 = -464.0;
 /// Columns and rows (of each strip) of the computed joint.
-const JOINT: [usize; 2] = [168, 25];
+const JOINT: [usize; 2] = [168, 31];
 /// Left end of the region, px.
 const REGION_LEFT_PX: f64 = 48.0;
 /// Young's modulus (MPa), Poisson's ratio, sigma_0 (MPa), alpha, n of the strips: 2024-T3 (Fedele et al. 2009).
@@ -44,7 +46,7 @@ mod remote {
     /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant.
     pub const THETA: [f64; 2] = [0.028, 0.036];
     /// Place of `a` along the image, px.
-    pub const FRONT_PX: [f64; 2] = [330.0, -60.0];
+    pub const FRONT_PX: [f64; 2] = [330.0, -10.0];
     pub const LAMBDA_PX: f64 = 64.0;
     pub const DIP: f64 = 0.6;
     pub const SLIDE_MM: [f64; 2] = [0.006, 0.036];
@@ -156,13 +158,14 @@ impl VirtualTest {
     /// nodes is.
     pub fn region(&self) -> (JointMesh, Vec<u32>) {
         let mesh = self.model.mesh();
-        let [upper, lower] = zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
+        let [upper, lower] =
+            zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
         let inside = |element: usize| {
             let corners = mesh.elements()[element].map(|node| mesh.nodes()[node as usize]);
             let centre = [0, 1].map(|k| corners.iter().map(|at| at[k]).sum::<f64>() / 4.0);
-            [upper, lower].iter().any(|[x0, y0, x1, y1]| {
-                *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1
-            })
+            [upper, lower]
+                .iter()
+                .any(|[x0, y0, x1, y1]| *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1)
         };
         mesh.part(inside).expect("the region is a joint")
     }
