@@ -168,3 +168,32 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     let (code, said) = run(&made().join("case.toml"), &taken);
     assert!(code == Some(2) && said.contains("--overwrite"), "{said}");
 }
+
+#[test]
+fn the_demo_closes_with_what_was_found_its_interval_and_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("demo");
+    let done = quadrille(&["demo", "--seed", "3", "--output", out.to_str().unwrap()]);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    let demo = json(out.join("demo.json"));
+    assert_eq!((demo["seed"].as_u64(), demo["status"].as_str()), (Some(3), Some("converged")));
+    for (name, truth) in [("phi_n", 1.0), ("delta_n", 0.005), ("delta_t", 0.05)] {
+        let found = &demo["parameters"][name];
+        assert_eq!(found["truth"], truth);
+        let [low, high] = [0, 1].map(|k| found["interval95"][k].as_f64().unwrap());
+        let value = found["identified"].as_f64().unwrap();
+        assert!(low < value && value < high);
+        // The conclusion, whatever the seed: four standard uncertainties and 1 % of discretisation.
+        assert!((value / truth - 1.0).abs() < 0.05, "{name}: {value}");
+        assert!(said.lines().any(|line| line.starts_with(name) && line.contains('%')), "{said}");
+    }
+    let images = demo["images"].as_array().unwrap();
+    assert_eq!(images.len(), 20);
+    assert!(images.iter().all(|image| image["sha256"].as_str().is_some_and(|hash| hash.len() == 64)));
+    assert_eq!(demo["frames"].as_array().unwrap().len(), 19);
+    // Measured against exact: within a tenth of what is predicted (THEORY 2; 12 000 numbers scatter by less than 1 %).
+    let [error, sigma] = ["error_rms_px", "sigma_rms_px"].map(|key| demo[key].as_f64().unwrap());
+    assert!((error / sigma - 1.0).abs() < 0.1, "{error} {sigma}");
+    assert!(said.contains("report.html") && out.join("run/report.html").exists());
+}

@@ -33,7 +33,7 @@ pub enum Command {
     Figures(FiguresArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
-    /// Make an example series, correlate it and compare the result with the truth.
+    /// From the images of a virtual test to the law of its adhesive, compared with the truth; needs no data.
     Demo(DemoArgs),
     /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
     Metrology(MetrologyArgs),
@@ -529,7 +529,7 @@ pub struct VirtualArgs {
 
 /// Arguments of `quadrille demo`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  quadrille demo --output out/demo && xdg-open out/demo/maps/000020-uy.png")]
+#[command(after_help = "Example:\n  quadrille demo --output out/demo && xdg-open out/demo/run/report.html")]
 pub struct DemoArgs {
     /// Folder for images and results.
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
