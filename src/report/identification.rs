@@ -740,7 +740,7 @@ impl IdentificationReport<'_> {
             })
             .collect();
         let mut curves = vec![Block::Curves(Curves::new(
-            &plot("Objective of the fit", Axis::log("omega / omega at the end of the stage"), stages),
+            &plot("Objective of the fit", Axis::log("omega / last of its stage"), stages),
             "The objective at every iteration; a stage is a run of the trust region with one kind of weights, the last with those asked for",
         )?)];
         let series: Vec<Series> = names
