@@ -15,7 +15,8 @@ const JOINT: &str = "[mesh]\nelement_size_mm = 0.0309\ncolumns = 8\nrows = 3\nga
                      file = \"border.csv\"\n[substrate]\nE_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\n\
                      n = 7.0\n[cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\n";
 const MEASUREMENT: &str = "[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\n";
-const FIT: &str = "[fit]\nparameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n[fit.start]\nphi_n = 1.4\ndelta_n = 0.006\n";
+const FIT: &str =
+    "[fit]\nparameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n[fit.start]\nphi_n = 1.4\ndelta_n = 0.006\n";
 
 fn quadrille(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_quadrille")).args(arguments).output().expect("the program runs")
@@ -93,14 +94,24 @@ fn a_case_gives_fit_json_with_tables_and_figures_and_any_number_of_threads_the_s
     assert_eq!(one["parameters"]["phi_n"]["start"], 1.4);
     assert_eq!(one["parameters"]["delta_t"]["start"], 0.05);
     assert_eq!(one["prescribed"]["r"], 4.0);
-    for key in ["correlation", "singular_values", "omega", "omega_expected", "reason", "evaluations", "rescued", "history"] {
+    for key in
+        ["correlation", "singular_values", "omega", "omega_expected", "reason", "evaluations", "rescued", "history"]
+    {
         assert!(!one[key].is_null(), "{key}");
     }
     let last = one["history"].as_array().unwrap().last().unwrap();
     assert!(last["X"].as_array().unwrap().len() == 3 && last["omega"].is_number() && last["radius"].is_number());
     for name in [
-        "solution.csv", "tractions.csv", "sensitivities.csv", "fit-history.csv", "traction-bands.csv", "law.csv",
-        "vtu/000004.vtu", "figures/fit-history.png", "figures/parameters.svg", "figures/tn-bands.png",
+        "solution.csv",
+        "tractions.csv",
+        "sensitivities.csv",
+        "fit-history.csv",
+        "traction-bands.csv",
+        "law.csv",
+        "vtu/000004.vtu",
+        "figures/fit-history.png",
+        "figures/parameters.svg",
+        "figures/tn-bands.png",
         "figures/000004-deformed.png",
     ] {
         assert!(out.join(name).is_file(), "{name}");
@@ -185,7 +196,11 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("[fit.start]", "profile = \"r\"\n[fit.start]"), measured, &["profile", "\"r\""]);
     refused(&case("[fit.start]", "speed = 3\n[fit.start]"), measured, &["speed", "line"]);
     refused(&case("n = 7.0", "n = 7.0\nE_GPa_std = 1"), measured, &["E_GPa_std", "E_MPa_std"]);
-    refused(&case("\"free\"", "[40]\ninstant_weights = [1, 0, 0, 0]"), measured, &["2 measured numbers", "3 parameters"]);
+    refused(
+        &case("\"free\"", "[40]\ninstant_weights = [1, 0, 0, 0]"),
+        measured,
+        &["2 measured numbers", "3 parameters"],
+    );
 
     refused(&good, "", &["no row"]);
     refused(&good, "instant,node,ux_mm,uy_mm\n", &["no row"]);
