@@ -139,10 +139,16 @@ impl Unknowns {
         self.list.iter().zip(x).map(|(unknown, &x)| unknown.scale.scaled(x)).collect()
     }
 
-    /// The parameters, never outside their bounds.
+    /// The parameters, never outside their bounds, and exactly on a bound where `z` is.
     pub fn unscaled(&self, z: &[f64]) -> Vec<f64> {
-        let of =
-            |(unknown, &z): (&Unknown, &f64)| unknown.scale.unscaled(z).clamp(unknown.bounds[0], unknown.bounds[1]);
+        let of = |(unknown, &z): (&Unknown, &f64)| {
+            let [lower, upper] = unknown.bounds;
+            match () {
+                () if z <= unknown.scale.scaled(lower) => lower,
+                () if z >= unknown.scale.scaled(upper) => upper,
+                () => unknown.scale.unscaled(z).clamp(lower, upper),
+            }
+        };
         self.list.iter().zip(z).map(of).collect()
     }
 

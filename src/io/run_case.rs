@@ -135,7 +135,7 @@ pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> 
         face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
     let thickness_mm = gap_px * pixel_size;
     if let Some(given) = interface.thickness_mm
-        && !((given - thickness_mm).abs() <= SAME_THICKNESS * thickness_mm)
+        && (given.is_nan() || (given - thickness_mm).abs() > SAME_THICKNESS * thickness_mm)
     {
         return Err(wrong(format!(
             "[interface] thickness_mm = {given}, but the facing edges of the zones are {gap_px} px = {thickness_mm:.5} mm apart; \

@@ -447,7 +447,7 @@ impl IdentificationReport<'_> {
         let known = values.iter().copied().filter(|v| v.is_finite());
         let (mut low, mut high) =
             known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        if !(low < high) {
+        if low >= high {
             (low, high) = (0.0, 1.0);
         }
         let options = MapOptions {

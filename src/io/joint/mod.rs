@@ -41,6 +41,7 @@ pub struct JointInput {
 
 /// Where the displacements that parameters are fitted to come from.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 pub enum MeasurementInput {
     /// A table.
     Table(MeasurementTable),
@@ -70,6 +71,7 @@ pub enum MeshInput {
 
 /// Where the displacements of the border come from.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 pub enum BoundaryInput {
     /// A table.
     Table(BoundaryTable),
