@@ -501,8 +501,9 @@ fn covariance_weights_have_smaller_uncertainties_that_hold_and_an_estimated_boun
             assert!(error < 2.5 * draws.predicted[k], "parameter {k}: {error} for {}", draws.predicted[k]);
         }
         assert!((draws.omega - 1.0).abs() < 0.05, "{}", draws.omega);
-        assert!(draws.in_band > 0.85, "{}", draws.in_band);
     }
+    // The bands of one draw are right or wrong together along the joint: two draws cannot tell a coverage.
+    assert!(full.in_band > 0.85, "{}", full.in_band);
 }
 
 #[test]

@@ -152,7 +152,7 @@ const REWEIGHTINGS: usize = 4;
 /// Scaled change below which new weights are not worth making.
 const SAME: f64 = 1e-8;
 /// Linearisations when the boundary is estimated.
-const BOUNDARY_STEPS: usize = 30;
+const BOUNDARY_STEPS: usize = 60;
 /// Scaled step at which parameters with an estimated boundary have converged: a thousandth of any uncertainty. The kink of
 /// the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
 const BOUNDARY_TOLERANCE: f64 = 1e-6;
