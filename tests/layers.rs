@@ -323,10 +323,7 @@ fn every_module_names_modules_of_lower_rank_and_every_crate_stays_at_home() {
 fn every_heavy_crate_is_seen_where_it_lives() {
     // Otherwise the rule above would hold because the eyes are shut.
     let sources = source_tree();
-<<<<<<< HEAD
     // naga is at home in tests alone.
-=======
->>>>>>> helper-fit
     for home in HOMES.iter().filter(|home| !home.places.is_empty()) {
         let there = |source: &&Source| home.places.iter().any(|place| source.path.starts_with(place));
         let named = |source: &Source| (0..source.tokens.len()).any(|at| (home.named_by)(source, at));
