@@ -370,13 +370,14 @@ mod tests {
     use super::super::{GpuBackend, GpuOptions, adapters};
     use super::*;
     use crate::field::Brightness;
+    use std::io::Write;
 
     /// A device; none, which is said, where there is no driver.
     fn device() -> Option<GpuBackend> {
         let usable = adapters().list.into_iter().find(|adapter| adapter.unusable.is_none());
         let Some(adapter) = usable else {
             assert_ne!(std::env::var("QUADRILLE_GPU").as_deref(), Ok("require"), "no graphics adapter");
-            eprintln!("no graphics adapter: the tests of image planes did not run");
+            let _ = writeln!(std::io::stderr(), "no graphics adapter: the tests of image planes did not run"); // nobody to tell
             return None;
         };
         Some(GpuBackend::new(&adapter, &GpuOptions::default()).unwrap())
