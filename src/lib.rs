@@ -3,7 +3,7 @@
 //! One straight road: images -> [`field::Measurement`]. Beside it the mechanics of cohesive joints: displacements of
 //! the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
 //! (`tests/layers.rs`): `units`, `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`, `mechanics`; `bench`, `metrology`; `report`; `cli`.
+//! `correlate`, `mechanics`; `bench`, `identify`, `metrology`, `virtual_test`; `report`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -19,6 +19,7 @@ pub mod cli;
 pub mod clock;
 pub mod correlate;
 pub mod field;
+pub mod identify;
 pub mod imaging;
 pub mod io;
 pub mod isa;
@@ -29,3 +30,4 @@ pub mod metrology;
 pub mod report;
 pub mod synth;
 pub mod units;
+pub mod virtual_test;

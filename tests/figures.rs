@@ -662,7 +662,7 @@ fn what_cannot_be_drawn_is_refused() {
         x: vec![1.0; 3],
         y: vec![1.0; y],
         band,
-        style: Style::Line,
+        ..Series::default()
     };
     for series in [series(None, 2), series(Some(vec![1.0; 4]), 3)] {
         let error = Plot { series: vec![series], ..Plot::default() }.draw().unwrap_err();

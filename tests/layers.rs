@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 16] = [
+const RANKS: [(&str, u8); 18] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -16,9 +16,11 @@ const RANKS: [(&str, u8); 16] = [
     ("io", 4),
     ("synth", 4),
     ("correlate", 5),
+    ("identify", 6),
     ("bench", 6),
     ("mechanics", 5),
     ("metrology", 6),
+    ("virtual_test", 6),
     ("report", 7),
     ("cli", 8),
 ];
@@ -32,7 +34,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 16] = [
+const HOMES: [Home; 18] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -50,6 +52,12 @@ const HOMES: [Home; 16] = [
         what: "the crate ab_glyph",
         named_by: |s, at| s.names_crate(at, "ab_glyph"),
         places: &["report/letters.rs"],
+    },
+    Home { what: "the crate maud", named_by: |s, at| s.names_crate(at, "maud"), places: &["report/page.rs"] },
+    Home {
+        what: "the crate clarabel",
+        named_by: |s, at| s.names_crate(at, "clarabel"),
+        places: &["identify/cone_step.rs"],
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
@@ -315,7 +323,8 @@ fn every_module_names_modules_of_lower_rank_and_every_crate_stays_at_home() {
 fn every_heavy_crate_is_seen_where_it_lives() {
     // Otherwise the rule above would hold because the eyes are shut.
     let sources = source_tree();
-    for home in &HOMES {
+    // naga is at home in tests alone.
+    for home in HOMES.iter().filter(|home| !home.places.is_empty()) {
         let there = |source: &&Source| home.places.iter().any(|place| source.path.starts_with(place));
         let named = |source: &Source| (0..source.tokens.len()).any(|at| (home.named_by)(source, at));
         assert!(sources.iter().filter(there).any(named), "{} is not seen in {:?}", home.what, home.places);

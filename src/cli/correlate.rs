@@ -149,6 +149,9 @@ pub(super) fn run_series(
         case: record.without_images(),
     };
     let store = folder.store(&header)?;
+    if let Some(matrices) = correlator.normal_matrices() {
+        store.write_normal_matrices(&matrices)?;
+    }
     let about = About::new(header)?;
     for note in engine.take_notes() {
         progress.say(&note);

@@ -1,37 +1,19 @@
-//! `quadrille demo`: a peeling joint, made, measured and compared with the truth.
+//! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
-use super::args::DemoArgs;
-use super::correlate::run_series;
-use super::plan::Plan;
-use super::progress::Talk;
+use super::args::{DemoArgs, RunArgs};
 use super::run_folder::RunFolder;
-use super::synth::write_series;
-use super::{Outcome, Result, pool};
+use super::{Outcome, Result, pool, run, virtual_test};
 use crate::backend::choice::DeviceChoice;
-use crate::correlate::{Correlation, Options};
-use crate::field::{Measurement, Status, StrainDefinition};
-use crate::io::case::{CaseQuantities, CaseZone, read_case};
-use crate::io::images::read_image;
-use crate::io::series::Frame;
-use crate::isa::Isa;
-use crate::report::{MapOptions, Palette, element_map, nodal_map};
-use crate::synth::{Peel, RenderOptions, Series, Texture};
+use crate::field::{Measurement, Status};
+use crate::io::store::Store;
+use crate::mechanics::cohesive::CohesiveLaw;
 use crate::units::Px;
+use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
 use serde::Serialize;
-use std::fs;
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
-
-const SIZE: [usize; 2] = [1280, 800];
-const FRAMES: usize = 20;
-/// Noise of the images, grey levels of 255: that of a fair camera.
-const NOISE: f32 = 2.0;
-const ELEMENT: f64 = 16.0;
-/// Whole elements, three pixels away from the dark band (whose pixels would be mixed into the faces).
-const UPPER: [f64; 4] = [16.0, 13.0, 1264.0, 381.0];
-const LOWER: [f64; 4] = [16.0, 419.0, 1264.0, 787.0];
-/// Frames that are drawn.
-const DRAWN: [usize; 3] = [7, 14, 20];
 
 /// One frame against the truth.
 #[derive(Debug, Clone, Serialize)]
@@ -50,6 +32,19 @@ struct Comparison {
     sigma_rms_px: f64,
 }
 
+/// One parameter against the truth.
+#[derive(Debug, Clone, Serialize)]
+struct Found {
+    unit: &'static str,
+    truth: f64,
+    identified: f64,
+    std: Option<f64>,
+    interval95: Option<[f64; 2]>,
+    error_percent: f64,
+    /// Whether the truth lies in the interval.
+    interval_holds_truth: Option<bool>,
+}
+
 /// `demo.json`.
 #[derive(Debug, Serialize)]
 struct Demo {
@@ -57,88 +52,94 @@ struct Demo {
     seed: u64,
     noise_grey: f32,
     element_size_px: f64,
+    /// How the fit ended.
+    status: String,
+    parameters: BTreeMap<&'static str, Found>,
     frames: Vec<Comparison>,
     /// Over all frames.
     error_rms_px: f64,
     sigma_rms_px: f64,
     seconds: f64,
     /// File and SHA-256 of every image, reference first.
-    images: toml::Value,
+    images: Value,
 }
 
 /// Runs the command.
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let begin = Instant::now();
-    let pool = pool(args.threads)?;
     // The demo owns its folder: running it again replaces what it made.
-    let folder = RunFolder::open(&args.output.join("run"), true)?;
-    let images = args.output.join("images");
-    eprintln!("making {} images of a peeling joint, {} x {} px", FRAMES + 1, SIZE[0], SIZE[1]);
-    let options = RenderOptions { noise: NOISE, seed: args.seed, ..RenderOptions::new(SIZE[0], SIZE[1]) };
-    let motion = Peel::new(SIZE[0], SIZE[1]);
-    let series = Series { texture: Texture::new(args.seed, 4.5)?, motion, n_frames: FRAMES, options };
-    pool.install(|| write_series(&series, &images, ELEMENT as usize))?;
-
-    let plan = plan(&images);
-    let mut comparisons = Vec::new();
-    let mut drawn = Vec::new();
-    run_series(&plan, &folder, pool, Talk::Normal, |number, result: &Correlation| {
-        comparisons.push(compare(number, &series, &result.measurement));
-        if DRAWN.contains(&number) {
-            drawn.push((number, result.measurement.clone()));
-        }
+    let folder = RunFolder::open(&args.output, true)?;
+    let options = VirtualOptions { seed: args.seed, ..VirtualOptions::default() };
+    eprintln!(
+        "the virtual test: a bonded joint is pulled apart in the computer and photographed {} times",
+        options.instants + 1
+    );
+    let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
+    let test = virtual_test::make(options, &test_folder, &pool(args.threads)?)?;
+    let outcome = run::of_case(&RunArgs {
+        case: test_folder.join("case.toml"),
+        output: run_folder.clone(),
+        overwrite: true,
+        device: DeviceChoice::Auto,
+        threads: args.threads,
+        quiet: false,
     })?;
-    let reference = read_image(&plan.reference[0].path, 0)?.image;
-    let maps = args.output.join("maps");
-    fs::create_dir_all(&maps).map_err(|e| format!("{}: cannot be written: {e}", maps.display()))?;
-    for (number, measurement) in &drawn {
-        draw(&maps, *number, &reference, measurement)?;
+    let fit = run::read_json(&run_folder.join("fit.json"))?;
+    let store = Store::open(run::correlation_in(&run_folder))?;
+    let mut frames = Vec::new();
+    for number in 1..=store.n_frames() {
+        if let Some(frame) = store.frame(number)? {
+            frames.push(compare(number, &test, &frame.measurement));
+        }
     }
-    let record = read_case(&folder.path().join("run.toml"))?;
-    let hashes = record.run.and_then(|run| run.get("image").cloned()).unwrap_or(toml::Value::Array(Vec::new()));
     let rms = |value: fn(&Comparison) -> f64| {
-        (comparisons.iter().map(|c| value(c).powi(2)).sum::<f64>() / comparisons.len().max(1) as f64).sqrt()
+        (frames.iter().map(|c| value(c).powi(2)).sum::<f64>() / frames.len().max(1) as f64).sqrt()
     };
     let demo = Demo {
         quadrille: env!("CARGO_PKG_VERSION"),
         seed: args.seed,
-        noise_grey: NOISE,
-        element_size_px: ELEMENT,
+        noise_grey: options.noise_grey,
+        element_size_px: ELEMENT_PX,
+        status: fit["status"].as_str().unwrap_or("unknown").to_owned(),
+        parameters: found(&test, &fit),
         error_rms_px: rms(|c| c.error_rms_px),
         sigma_rms_px: rms(|c| c.sigma_rms_px),
-        frames: comparisons,
+        frames,
         seconds: begin.elapsed().as_secs_f64(),
-        images: hashes,
+        images: run::read_json(&test_folder.join("truth.json"))?["images"].take(),
     };
-    RunFolder::open(&args.output, true)?.write_json("demo.json", &demo)?;
+    folder.write_json("demo.json", &demo)?;
     print(&demo, &args.output);
-    let fine = demo.frames.len() == FRAMES && demo.frames.iter().all(|frame| frame.status == Status::Converged);
-    Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(outcome)
 }
 
-fn plan(images: &Path) -> Plan {
-    let file = |number: usize| Frame::file(images.join(format!("{number:06}.tif")), 0);
-    let zone = |name: &str, roi| CaseZone { name: Some(name.into()), roi: Some(roi), ..CaseZone::default() };
-    Plan {
-        reference: vec![file(0)],
-        deformed: (1..=FRAMES).map(file).collect(),
-        pixel_size: None,
-        zones: vec![zone("upper", UPPER), zone("lower", LOWER)],
-        guard_px: None,
-        options: Options { element_size: ELEMENT as usize, ..Options::default() },
-        isa: Isa::detect(),
-        device: DeviceChoice::Auto,
-        strain: StrainDefinition::default(),
-        csv: true,
-        vtu: true,
-        store_only: false,
-        drawn: CaseQuantities::default(),
-    }
+/// The fitted parameters beside the true ones.
+fn found(test: &VirtualTest, fit: &Value) -> BTreeMap<&'static str, Found> {
+    let law = test.law();
+    let one = |(parameter, truth): (&crate::mechanics::cohesive::Parameter, f64)| {
+        let entry = &fit["parameters"][parameter.name];
+        let identified = entry["value"].as_f64()?;
+        let interval95 = match (entry["interval95"][0].as_f64(), entry["interval95"][1].as_f64()) {
+            (Some(low), Some(high)) => Some([low, high]),
+            _ => None,
+        };
+        let found = Found {
+            unit: parameter.unit,
+            truth,
+            identified,
+            std: entry["std"].as_f64(),
+            interval95,
+            error_percent: 100.0 * (identified / truth - 1.0),
+            interval_holds_truth: interval95.map(|[low, high]| low <= truth && truth <= high),
+        };
+        Some((parameter.name, found))
+    };
+    law.parameters().iter().zip(law.values()).filter_map(one).collect()
 }
 
-fn compare(number: usize, series: &Series<Peel>, measured: &Measurement<Px>) -> Comparison {
+fn compare(number: usize, test: &VirtualTest, measured: &Measurement<Px>) -> Comparison {
     let mesh = &measured.mesh;
-    let exact = series.exact_at(number, mesh.nodes());
+    let exact = test.exact_at(number, mesh.nodes());
     let nodes: Vec<usize> = (0..mesh.n_nodes()).filter(|&node| measured.measured[node]).collect();
     let n = (2 * nodes.len()).max(1) as f64;
     let (mut error, mut largest, mut sigma) = (0.0, 0.0f64, 0.0);
@@ -150,13 +151,13 @@ fn compare(number: usize, series: &Series<Peel>, measured: &Measurement<Px>) -> 
             sigma += measured.sigma[node][c].powi(2);
         }
     }
-    // The facing edges: last row of the upper zone, first row of the lower one, at the right end.
-    let above = mesh.zone_nodes(0).end - 1;
-    let first_row = mesh.boundary(1).into_iter().flatten().map(|node| node as usize);
-    let below = first_row.fold(mesh.zone_nodes(1).start, |best, node| {
-        let [[x, y], [bx, by]] = [mesh.nodes()[node], mesh.nodes()[best]];
-        if y < by || (y == by && x > bx) { node } else { best }
-    });
+    // The facing edges at their right end: of zone 0, below the adhesive, the node highest up; of zone 1 the one furthest down.
+    let end = |zone: usize, sign: f64| {
+        let nodes = mesh.zone_nodes(zone);
+        let rank = |node: &usize| (sign * mesh.nodes()[*node][1], mesh.nodes()[*node][0]);
+        nodes.max_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal)).unwrap_or(0)
+    };
+    let (below, above) = (end(0, -1.0), end(1, 1.0));
     // y is down: the joint opens when the lower strip moves down more than the upper one.
     let opening = |u: &[[f64; 2]]| u[below][1] - u[above][1];
     Comparison {
@@ -169,22 +170,6 @@ fn compare(number: usize, series: &Series<Peel>, measured: &Measurement<Px>) -> 
         error_max_px: largest,
         sigma_rms_px: (sigma / n).sqrt(),
     }
-}
-
-fn draw(maps: &Path, number: usize, reference: &crate::imaging::Image, measurement: &Measurement<Px>) -> Result<()> {
-    for (c, name) in ["ux", "uy"].into_iter().enumerate() {
-        let values: Vec<f64> = measurement.displacement.iter().map(|u| u[c]).collect();
-        let title = format!("Displacement {name}, frame {number}");
-        let options = MapOptions::new(title, format!("{name} (px)"));
-        nodal_map(reference, measurement, &values, &options)?.save(maps.join(format!("{number:06}-{name}.png")))?;
-    }
-    let options = MapOptions {
-        palette: Palette::Plasma,
-        ..MapOptions::new(format!("Residual, frame {number}"), "rms residual per element (grey levels)")
-    };
-    element_map(reference, measurement, &measurement.element_residual, &options)?
-        .save(maps.join(format!("{number:06}-residual.png")))?;
-    Ok(())
 }
 
 fn print(demo: &Demo, output: &Path) {
@@ -206,9 +191,25 @@ fn print(demo: &Demo, output: &Path) {
         "all frames: error {:.4} px rms, predicted {:.4} px, from images with noise of {} grey levels",
         demo.error_rms_px, demo.sigma_rms_px, demo.noise_grey
     );
+    println!();
+    println!("parameter      identified       95 % interval                truth      error");
+    for (name, found) in &demo.parameters {
+        // Lengths in um, as people speak of them.
+        let (scale, unit) = if found.unit == "mm" { (1e3, "um") } else { (1.0, found.unit) };
+        let interval =
+            found.interval95.map_or("-".to_owned(), |[low, high]| format!("{:.4} to {:.4}", scale * low, scale * high));
+        println!(
+            "{name:9} {:9.4} {unit:5}   {interval:24}  {:9.4} {unit:5}  {:+.2} %",
+            scale * found.identified,
+            scale * found.truth,
+            found.error_percent
+        );
+    }
+    println!("the fit: {}", demo.status);
+    println!();
     let shown = |name: &str| output.join(name).display().to_string();
-    println!("images:   {}", shown("images"));
-    println!("results:  {}  (summary.json, fields.zarr, csv, vtu, series.pvd for ParaView)", shown("run"));
-    println!("pictures: {}  (open 000020-uy.png)", shown("maps"));
+    println!("report:   {}", shown("run/report.html"));
+    println!("images:   {}  (with the truth: truth.json)", shown("test/images"));
+    println!("results:  {}  (fit.json; correlation: measured fields, csv, vtu for ParaView)", shown("run"));
     println!("numbers:  {}  ({:.1} s in all)", shown("demo.json"), demo.seconds);
 }

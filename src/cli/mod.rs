@@ -8,16 +8,19 @@ mod devices;
 mod export;
 mod figures;
 mod frames;
+mod identify;
 mod metrology;
 mod plan;
 mod probe;
 mod progress;
 mod quantities;
 mod record;
+mod run;
 mod run_folder;
 mod series;
 mod simulate;
 mod synth;
+mod virtual_test;
 mod zones;
 
 use clap::Parser;
@@ -62,6 +65,10 @@ pub fn main() -> ExitCode {
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
+        args::Command::Identify(args) => identify::run(&args),
+        args::Command::Sweep(args) => identify::run_sweep(&args),
+        args::Command::Virtual(args) => virtual_test::run(&args),
+        args::Command::Run(args) => run::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

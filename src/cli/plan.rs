@@ -41,8 +41,12 @@ pub(super) struct Plan {
 impl Plan {
     /// Brings case file and flags together; flags win, defaults fill the rest.
     pub fn new(args: &CorrelateArgs) -> Result<Self> {
-        let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
-        let Images { reference, deformed } = Images::of(args, &case)?;
+        Self::of(args, &args.case.as_deref().map(read_case).transpose()?.unwrap_or_default())
+    }
+
+    /// Brings the flags and a case together that was read already.
+    pub fn of(args: &CorrelateArgs, case: &CaseFile) -> Result<Self> {
+        let Images { reference, deformed } = Images::of(args, case)?;
         let given = &case.correlation;
         let default = Options::default();
         let element_size = args.element_size.or(given.element_size_px.map(i64::from));
@@ -69,7 +73,7 @@ impl Plan {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
-        let zones = wanted_zones(args, &case);
+        let zones = wanted_zones(args, case);
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
@@ -112,7 +116,7 @@ impl Plan {
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
             store_only,
-            drawn: drawn(&case),
+            drawn: drawn(case),
         })
     }
 

@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 const CASE: &str = "run.toml";
 const SUMMARY: &str = "summary.json";
+/// Results of an identification, and of a sweep.
+const FITS: [&str; 2] = ["fit.json", "sweep.json"];
 /// Folder of the pictures in that of a run.
 pub(super) const FIGURES: &str = "figures";
 const SERIES: &str = "series.pvd";
@@ -32,7 +34,7 @@ impl RunFolder {
         let trial = path.join(".quadrille-trial");
         fs::write(&trial, b"").map_err(cannot)?;
         fs::remove_file(&trial).map_err(cannot)?;
-        let holds_run = [CASE, SUMMARY, STORE].iter().any(|name| path.join(name).exists());
+        let holds_run = [CASE, SUMMARY, STORE].iter().chain(&FITS).any(|name| path.join(name).exists());
         if holds_run && !overwrite {
             let path = path.display();
             return Err(format!("{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite").into());
@@ -51,7 +53,7 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, INTERFACE_SERIES, SUMMARY] {
+        for name in [SERIES, INTERFACE_SERIES, SUMMARY].into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;

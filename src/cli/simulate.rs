@@ -3,8 +3,9 @@
 use super::args::SimulateArgs;
 use super::run_folder::{FIGURES, RunFolder};
 use super::{Outcome, Result, plural};
+use crate::identify::Case;
 use crate::io::joint::read_joint;
-use crate::mechanics::{ForwardOptions, Joint};
+use crate::mechanics::ForwardOptions;
 use crate::report::joint::{JointReport, JointSummary};
 use std::path::Path;
 use std::time::Instant;
@@ -12,7 +13,8 @@ use std::time::Instant;
 /// Runs the command.
 pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
     let input = read_joint(&args.case)?;
-    let joint = Joint::new(&input)?;
+    // Uncertainties that [substrate] may state are for `identify`.
+    let joint = Case::joint(&input)?;
     let folder = RunFolder::open(&args.output, args.overwrite)?;
     folder.clear(false, true)?;
     folder.make(FIGURES)?;
@@ -35,7 +37,7 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
         warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
     }
     let summary = report.summary(super::absolute(&args.case), seconds, warnings);
-    write(&folder, &report)?;
+    write_solution(&folder, &report)?;
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| -> Result<()> {
         let path = folder.path().join(FIGURES);
@@ -49,7 +51,7 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
 }
 
 /// Tables and grids.
-fn write(folder: &RunFolder, report: &JointReport) -> Result<()> {
+pub(super) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result<()> {
     folder.write("solution.csv", |out| report.write_solution(out))?;
     folder.write("tractions.csv", |out| report.write_tractions(out))?;
     folder.write("sensitivities.csv", |out| report.write_sensitivities(out))?;

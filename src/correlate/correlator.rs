@@ -13,7 +13,7 @@ use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
-use crate::linalg::Spread;
+use crate::linalg::{ElementMatrix, Spread};
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::Serialize;
@@ -227,6 +227,14 @@ impl<B: Backend> Correlator<B> {
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
         let both = self.options.noise_of_both();
         self.spread.variance.iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
+    }
+
+    /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
+    /// every field; `None` with regularisation, or with brightness for each element, where it is not of this form.
+    pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
+        let level = &self.levels[0];
+        let plain = level.regulariser.is_none() && self.options.brightness != Brightness::Element;
+        plain.then(|| level.moments.iter().map(|moments| moments.matrix()).collect())
     }
 
     /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.

@@ -11,6 +11,7 @@ pub mod mat;
 pub mod mesh_file;
 pub mod npz;
 pub mod quantities;
+pub mod run_case;
 pub mod series;
 pub mod store;
 mod tiff;

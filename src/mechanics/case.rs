@@ -4,7 +4,7 @@ use super::boundary::BoundaryHistory;
 use super::cohesive::{CohesiveLaw, LawError, Parameter, law_by_name, parameters_by_name};
 use super::element::{Kinematics, Quadrature};
 use super::error::{BoundaryFault, MeshFault, ModelError};
-use super::joint::{JointMesh, JointParts};
+use super::joint::{Carry, JointMesh, JointParts};
 use super::model::{Model, ModelOptions};
 use super::substrate::{PlaneState, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters};
 use crate::field::RigidMotion;
@@ -27,10 +27,37 @@ pub struct Joint {
     pub law: Box<dyn CohesiveLaw>,
     /// The displacements of the prescribed nodes.
     pub boundary: BoundaryHistory,
+    /// The mesh that displacements were measured on, and what leads from it to that of the model.
+    pub measured: MeasuredMesh,
     /// The rigid motion that was taken off at each instant; empty when none was asked to be.
     pub removed: Vec<RigidMotion>,
     /// What is possible, but hardly meant.
     pub doubts: Vec<String>,
+}
+
+/// The mesh of a measurement. Its nodes have the same numbers in the mesh of the model, which may be a refinement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredMesh {
+    /// The mesh as it was given.
+    pub mesh: JointMesh,
+    /// Its prescribed nodes.
+    pub prescribed: Vec<u32>,
+    /// What carries its nodal values to the model's mesh; `None` where they are one.
+    pub carry: Option<Carry>,
+}
+
+impl MeasuredMesh {
+    /// Displacements of the model's prescribed nodes, from those of the prescribed nodes of this mesh at each instant.
+    ///
+    /// # Errors
+    /// See [`BoundaryHistory::new`].
+    pub fn boundary(&self, instants: Vec<Vec<[f64; 2]>>) -> Result<BoundaryHistory, BoundaryFault> {
+        let boundary = BoundaryHistory::new(self.prescribed.clone(), instants)?;
+        Ok(match &self.carry {
+            Some(carry) => self.mesh.carry_boundary(carry, &boundary),
+            None => boundary,
+        })
+    }
 }
 
 /// Why the content of a case file makes no joint.
@@ -126,11 +153,13 @@ impl Joint {
             BoundaryInput::Table(table) => from_table(table, &input.mesh, &mesh, &mut doubts)?,
             BoundaryInput::Run(run) => from_run(run, &mesh, &mut doubts)?,
         };
+        let mut measured = MeasuredMesh { mesh: mesh.clone(), prescribed: boundary.nodes().to_vec(), carry: None };
         if let Some(k) = case.mesh.refine {
             let (fine, carry) =
                 mesh.refined(k).map_err(|fault| JointError::Mesh { place: "[mesh]".to_owned(), fault })?;
             boundary = mesh.carry_boundary(&carry, &boundary);
             mesh = fine;
+            measured.carry = Some(carry);
         }
         let mut removed = Vec::new();
         match case.boundary.remove_rigid_motion.as_deref() {
@@ -154,7 +183,7 @@ impl Joint {
         let materials = materials_of_case(&case.substrate, mesh.groups())?;
         let options = ModelOptions { kinematics, quadrature, ..ModelOptions::default() };
         let model = Model::new(mesh, materials, boundary.nodes(), options)?;
-        let mut joint = Self { model, law, boundary, removed, doubts };
+        let mut joint = Self { model, law, boundary, measured, removed, doubts };
         joint.doubt_units();
         Ok(joint)
     }

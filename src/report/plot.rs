@@ -91,6 +91,8 @@ pub struct Series {
     pub band: Option<Vec<f64>>,
     /// How it is drawn.
     pub style: Style,
+    /// Number of its colour (and marker); its place among the series unless given.
+    pub colour: Option<usize>,
 }
 
 /// How a [`Series`] is drawn. Colours and markers follow the order of the series; they differ for
@@ -112,7 +114,7 @@ pub enum Style {
 impl Series {
     /// A curve without a band.
     pub fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), x, y, band: None, style }
+        Self { name: name.into(), x, y, band: None, style, colour: None }
     }
 
     /// The same curve with a band of plus and minus `half`.
@@ -192,6 +194,14 @@ impl Plot {
     /// A series whose lists differ in length, and a range without extent (or, on a logarithmic axis, one that
     /// begins at or below zero).
     pub fn draw(&self) -> Result<Picture, ReportError> {
+        self.draw_sized(SIZE)
+    }
+
+    /// [`Plot::draw`] with `size` (at least 120 each way) between the axes; letters keep theirs.
+    ///
+    /// # Errors
+    /// Those of [`Plot::draw`].
+    pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
         for series in &self.series {
             let band = series.band.as_ref().map_or(series.x.len(), Vec::len);
             if series.y.len() != series.x.len() || band != series.x.len() {
@@ -199,7 +209,7 @@ impl Plot {
                 return Err(ReportError::Series { name, x, y, band });
             }
         }
-        let [width, height] = SIZE;
+        let [width, height] = size.map(|side| side.max(120));
         let usable = |axis: &Axis, v: f64| v.abs() <= LARGEST && (!axis.log || v > 0.0);
         let shown = |s: &Series, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
         let points =
@@ -214,7 +224,7 @@ impl Plot {
         let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
 
         let letters = Letters::new();
-        let inner = width + 90;
+        let inner = width + 90.min(width / 8);
         let mut head = Lines::default();
         head.title(&letters, &self.title, inner);
         let mut foot = Lines::default();
@@ -265,11 +275,11 @@ impl Plot {
             for (k, series) in self.series.iter().enumerate() {
                 let bands = series.band.is_some() && !series.has_markers();
                 if bands {
-                    draw_band(&mut scene, series, k, &shown, &place);
+                    draw_band(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
                 }
             }
             for (k, series) in self.series.iter().enumerate() {
-                draw_series(&mut scene, series, k, &shown, &place);
+                draw_series(&mut scene, series, series.colour.unwrap_or(k), &shown, &place);
             }
             scene.unclip();
         }

@@ -191,6 +191,9 @@ impl TileMap {
             [0, 1].map(|k| -> Vec<f64> { axes[k].positions.iter().map(|position| corner[k] + position).collect() });
         self.x.resize(n_points, 0.0);
         self.y.resize(n_points, 0.0);
+        if !motion.is_smooth() {
+            *order = ORDERS.len();
+        }
         while let (Some(along_x), Some(along_y)) = (columns.orders.get(*order), rows.orders.get(*order)) {
             let base = self.solve_at_nodes(motion, body, corner, axes, [along_x, along_y])?;
             if self.holds(motion, body, corner, axes, [along_x, along_y], base) {

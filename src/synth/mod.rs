@@ -19,6 +19,7 @@ mod motion;
 mod peel;
 mod render;
 mod series;
+mod strips;
 mod texture;
 
 pub use inverse::inverse_at;
@@ -26,6 +27,7 @@ pub use motion::{Accuracy, Affine, Motion, Rotation, Sinusoids, Star, Translatio
 pub use peel::Peel;
 pub use render::{Depth, RenderOptions, render};
 pub use series::Series;
+pub use strips::{GridField, Strips};
 pub use texture::Texture;
 
 use crate::imaging::ImageError;

@@ -25,6 +25,12 @@ pub trait Motion: Sync {
         1
     }
 
+    /// Whether each body moves so smoothly that its inverse may be interpolated over tens of pixels where that proves
+    /// exact. Otherwise every point is solved for.
+    fn is_smooth(&self) -> bool {
+        true
+    }
+
     /// Whether the material point `x` belongs to `body`.
     fn body_holds(&self, body: usize, x: [f64; 2]) -> bool {
         let _ = (body, x);

@@ -17,6 +17,8 @@ pub struct BoundaryTable {
     pub instants: Vec<Vec<[f64; 2]>>,
 }
 
+const HEADER: &str = "instant,node,x_mm,y_mm,ux_mm,uy_mm";
+
 /// Reads `instant,node,x_mm,y_mm,ux_mm,uy_mm`; lines that begin with `#` are comments. Rows may come in any order.
 ///
 /// # Errors
@@ -27,8 +29,8 @@ pub fn read_boundary(path: &Path) -> Result<BoundaryTable, JointFileError> {
     let owned = || path.to_owned();
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: owned() }) };
-    if header.split(',').map(str::trim).ne(["instant", "node", "x_mm", "y_mm", "ux_mm", "uy_mm"]) {
-        return Err(JointFileError::Header { path: owned(), found: header.trim().to_owned() });
+    if header.split(',').map(str::trim).ne(HEADER.split(',')) {
+        return Err(JointFileError::Header { path: owned(), needed: HEADER, found: header.trim().to_owned() });
     }
     let (mut nodes, mut positions): (Vec<u32>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
     let mut place: HashMap<u32, usize> = HashMap::new();

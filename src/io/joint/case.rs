@@ -1,11 +1,12 @@
-//! The tables of a case file that describe a joint.
+//! The tables of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::CaseError;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The case file of `quadrille simulate`; what it does not say is `None`.
+/// The case file of `quadrille simulate` and `quadrille identify`; what it does not say is `None`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointCase {
@@ -23,6 +24,81 @@ pub struct JointCase {
     /// The table `[output]`.
     #[serde(default)]
     pub output: CaseJointOutput,
+    /// The table `[measurement]`: displacements that the parameters are fitted to.
+    pub measurement: Option<CaseMeasurement>,
+    /// The table `[fit]`.
+    pub fit: Option<CaseFit>,
+}
+
+/// The table `[measurement]`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseMeasurement {
+    /// Table of displacements: `instant,node,ux_mm,uy_mm`.
+    pub file: Option<String>,
+    /// The store of the correlation run that the mesh is of.
+    pub store: Option<String>,
+    /// Which nodes are compared.
+    pub nodes: Option<CaseNodes>,
+    /// `paper`, `uniform` or `covariance`.
+    pub weights: Option<String>,
+    /// What is known of the prescribed displacements: `measured` (noisy, prescribed as they are), `estimated` (noisy,
+    /// unknowns of the fit) or `exact`.
+    pub boundary: Option<String>,
+    /// Standard deviation of each nodal displacement of one frame, mm. Of a table without it, it is estimated from
+    /// the residual.
+    pub noise_mm: Option<f64>,
+    /// Whether all frames were compared with one noisy reference; default true.
+    pub common_reference: Option<bool>,
+    /// Scale of a table in pixels (`ux_px`, `uy_px`, with y up), mm per pixel.
+    pub pixel_size_mm: Option<f64>,
+    /// Factor on the weight of each instant, from the first; 0 leaves an instant out.
+    pub instant_weights: Option<Vec<f64>>,
+}
+
+/// Which nodes are compared: a word (`selected`, `free`) or a list of numbers.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum CaseNodes {
+    /// `selected`: the list of the mesh file; `free`: all that are not prescribed.
+    Word(String),
+    /// Numbers of nodes.
+    List(Vec<u32>),
+}
+
+/// The table `[fit]`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseFit {
+    /// Symbols of the parameters that are fitted.
+    pub parameters: Vec<String>,
+    /// Where the fit starts; over the value of `[cohesive]`.
+    #[serde(default)]
+    pub start: BTreeMap<String, f64>,
+    /// Least values.
+    #[serde(default)]
+    pub lower: BTreeMap<String, f64>,
+    /// Largest values.
+    #[serde(default)]
+    pub upper: BTreeMap<String, f64>,
+    /// Further starts: a value for each of `parameters`, in their order.
+    #[serde(default)]
+    pub starts: Vec<Vec<f64>>,
+    /// So many further starts, spread over the box of the bounds (which then have to be given).
+    pub latin_hypercube: Option<usize>,
+    /// Seed of these starts.
+    pub seed: Option<u64>,
+    /// Forward runs that one start may take.
+    pub max_evaluations: Option<usize>,
+    /// Also the profile likelihood of this parameter.
+    pub profile: Option<String>,
+    /// Standard uncertainty of the adhesive's thickness, mm.
+    pub thickness_mm_std: Option<f64>,
+    /// Relative standard uncertainty of the pixel size.
+    pub pixel_size_relative_std: Option<f64>,
+    /// `quadrille sweep`: values at which a parameter is prescribed.
+    #[serde(default)]
+    pub sweep: BTreeMap<String, Vec<f64>>,
 }
 
 /// The table `[mesh]`: a file, or a correlation run, or a rectangle.

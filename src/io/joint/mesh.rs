@@ -21,6 +21,8 @@ pub struct JointMeshFile {
     pub faces: Vec<u32>,
     /// Nodes that the file says are prescribed.
     pub prescribed: Option<Vec<u32>>,
+    /// Nodes that the file selects for comparison with a measurement.
+    pub selected: Option<Vec<u32>>,
     /// Names of the groups of elements; empty for one group.
     pub groups: Vec<String>,
     /// Group of each element.
@@ -44,6 +46,7 @@ struct MeshJson {
     #[serde(default)]
     upper_face: Vec<u32>,
     dirichlet_nodes: Option<Vec<u32>>,
+    selected_nodes: Option<Vec<u32>>,
     #[serde(default)]
     groups: Vec<String>,
     #[serde(default)]
@@ -51,8 +54,8 @@ struct MeshJson {
 }
 
 /// Reads a mesh of a joint: JSON (`nodes`, `quads`, `cohesive`; optional `groups` and `quad_group`), Gmsh `.msh`,
-/// or `.vtu`, told by content. Coordinates are mm with y up. JSON may also list `lower_face`, `upper_face` and
-/// `dirichlet_nodes`; a `.msh` file says the same by physical groups of curves named `lower_face`, `upper_face` and
+/// or `.vtu`, told by content. Coordinates are mm with y up. JSON may also list `lower_face`, `upper_face`,
+/// `dirichlet_nodes` and `selected_nodes`; a `.msh` file says the same by physical groups of curves named `lower_face`, `upper_face` and
 /// `boundary`. In `.msh` and `.vtu` the physical groups of surfaces
 /// (or the cell data `zone`) are groups of elements; nodes of different groups at the same place are one node, so that
 /// the layers of a strip hang together; nodes are numbered in the order of the groups.
@@ -65,7 +68,8 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
         let json = |error: serde_json::Error| JointFileError::Json { path: path.to_owned(), reason: error.to_string() };
         let mut mesh: MeshJson = serde_json::from_slice(&bytes).map_err(json)?;
         mesh.lower_face.append(&mut mesh.upper_face);
-        let listed = mesh.lower_face.iter().chain(mesh.dirichlet_nodes.iter().flatten());
+        let lists = mesh.dirichlet_nodes.iter().chain(&mesh.selected_nodes);
+        let listed = mesh.lower_face.iter().chain(lists.flatten());
         if let Some(node) = listed.copied().find(|&node| node as usize >= mesh.nodes.len()) {
             let reason = format!("a list of nodes names node {node}, there are {} (counted from 0)", mesh.nodes.len());
             return Err(JointFileError::Json { path: path.to_owned(), reason });
@@ -77,6 +81,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
             interfaces: mesh.cohesive,
             faces: mesh.lower_face,
             prescribed: mesh.dirichlet_nodes,
+            selected: mesh.selected_nodes,
             groups: mesh.groups,
             element_group: mesh.quad_group,
             by_position: false,

@@ -5,15 +5,19 @@
 
 mod boundary;
 mod case;
+mod measurement;
 mod mesh;
 mod run;
 mod table;
 
 pub use boundary::{BoundaryTable, read_boundary};
-pub use case::{CaseBoundary, CaseJointMesh, CaseJointOutput, JointCase, read_joint_case};
+pub use case::{
+    CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, JointCase, read_joint_case,
+};
+pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
-pub use run::{JointRun, read_joint_run};
-pub use table::write_table;
+pub use run::{JointRun, RunMatrix, read_joint_run};
+pub use table::{read_table, write_table};
 
 use super::case::CaseError;
 use super::mesh_file::MeshFileError;
@@ -31,6 +35,18 @@ pub struct JointInput {
     pub mesh: MeshInput,
     /// Where the displacements of the border come from.
     pub boundary: BoundaryInput,
+    /// What was measured, where the case says it.
+    pub measurement: Option<MeasurementInput>,
+}
+
+/// Where the displacements that parameters are fitted to come from.
+#[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
+pub enum MeasurementInput {
+    /// A table.
+    Table(MeasurementTable),
+    /// The correlation run that the mesh is of.
+    Run(JointRun),
 }
 
 /// Where the mesh of a joint comes from.
@@ -55,6 +71,7 @@ pub enum MeshInput {
 
 /// Where the displacements of the border come from.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 pub enum BoundaryInput {
     /// A table.
     Table(BoundaryTable),
@@ -92,12 +109,25 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         }
         _ => return Err(JointFileError::NoMesh),
     };
+    let measurement = match &case.measurement {
+        None => None,
+        Some(CaseMeasurement { file: Some(file), store: None, pixel_size_mm, .. }) => {
+            Some(MeasurementInput::Table(read_measurement(&case.base.join(file), *pixel_size_mm)?))
+        }
+        Some(CaseMeasurement { file: None, store: Some(store), .. }) => match (&run, &case.mesh.store) {
+            (Some(run), Some(mesh)) if run_folder(&case.base.join(store)) == run_folder(&case.base.join(mesh)) => {
+                Some(MeasurementInput::Run(run.clone()))
+            }
+            _ => return Err(JointFileError::OtherMeasuredRun),
+        },
+        Some(_) => return Err(JointFileError::NoMeasurement),
+    };
     let boundary = match (&boundary.file, run) {
         (Some(file), _) if boundary.store.is_none() => BoundaryInput::Table(read_boundary(&case.base.join(file))?),
         (None, Some(run)) if boundary.store.is_some() => BoundaryInput::Run(run),
         _ => return Err(JointFileError::NoBoundary),
     };
-    Ok(JointInput { case, mesh, boundary })
+    Ok(JointInput { case, mesh, boundary, measurement })
 }
 
 /// One name for each run, however it is written.
@@ -136,10 +166,12 @@ pub enum JointFileError {
     #[error(transparent)]
     Mesh(#[from] MeshFileError),
     /// A table without the columns that are needed.
-    #[error("{}: the header must be instant,node,x_mm,y_mm,ux_mm,uy_mm, not '{found}'", path.display())]
+    #[error("{}: the header must be {needed}, not '{found}'", path.display())]
     Header {
         /// The file.
         path: PathBuf,
+        /// The header that is needed.
+        needed: &'static str,
         /// The header there is.
         found: String,
     },
@@ -207,6 +239,24 @@ pub enum JointFileError {
     /// No border, or more than one.
     #[error("[boundary] needs either file = \"displacements.csv\" or store = \"run/fields.zarr\"")]
     NoBoundary,
+    /// No measurement, or two.
+    #[error("[measurement] needs either file = \"measured.csv\" or store = \"run/fields.zarr\"")]
+    NoMeasurement,
+    /// Displacements in pixels, and nothing that says how large a pixel is.
+    #[error("{}: the displacements are in pixels; give ux_mm,uy_mm with y up, or [measurement] pixel_size_mm", path.display())]
+    NoScale {
+        /// The table.
+        path: PathBuf,
+    },
+    /// A scale that is none.
+    #[error("[measurement] pixel_size_mm = {value}: it must be a finite number above zero")]
+    BadScale {
+        /// The value given.
+        value: f64,
+    },
+    /// A measurement of another mesh.
+    #[error("[measurement] store needs the same run as [mesh] store; for another mesh give file = \"measured.csv\"")]
+    OtherMeasuredRun,
     /// A border that is measured on another mesh.
     #[error("[boundary] store needs the same run as [mesh] store; for another mesh give file = \"displacements.csv\"")]
     OtherRun,

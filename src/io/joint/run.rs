@@ -3,6 +3,7 @@
 use super::{JointFileError, JointMeshFile, counter_clockwise};
 use crate::field::Status;
 use crate::io::store::Store;
+use crate::linalg::ElementMatrix;
 use crate::units::PixelSize;
 use std::path::{Path, PathBuf};
 
@@ -17,8 +18,24 @@ pub struct JointRun {
     pub frames: Vec<usize>,
     /// Displacement of every node at each instant, mm; `None` where it was not measured.
     pub instants: Vec<Vec<Option<[f64; 2]>>>,
+    /// Standard uncertainty of each displacement at each instant, mm; zero where it was not measured.
+    pub sigma: Vec<Vec<[f64; 2]>>,
+    /// Normal matrix of the correlation; `None` when the run kept none: it was regularised, or an earlier version
+    /// made it.
+    pub normal_matrix: Option<RunMatrix>,
+    /// How many images the reference is the mean of.
+    pub n_references: usize,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
+}
+
+/// The normal matrix `M` of a correlation, element by element: displacements have the covariance `2 sigma^2 M^-1`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunMatrix {
+    /// Nodes of each element, in the order that its matrix has them.
+    pub corners: Vec<[u32; 4]>,
+    /// Matrix of each element, grey levels^2/mm^2, y up.
+    pub matrices: Vec<ElementMatrix>,
 }
 
 /// Pixels with y down to mm with y up: for positions and displacements alike, and the only place where y turns.
@@ -45,12 +62,13 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         element_group: measured.element_zone().to_vec(),
         ..JointMeshFile::default()
     };
-    let (mut frames, mut instants, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(field) => {
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then(|| mm_up(scale, u));
                 frames.push(number);
+                sigma.push(field.sigma.iter().map(|s| s.map(|s| scale.mm_from_px(s))).collect());
                 instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
             }
             None => left_out.push(number),
@@ -59,5 +77,20 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     if frames.is_empty() {
         return Err(JointFileError::NoFrame { path: path.to_owned() });
     }
-    Ok(JointRun { path: path.to_owned(), mesh, frames, instants, left_out })
+    let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
+    let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
+        corners: measured.elements().to_vec(),
+        matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
+    });
+    let n_references = store.header().reference.len().max(1);
+    Ok(JointRun { path: path.to_owned(), mesh, frames, instants, sigma, normal_matrix, n_references, left_out })
+}
+
+/// The matrix times `factor`, with y up: what couples x and y changes its sign.
+fn turned(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
+    let places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
+    for (entry, (row, column)) in matrix.iter_mut().zip(places) {
+        *entry *= if row % 2 == column % 2 { factor } else { -factor };
+    }
+    matrix
 }

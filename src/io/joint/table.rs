@@ -1,6 +1,8 @@
 //! Tables of results: whole numbers first, then numbers with 17 digits.
 
+use super::{JointFileError, bytes_of};
 use std::io::{self, Write};
+use std::path::Path;
 
 /// Writes a table: `#` lines with `notes`, the header `columns`, and the rows; numbers with 17 digits.
 ///
@@ -28,4 +30,26 @@ pub fn write_table<W: Write>(
         writeln!(out)?;
     }
     out.flush()
+}
+
+/// Reads a table that [`write_table`] wrote: its columns, and its rows as numbers.
+///
+/// # Errors
+/// A file that cannot be read, a row with another number of values than of columns, or one that is no number.
+pub fn read_table(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFileError> {
+    let bytes = bytes_of(path)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: path.to_owned() }) };
+    let columns: Vec<String> = header.split(',').map(|name| name.trim().to_owned()).collect();
+    let row = |(line, row): (usize, &str)| {
+        let values: Result<Vec<f64>, _> = row.split(',').map(|value| value.trim().parse::<f64>()).collect();
+        values.ok().filter(|values| values.len() == columns.len()).ok_or_else(|| JointFileError::Row {
+            path: path.to_owned(),
+            line,
+            what: format!("{} numbers are needed", columns.len()),
+        })
+    };
+    let rows = lines.map(row).collect::<Result<_, _>>()?;
+    Ok((columns, rows))
 }

@@ -11,6 +11,8 @@ use zarrs::metadata::ChunkKeySeparator;
 
 /// Version of the layout; raised when a reader of the old one would go wrong.
 pub(super) const VERSION: u64 = 1;
+/// Name of the array of the normal matrices.
+pub(super) const NORMAL_MATRICES: &str = "normal_matrix";
 /// Status of a frame that is not done: the fill value of the array.
 pub(super) const NOT_DONE: u8 = 255;
 /// The fastest: most of a field is noise in the last digits, which no level makes smaller.
@@ -189,6 +191,17 @@ impl Form {
     pub fn element_zone(n_elements: usize) -> Self {
         let about = ["1", "number of the zone of the element, from 0; names in the attribute zones of the group"];
         Self::constant("element_zone", Number::U32, &[("element", n_elements)], about)
+    }
+
+    /// Not in every store.
+    pub fn normal_matrices(n_elements: usize) -> Self {
+        let about = [
+            "grey levels^2/px^2",
+            "normal matrix M of the correlation, element by element: upper triangle by rows of the 8 by 8 matrix, unknown \
+             2 k + c is component c of corner k. The displacements have the covariance 2 sigma^2 M^-1. Not there when the \
+             run was regularised or brightness was solved for each element",
+        ];
+        Self::constant(NORMAL_MATRICES, Number::F64, &[("element", n_elements), ("entry", 36)], about)
     }
 
     pub fn status(n_frames: usize) -> Self {

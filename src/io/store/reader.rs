@@ -2,10 +2,11 @@
 
 use super::attributes::Attributes;
 use super::folder::Folder;
-use super::layout::{Form, NOT_DONE, Place, Variable, codec_options};
+use super::layout::{Form, NORMAL_MATRICES, NOT_DONE, Place, Variable, codec_options};
 use super::{STORE, StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
 use crate::io::arrays::{Number, Values};
+use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
 use crate::units::Px;
 use std::fs;
@@ -83,6 +84,18 @@ impl Store {
     /// Frames of the series, done or not.
     pub fn n_frames(&self) -> usize {
         self.header.frames.len()
+    }
+
+    /// The normal matrices of the elements (upper triangles by rows, px and y down); `None` when the run kept none.
+    ///
+    /// # Errors
+    /// A chunk that is damaged or not there.
+    pub fn normal_matrices(&self) -> Result<Option<Vec<ElementMatrix>>, StoreError> {
+        if !self.folder.path().join(NORMAL_MATRICES).join("zarr.json").is_file() {
+            return Ok(None);
+        }
+        let (_, values) = constant::<f64>(&self.folder, &Form::normal_matrices(self.mesh().n_elements()))?;
+        Ok(Some(values.as_chunks::<36>().0.to_vec()))
     }
 
     /// SHA-256 of the image of frame `number` (from 1): `None` when the image could not be read or the run did

@@ -2,9 +2,10 @@
 
 use super::attributes::Attributes;
 use super::folder::Folder;
-use super::layout::{Form, Variable, codec_options};
+use super::layout::{Form, NORMAL_MATRICES, Variable, codec_options};
 use super::{StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::linalg::ElementMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::fs;
@@ -108,6 +109,19 @@ impl StoreWriter {
             return Err(StoreError::NoFrame { number, n_frames: self.n_frames });
         }
         self.chunk(&self.status, &[number as u64 - 1], &[status.code()][..])
+    }
+
+    /// Adds the normal matrices of the elements of the correlation, which give the covariance of every field.
+    ///
+    /// # Errors
+    /// Another number than of elements, and what the file system refuses.
+    pub fn write_normal_matrices(&self, matrices: &[ElementMatrix]) -> Result<(), StoreError> {
+        let (found, wanted) = (matrices.len(), self.mesh.n_elements());
+        if found != wanted {
+            return Err(StoreError::WrongSize { number: 0, what: "elements", found, wanted });
+        }
+        let array = Form::normal_matrices(wanted).create(&self.folder)?;
+        self.chunk(&array, &[0, 0], matrices.as_flattened())
     }
 
     /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read.
@@ -228,7 +242,7 @@ pub fn remove_store(path: &Path) -> Result<(), StoreError> {
         Err(error) => return Err(StoreError::write(path.to_owned(), error)),
     }
     // The status first: a store that is removed half-way shows no frame that is not whole.
-    let constants = ["node_position_px", "element_nodes", "node_zone", "element_zone"];
+    let constants = ["node_position_px", "element_nodes", "node_zone", "element_zone", NORMAL_MATRICES];
     for name in ["status"].into_iter().chain(Variable::ALL.map(Variable::name)).chain(constants) {
         let array = path.join(name);
         match fs::remove_dir_all(&array) {

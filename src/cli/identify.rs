@@ -1,0 +1,199 @@
+//! `quadrille identify` and `quadrille sweep`: the parameters of the adhesive from measured displacements.
+
+use super::args::{IdentifyArgs, SweepArgs};
+use super::run_folder::{FIGURES, RunFolder};
+use super::simulate::write_solution;
+use super::{Outcome, Result, plural};
+use crate::identify::{Case, FitStatus, SweepRow, fit, profile, sweep};
+use crate::io::joint::{JointInput, read_joint};
+use crate::report::fit::{FitJson, FitReport, SweepJson, write_sweep};
+use crate::report::joint::JointReport;
+use crate::report::{Axis, Plot, Series, Style};
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Instant;
+
+const FIT: &str = "fit.json";
+
+/// Runs `quadrille identify`.
+pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
+    let input = read_joint(&args.case)?;
+    let pool = super::pool(args.threads)?;
+    let (json, outcome) = identify(&input, &args.case, &args.output, args.overwrite, &pool)?;
+    if !args.quiet {
+        say(&json, &args.output);
+    }
+    Ok(outcome)
+}
+
+/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
+/// converged.
+pub(super) fn identify(
+    input: &JointInput,
+    case: &Path,
+    output: &Path,
+    overwrite: bool,
+    pool: &ThreadPool,
+) -> Result<(FitJson, Outcome)> {
+    let mut joint = Case::joint(input)?;
+    let of_case = Case::new(&joint, input, case)?;
+    let folder = RunFolder::open(output, overwrite)?;
+    folder.clear(false, true)?;
+    folder.make(FIGURES)?;
+    let begin = Instant::now();
+    let found = pool.install(|| fit(&of_case.problem, &of_case.options))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let profile = match of_case.profile {
+        Some(k) => Some(pool.install(|| profile(&of_case.problem, &of_case.options, &found, k))?),
+        None => None,
+    };
+    let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
+    let mut json = report.json(super::absolute(case), seconds);
+    json.warnings.splice(0..0, joint.doubts.iter().cloned());
+    // First of all: when a figure fails, the result is there.
+    folder.write_json(FIT, &json)?;
+    folder.write("fit-history.csv", |out| report.write_history(out))?;
+    folder.write("traction-bands.csv", |out| report.write_bands(out))?;
+    folder.write("law.csv", |out| report.write_law(out))?;
+    let save = |name: String, picture: crate::report::Picture| -> Result<()> {
+        let path = folder.path().join(FIGURES);
+        picture.save(path.join(format!("{name}.png")))?;
+        Ok(picture.save(path.join(format!("{name}.svg")))?)
+    };
+    let asked = input.case.output.figures.as_deref();
+    let chosen = JointReport { joint: &joint, solution: found.solution() }.chosen(asked);
+    report.draw(&chosen, save)?;
+    // The joint of the fit, for everything that `simulate` writes.
+    let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+    joint.law = law;
+    let of_joint = JointReport { joint: &joint, solution: found.solution() };
+    write_solution(&folder, &of_joint)?;
+    folder.write_summary(&of_joint.summary(super::absolute(case), seconds, json.warnings.clone()))?;
+    of_joint.draw(&chosen, save)?;
+    let converged = found.status == FitStatus::Converged;
+    Ok((json, if converged { Outcome::Fine } else { Outcome::Incomplete }))
+}
+
+/// What a user has to know at once.
+pub(super) fn say(json: &FitJson, output: &Path) {
+    json.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    for name in &json.parameter_order {
+        let p = &json.parameters[name];
+        let spread = match p.interval95 {
+            Some([low, high]) => format!(", 95 % {low:.6} to {high:.6}"),
+            None => String::new(),
+        };
+        eprintln!("{name} = {:.6} {}{spread}{}", p.value, p.unit, if p.at_bound { ", on its bound" } else { "" });
+    }
+    if let Some(verdict) = &json.verdict {
+        eprintln!("{} ({})", verdict.text, verdict.thresholds);
+    }
+    let evaluations = plural(json.evaluations, "evaluation");
+    let rescued = if json.rescued > 0 { format!(", {} rescued", json.rescued) } else { String::new() };
+    eprintln!(
+        "{}: {}; omega = {:.6e}, {evaluations}{rescued}, {:.3} s, results in {}",
+        json.status,
+        json.reason,
+        json.omega,
+        json.seconds,
+        output.display()
+    );
+}
+
+/// Runs `quadrille sweep`.
+pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
+    let input = read_joint(&args.case)?;
+    let pool = super::pool(args.threads)?;
+    let joint = Case::joint(&input)?;
+    let case = Case::new(&joint, &input, &args.case)?;
+    let (index, values) = match (&case.sweep, args.values.as_slice()) {
+        (Some((index, values)), []) => (*index, values.clone()),
+        (None, []) => {
+            return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into());
+        }
+        (_, given) => {
+            let parameters = case.problem.unknowns.law().parameters();
+            let name = &args.parameter;
+            let Some(index) = parameters.iter().position(|p| p.name == name) else {
+                let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
+                return Err(
+                    format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into()
+                );
+            };
+            if case.problem.unknowns.list().iter().any(|unknown| unknown.index == index) {
+                return Err(
+                    format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into()
+                );
+            }
+            (index, given.to_vec())
+        }
+    };
+    let folder = RunFolder::open(&args.output, args.overwrite)?;
+    folder.clear(false, false)?;
+    folder.make(FIGURES)?;
+    let begin = Instant::now();
+    let rows = pool.install(|| sweep(&case.problem, &case.options, index, &values))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let name = case.problem.unknowns.law().parameters()[index].name;
+    let json: Vec<SweepJson> = rows.iter().map(SweepJson::of).collect();
+    folder.write_json(
+        "sweep.json",
+        &serde_json::json!({
+            "quadrille": env!("CARGO_PKG_VERSION"),
+            "case": super::absolute(&args.case),
+            "parameter": name,
+            "seconds": seconds,
+            "about": case.about,
+            "rows": json,
+        }),
+    )?;
+    folder.write("sweep.csv", |out| write_sweep(out, name, &rows))?;
+    draw_sweep(&folder, name, &rows)?;
+    let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
+    if !args.quiet {
+        joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
+        for row in &rows {
+            let of = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
+            let values: Vec<String> = row.fit.parameters.iter().map(of).collect();
+            eprintln!(
+                "{name} = {}: {}, omega = {:.6e} ({})",
+                row.value,
+                values.join(", "),
+                row.fit.omega,
+                row.fit.status.name()
+            );
+        }
+        let total = plural(rows.len(), "fit");
+        eprintln!("{converged} of {total} converged in {seconds:.3} s, results in {}", args.output.display());
+    }
+    Ok(if converged == rows.len() { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// The parameters over the prescribed one, relative to the first row.
+fn draw_sweep(folder: &RunFolder, name: &str, rows: &[SweepRow]) -> Result<()> {
+    let x: Vec<f64> = rows.iter().map(|row| row.value).collect();
+    let first = &rows[0].fit;
+    let mut series: Vec<Series> = (0..first.parameters.len())
+        .map(|k| {
+            let y = rows.iter().map(|row| row.fit.parameters[k].value / first.parameters[k].value).collect();
+            Series::new(first.parameters[k].parameter.name, Style::LineAndMarkers, x.clone(), y)
+        })
+        .collect();
+    for (k, quantity) in first.derived.iter().enumerate() {
+        if quantity.quantity.name == "initial_normal_stiffness" {
+            let y = rows.iter().map(|row| row.fit.derived[k].quantity.value / quantity.quantity.value).collect();
+            series.push(Series::new("initial normal stiffness", Style::Dashed, x.clone(), y));
+        }
+    }
+    let plot = Plot {
+        title: format!("Fits with {name} prescribed"),
+        x: Axis::linear(name),
+        y: Axis::linear("value over that of the first row"),
+        series,
+        notes: rows.iter().map(|row| format!("{name} = {}: omega = {:.6e}", row.value, row.fit.omega)).collect(),
+    };
+    let picture = plot.draw()?;
+    let path = folder.path().join(FIGURES);
+    picture.save(path.join("sweep.png"))?;
+    Ok(picture.save(path.join("sweep.svg"))?)
+}

@@ -1,0 +1,591 @@
+//! An identification as its case file describes it.
+
+use super::constants::{Constant, ConstantKind};
+use super::error::FitError;
+use super::fit::FitOptions;
+use super::noise::{Noise, Precision};
+use super::objective::Problem;
+use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
+use super::starts::latin_hypercube;
+use super::trust_region::TrustRegionOptions;
+use super::unknowns::{Unknown, Unknowns};
+use super::weights::WeightKind;
+use crate::io::joint::{
+    CaseFit, CaseMeasurement, CaseNodes, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable,
+    MeshInput, RunMatrix,
+};
+use crate::linalg::{Dense, ElementMatrix};
+use crate::mechanics::Joint;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+use toml::{Table, Value};
+
+/// What a case file says about the identification of its joint.
+#[derive(Debug)]
+pub struct Case<'a> {
+    /// What is to be solved.
+    pub problem: Problem<'a>,
+    /// How.
+    pub options: FitOptions,
+    /// The parameter whose profile likelihood is asked for.
+    pub profile: Option<usize>,
+    /// The parameter that `sweep` prescribes, and its values.
+    pub sweep: Option<(usize, Vec<f64>)>,
+    /// What is compared, for people.
+    pub about: String,
+    /// What is known of the boundary: `measured`, `estimated` or `exact`.
+    pub boundary: &'static str,
+    /// What is possible, but hardly meant.
+    pub doubts: Vec<String>,
+}
+
+/// Keys of `[substrate]` that state an uncertainty end so.
+const STD: &str = "_std";
+
+fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
+    FitError::Key { section, what: what.into() }
+}
+
+/// The case without the keys that state uncertainties, which the forward model does not know.
+pub(super) fn without_uncertainties(table: &Table) -> Table {
+    let keep = |(key, value): (&String, &Value)| match value {
+        Value::Table(inner) => Some((key.clone(), Value::Table(without_uncertainties(inner)))),
+        _ if key.ends_with(STD) => None,
+        _ => Some((key.clone(), value.clone())),
+    };
+    table.iter().filter_map(keep).collect()
+}
+
+impl<'a> Case<'a> {
+    /// The joint of a case whose `[substrate]` may state uncertainties.
+    ///
+    /// # Errors
+    /// See [`crate::mechanics::JointError`].
+    pub fn joint(input: &JointInput) -> Result<Joint, FitError> {
+        let mut plain = input.clone();
+        plain.case.substrate = without_uncertainties(&input.case.substrate);
+        Ok(Joint::new(&plain)?)
+    }
+
+    /// What is to be identified of `joint`, which [`Case::joint`] made of the same `input`; `path` is named in errors.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn new(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
+        let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
+        let case = &input.case;
+        let (Some(measurement), Some(measured)) = (&case.measurement, &input.measurement) else {
+            return Err(missing("measurement", "give file = \"measured.csv\" or store = \"run/fields.zarr\""));
+        };
+        let Some(table) = &case.fit else {
+            return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
+        };
+        let mut doubts = Vec::new();
+        let unknowns = unknowns(joint, table)?;
+        let of_run = matches!(measured, MeasurementInput::Run(_));
+        let weights = match measurement.weights.as_deref() {
+            None if of_run => WeightKind::Covariance,
+            None | Some("paper") => WeightKind::Paper,
+            Some("uniform") => WeightKind::Uniform,
+            Some("covariance") => WeightKind::Covariance,
+            Some(other) => {
+                let what = format!("weights = \"{other}\"; give \"paper\", \"uniform\" or \"covariance\"");
+                return Err(wrong("measurement", what));
+            }
+        };
+        let boundary = match measurement.boundary.as_deref() {
+            None | Some("measured") => "measured",
+            Some("estimated") => "estimated",
+            Some("exact") => "exact",
+            Some(other) => {
+                let what = format!("boundary = \"{other}\"; give \"measured\", \"estimated\" or \"exact\"");
+                return Err(wrong("measurement", what));
+            }
+        };
+        if boundary == "estimated" && weights != WeightKind::Covariance {
+            let what = "boundary = \"estimated\" needs weights = \"covariance\"";
+            return Err(wrong("measurement", what));
+        }
+        let observation = observation(joint, input, measurement, measured, boundary != "exact", &mut doubts)?;
+        let noise = noise(joint, measurement, measured, &observation, boundary != "exact", &mut doubts)?;
+        check_weights(&observation, weights)?;
+        let (n_data, n_parameters) = (observation.n_data(), unknowns.n());
+        if n_data < n_parameters {
+            return Err(FitError::FewData { n_data, n_parameters });
+        }
+        let options = FitOptions {
+            weights,
+            estimate_boundary: boundary == "estimated",
+            starts: starts(&unknowns, table)?,
+            region: TrustRegionOptions {
+                max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
+                ..TrustRegionOptions::default()
+            },
+            constants: constants(joint, &case.substrate, table)?,
+        };
+        let index = |key: &str, name: &str| {
+            unknowns.law().parameters().iter().position(|p| p.name == name).ok_or_else(|| {
+                wrong("fit", format!("{key}: the law has no parameter '{name}'; it has {}", names(&unknowns)))
+            })
+        };
+        let profile = match &table.profile {
+            None => None,
+            Some(name) => {
+                let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
+                Some(of_fit.ok_or_else(|| wrong("fit", format!("profile = \"{name}\": it is not among parameters")))?)
+            }
+        };
+        let sweep = match table.sweep.iter().collect::<Vec<_>>().as_slice() {
+            [] => None,
+            [(name, values)] => {
+                let at = index("sweep", name)?;
+                if unknowns.list().iter().any(|unknown| unknown.index == at) {
+                    return Err(wrong(
+                        "fit",
+                        format!("sweep: {name} is fitted; take it out of parameters to prescribe it"),
+                    ));
+                }
+                if values.is_empty() {
+                    return Err(wrong("fit", format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]")));
+                }
+                Some((at, (*values).clone()))
+            }
+            _ => return Err(wrong("fit", "sweep: give the values of one parameter")),
+        };
+        let n_compared = observation.compared.iter().filter(|c| **c).count();
+        let about = format!(
+            "{n_compared} nodes at {} instants, {} weights, {boundary} boundary; noise: {}",
+            observation.instants.len(),
+            weights.name(),
+            noise.source
+        );
+        let problem = Problem { joint, observation: Arc::new(observation), noise: Arc::new(noise), unknowns };
+        Ok(Self { problem, options, profile, sweep, about, boundary, doubts })
+    }
+}
+
+fn names(unknowns: &Unknowns) -> String {
+    unknowns.law().parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", ")
+}
+
+fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
+    let law = &*joint.law;
+    let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
+    if table.parameters.is_empty() {
+        return Err(wrong("fit", format!("parameters is empty; give some of {}", known.join(", "))));
+    }
+    let mut list = Vec::new();
+    for (k, name) in table.parameters.iter().enumerate() {
+        let Some(index) = known.iter().position(|known| known == name) else {
+            let what = format!("parameters: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+            return Err(wrong("fit", what));
+        };
+        if table.parameters[..k].contains(name) {
+            return Err(wrong("fit", format!("parameters: '{name}' stands there twice")));
+        }
+        list.push(index);
+    }
+    for (key, map) in [("start", &table.start), ("lower", &table.lower), ("upper", &table.upper)] {
+        for (name, value) in map {
+            if !known.contains(&name.as_str()) {
+                let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+                return Err(wrong("fit", what));
+            }
+            if !table.parameters.contains(name) {
+                return Err(wrong(
+                    "fit",
+                    format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]"),
+                ));
+            }
+            if value.is_nan() || (key == "start" && value.is_infinite()) {
+                return Err(wrong("fit", format!("{key}: {name} = {value} is no finite number")));
+            }
+        }
+    }
+    let values = law.values();
+    let of = |&index: &usize| {
+        let name = known[index];
+        let given = |map: &BTreeMap<String, f64>| map.get(name).copied();
+        (index, given(&table.start).unwrap_or(values[index]), given(&table.lower), given(&table.upper))
+    };
+    let unknowns = Unknowns::new(law, &list.iter().map(of).collect::<Vec<_>>())?;
+    for Unknown { parameter, start, bounds: [lower, upper], .. } in unknowns.list() {
+        if !(lower <= start && start <= upper) {
+            let (start, lower, upper) = (*start, *lower, *upper);
+            return Err(FitError::StartOutside { name: parameter.name, start, lower, upper });
+        }
+    }
+    Ok(unknowns)
+}
+
+fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitError> {
+    let mut starts = table.starts.clone();
+    for start in &starts {
+        if start.len() != unknowns.n() {
+            let what = format!("starts: {} values for {} parameters", start.len(), unknowns.n());
+            return Err(wrong("fit", what));
+        }
+        for (unknown, &start) in unknowns.list().iter().zip(start) {
+            let [lower, upper] = unknown.bounds;
+            if !(lower <= start && start <= upper) {
+                return Err(FitError::StartOutside { name: unknown.parameter.name, start, lower, upper });
+            }
+        }
+    }
+    if let Some(n) = table.latin_hypercube {
+        if !(1..=1000).contains(&n) {
+            return Err(wrong("fit", format!("latin_hypercube = {n}; give a number of starts from 1 to 1000")));
+        }
+        for unknown in unknowns.list() {
+            let name = unknown.parameter.name;
+            if !(table.lower.contains_key(name) && table.upper.contains_key(name)) {
+                return Err(wrong("fit", format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}")));
+            }
+        }
+        let [lower, upper] = unknowns.scaled_bounds();
+        if lower.iter().chain(&upper).any(|z| !z.is_finite()) {
+            return Err(wrong("fit", "latin_hypercube needs finite bounds above zero"));
+        }
+        let points = latin_hypercube(n, [&lower, &upper], table.seed.unwrap_or(1));
+        starts.extend(points.iter().map(|z| unknowns.unscaled(z)));
+    }
+    Ok(starts)
+}
+
+/// Positive and finite, or a clear line.
+fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(wrong(section, format!("{key} = {value}: it must be a finite number above zero"))),
+    }
+}
+
+fn constants(joint: &Joint, substrate: &Table, table: &CaseFit) -> Result<Vec<Constant>, FitError> {
+    let mut list = Vec::new();
+    let model = &joint.model;
+    let groups = model.mesh().groups();
+    let mut of_table = |table: &Table, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
+        for (key, value) in table.iter().filter(|(key, value)| key.ends_with(STD) && !value.is_table()) {
+            let plain = &key[..key.len() - STD.len()];
+            let std = match value {
+                Value::Float(std) => *std,
+                Value::Integer(std) => *std as f64,
+                other => return Err(wrong("substrate", format!("{key} = {other}: give a number"))),
+            };
+            let std = positive("substrate", key, std)?;
+            let Some(&first) = members.first() else { continue };
+            let parameters = model.materials()[first].parameters();
+            let Some(index) = parameters.iter().position(|p| p.key() == plain) else {
+                let keys: Vec<String> = parameters.iter().map(|p| format!("{}{STD}", p.key())).collect();
+                return Err(wrong("substrate", format!("{key}: there is no such key; there are {}", keys.join(", "))));
+            };
+            let kind = ConstantKind::Material { groups: members.clone(), index };
+            list.push(Constant { name: format!("{}{suffix}", parameters[index].name), kind, std });
+        }
+        Ok(())
+    };
+    let own = |name: &String| substrate.get(name).is_some_and(Value::is_table);
+    of_table(substrate, (0..groups.len()).filter(|&g| !own(&groups[g])).collect(), "")?;
+    for (g, name) in groups.iter().enumerate() {
+        if let Some(Value::Table(table)) = substrate.get(name) {
+            of_table(table, vec![g], &format!("_{name}"))?;
+        }
+    }
+    if let Some(std) = table.thickness_mm_std {
+        let std = positive("fit", "thickness_mm_std", std)?;
+        list.push(Constant { name: "thickness".into(), kind: ConstantKind::Thickness, std });
+    }
+    if let Some(std) = table.pixel_size_relative_std {
+        let std = positive("fit", "pixel_size_relative_std", std)?;
+        list.push(Constant { name: "pixel_size".into(), kind: ConstantKind::PixelSize, std });
+    }
+    Ok(list)
+}
+
+impl Problem<'_> {
+    /// The prescribed displacements at the prescribed nodes of the measured mesh, instant by instant.
+    pub(super) fn prescribed_as_measured(&self) -> Vec<Vec<[f64; 2]>> {
+        prescribed_as_measured(self.joint)
+    }
+}
+
+fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
+    let place: HashMap<u32, usize> = joint.boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let of = |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
+    joint.boundary.instants().iter().map(of).collect()
+}
+
+/// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is
+/// named when one is missing.
+struct Fields<'a> {
+    path: &'a Path,
+    instants: Vec<(usize, Vec<Option<[f64; 2]>>)>,
+}
+
+fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<String>) -> Result<Fields<'a>, FitError> {
+    let n_nodes = joint.measured.mesh.nodes().len();
+    let n_instants = joint.boundary.instants().len();
+    let mut fields = match measured {
+        MeasurementInput::Table(MeasurementTable { path, instants }) => {
+            let mut list = Vec::with_capacity(instants.len());
+            for (&instant, rows) in instants {
+                if instant > n_instants {
+                    return Err(FitError::Instant { path: path.clone(), instant, n_instants });
+                }
+                let mut field = vec![None; n_nodes];
+                for (&node, &u) in rows {
+                    let Some(place) = field.get_mut(node as usize) else {
+                        return Err(FitError::Node { path: path.clone(), instant, node, n_nodes });
+                    };
+                    *place = Some(u);
+                }
+                list.push((instant - 1, field));
+            }
+            let missing: Vec<String> =
+                (1..=n_instants).filter(|k| !instants.contains_key(k)).map(|k| k.to_string()).collect();
+            if !missing.is_empty() {
+                doubts.push(format!(
+                    "instants {} are not in {}: they are computed and not compared",
+                    missing.join(", "),
+                    path.display()
+                ));
+            }
+            Fields { path, instants: list }
+        }
+        MeasurementInput::Run(run) => {
+            if run.instants.len() != n_instants {
+                let instant = run.instants.len();
+                return Err(FitError::Instant { path: run.path.clone(), instant, n_instants });
+            }
+            Fields { path: &run.path, instants: run.instants.iter().cloned().enumerate().collect() }
+        }
+    };
+    for (index, field) in &mut fields.instants {
+        let Some(motion) = joint.removed.get(*index) else { continue };
+        for (node, u) in field.iter_mut().enumerate() {
+            *u = u.map(|u| without(motion, joint.measured.mesh.nodes()[node], u));
+        }
+    }
+    Ok(fields)
+}
+
+fn observation(
+    joint: &Joint,
+    input: &JointInput,
+    measurement: &CaseMeasurement,
+    measured: &MeasurementInput,
+    noisy_boundary: bool,
+    doubts: &mut Vec<String>,
+) -> Result<Observation, FitError> {
+    let mesh = &joint.measured.mesh;
+    let n_nodes = mesh.nodes().len();
+    let fields = fields(joint, measured, doubts)?;
+    let mut is_prescribed = vec![false; n_nodes];
+    joint.measured.prescribed.iter().for_each(|&node| is_prescribed[node as usize] = true);
+    let file: Option<&JointMeshFile> = match &input.mesh {
+        MeshInput::File(file) | MeshInput::Run(file) => Some(file),
+        MeshInput::Rectangle { .. } => None,
+    };
+    let selected = file.and_then(|file| file.selected.as_ref());
+    let mut chosen: Vec<u32> = match &measurement.nodes {
+        None => match selected {
+            Some(list) => list.clone(),
+            None => (0..n_nodes as u32).collect(),
+        },
+        Some(CaseNodes::Word(word)) if word == "free" => (0..n_nodes as u32).collect(),
+        Some(CaseNodes::Word(word)) if word == "selected" => selected.cloned().ok_or_else(|| {
+            wrong(
+                "measurement",
+                "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers",
+            )
+        })?,
+        Some(CaseNodes::Word(word)) => {
+            let what = format!("nodes = \"{word}\"; give \"selected\", \"free\" or a list of numbers");
+            return Err(wrong("measurement", what));
+        }
+        Some(CaseNodes::List(list)) => list.clone(),
+    };
+    if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
+        return Err(wrong(
+            "measurement",
+            format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"),
+        ));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    let listed = matches!(measurement.nodes, Some(CaseNodes::List(_)));
+    let n = chosen.len();
+    chosen.retain(|&node| !is_prescribed[node as usize]);
+    if listed && chosen.len() < n {
+        doubts.push(format!("{} of the nodes are prescribed and not compared", n - chosen.len()));
+    }
+    if let MeasurementInput::Run(_) = measured {
+        // A node that one frame lost is left out of all: the covariance is one for all instants.
+        let lost = |node: &u32| fields.instants.iter().any(|(_, field)| field[*node as usize].is_none());
+        let n = chosen.len();
+        chosen.retain(|node| !lost(node));
+        if chosen.len() < n {
+            doubts.push(format!("{} nodes were not measured in every frame and are not compared", n - chosen.len()));
+        }
+    }
+    if chosen.is_empty() {
+        return Err(FitError::NoData {
+            what: "no node is left to compare; choose others with [measurement] nodes".into(),
+        });
+    }
+    let mut compared = vec![false; n_nodes];
+    chosen.iter().for_each(|&node| compared[node as usize] = true);
+    let nodes: Vec<u32> =
+        (0..n_nodes as u32).filter(|&k| compared[k as usize] || noisy_boundary && is_prescribed[k as usize]).collect();
+    let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let given = prescribed_as_measured(joint);
+    let of_border: HashMap<u32, usize> =
+        joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
+    if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
+        return Err(wrong("measurement", format!("instant_weights holds {factor}; give finite numbers, zero or more")));
+    }
+    let (mut instants, mut unknown_nodes) = (Vec::new(), 0);
+    for (index, field) in &fields.instants {
+        let factor = factors.get(*index).copied().unwrap_or(1.0);
+        if factor == 0.0 {
+            continue;
+        }
+        let border = |node: u32| of_border.get(&node).map(|&k| given[*index][k]);
+        let mut displacement = Vec::with_capacity(2 * nodes.len());
+        for &node in &nodes {
+            let u = match compared[node as usize] {
+                true => field[node as usize],
+                // The prescribed displacement is the measured one.
+                false => border(node),
+            };
+            let missing = || FitError::NotMeasured { path: fields.path.to_owned(), instant: index + 1, node };
+            displacement.extend(u.ok_or_else(missing)?);
+        }
+        let known = |node: usize| field[node].or_else(|| border(node as u32)).map(|u| (mesh.nodes()[node], u));
+        let points: Vec<_> = (0..n_nodes).filter_map(known).collect();
+        unknown_nodes = unknown_nodes.max(n_nodes - points.len());
+        let largest = largest_without_rigid_motion(&points);
+        instants.push(ObservedInstant { index: *index, displacement, largest, factor });
+    }
+    if unknown_nodes > 0 && matches!(measured, MeasurementInput::Table(_)) {
+        doubts.push(format!(
+            "{unknown_nodes} nodes are not measured: the paper's weights are made from the largest displacement of the others"
+        ));
+    }
+    if instants.is_empty() {
+        return Err(match fields.instants.is_empty() {
+            true => FitError::NoData { what: "there is no instant".into() },
+            false => FitError::NoWeight { what: "[measurement] instant_weights leaves out every instant" },
+        });
+    }
+    let prescribed = match noisy_boundary {
+        true => joint.measured.prescribed.iter().map(|node| place[node]).collect(),
+        false => Vec::new(),
+    };
+    let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
+    Ok(Observation { nodes, compared, prescribed, instants })
+}
+
+fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {
+    if weights == WeightKind::Paper && observation.instants.iter().all(|i| i.largest == [0.0; 2]) {
+        let what = "the measured displacements are a rigid motion at every instant; give weights = \"uniform\"";
+        return Err(FitError::NoWeight { what });
+    }
+    let uneven = observation.instants.iter().any(|i| i.factor != 1.0);
+    if weights == WeightKind::Covariance && uneven {
+        return Err(wrong("measurement", "with weights = \"covariance\" instant_weights may be 0 or 1 only"));
+    }
+    Ok(())
+}
+
+fn noise(
+    joint: &Joint,
+    measurement: &CaseMeasurement,
+    measured: &MeasurementInput,
+    observation: &Observation,
+    on_boundary: bool,
+    doubts: &mut Vec<String>,
+) -> Result<Noise, FitError> {
+    let given = measurement.noise_mm.map(|noise| positive("measurement", "noise_mm", noise)).transpose()?;
+    let shared = measurement.common_reference.unwrap_or(true);
+    match measured {
+        MeasurementInput::Table(_) => {
+            let common = if shared { 1.0 } else { 0.0 };
+            let tied = if shared { "one noisy reference for all instants" } else { "instants independent" };
+            let from = given.map_or("estimated from the residual".to_owned(), |noise| format!("{noise:e} mm as given"));
+            Ok(Noise {
+                precision: Precision::White(observation.n_rows()),
+                common,
+                on_boundary,
+                sigma: given.map(|noise| noise / (1.0_f64 + common).sqrt()),
+                source: format!("each displacement on its own, {tied}, {from}"),
+            })
+        }
+        MeasurementInput::Run(run) => {
+            let common = if shared { 1.0 / run.n_references as f64 } else { 0.0 };
+            let mesh = &joint.measured.mesh;
+            let (matrix, of) = match &run.normal_matrix {
+                Some(matrix) => (matrix.clone(), "normal matrix of the correlation"),
+                None => {
+                    doubts.push(
+                        "the store holds no normal matrix (the run was regularised, or made by an earlier version): \
+                         the covariance is that of an even texture without regularisation"
+                            .to_owned(),
+                    );
+                    (even_texture(mesh.nodes(), mesh.elements()), "even texture")
+                }
+            };
+            let RunMatrix { corners, matrices } = matrix;
+            let precision = Precision::of_matrix(mesh.nodes(), &corners, &matrices, &observation.nodes)
+                .map_err(|fault| FitError::Covariance { row: fault.node })?;
+            let mut noise = Noise { precision, common, on_boundary, sigma: None, source: String::new() };
+            let (variance, stated) = (noise.mean_variance(), mean_stated_variance(run, observation));
+            let variance_given = given.map(|noise| noise * noise).or(stated);
+            noise.sigma = variance_given.map(|stated| (stated / variance).sqrt());
+            let from = match (given, stated) {
+                (Some(noise), _) => format!("{noise:e} mm in the mean as given"),
+                (None, Some(stated)) => format!("{:.3e} mm in the mean as the store states it", stated.sqrt()),
+                (None, None) => "estimated from the residual".to_owned(),
+            };
+            noise.source = format!("{of}, mean of {} reference(s) for all frames, {from}", run.n_references);
+            Ok(noise)
+        }
+    }
+}
+
+/// Mean of the variances that the store states for the rows, mm^2.
+fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64> {
+    let of = |sigma: &Vec<[f64; 2]>| {
+        observation.nodes.iter().flat_map(|&node| sigma[node as usize]).map(|s| s * s).sum::<f64>()
+    };
+    let sum: f64 = observation.instants.iter().map(|instant| of(&run.sigma[instant.index])).sum();
+    let mean = sum / (observation.instants.len() * observation.n_rows()) as f64;
+    (mean > 0.0).then_some(mean)
+}
+
+/// The normal matrix of a texture that is the same everywhere: the integrals of the products of the shape functions.
+fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
+    let share = (1.0 / 3.0_f64).sqrt();
+    let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
+    let of = |corners: &[u32; 4]| -> ElementMatrix {
+        let at = corners.map(|node| nodes[node as usize]);
+        let area: f64 =
+            0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
+        let mut full = Dense::zeros(8, 8);
+        for point in points {
+            let psi = crate::mesh::shape_functions(0.5 + 0.5 * point[0], 0.5 + 0.5 * point[1]);
+            for a in 0..4 {
+                for b in 0..4 {
+                    for c in 0..2 {
+                        full[(2 * a + c, 2 * b + c)] += 0.25 * area * psi[a] * psi[b];
+                    }
+                }
+            }
+        }
+        let mut places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
+        std::array::from_fn(|_| places.next().map_or(0.0, |at| full[at]))
+    };
+    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(of).collect() }
+}

@@ -1,0 +1,123 @@
+//! The step of the trust region as a small cone program: the box and the radius are its cones.
+
+use crate::linalg::Dense;
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus};
+
+/// Where a step may lead: every component within its bounds, the whole within the radius.
+#[derive(Debug, Clone, Copy)]
+pub struct StepRegion<'a> {
+    /// Least components; not above zero.
+    pub lower: &'a [f64],
+    /// Largest components; not below zero.
+    pub upper: &'a [f64],
+    /// Largest Euclidean length.
+    pub radius: f64,
+}
+
+impl StepRegion<'_> {
+    fn holds(&self, step: &[f64]) -> bool {
+        let inside = |(s, (l, u)): (&f64, (&f64, &f64))| s >= l && s <= u;
+        length(step) <= self.radius && step.iter().zip(self.lower.iter().zip(self.upper)).all(inside)
+    }
+}
+
+/// The step `s` that minimises `s^T H s / 2 - b^T s` within the region.
+///
+/// Where the minimum of the quadratic lies inside, it is taken as it is. Otherwise clarabel solves the program in
+/// variables of the size of the answer (its tolerances are absolute), and the components that it puts on a bound are
+/// then set exactly there and the others solved for again.
+///
+/// `None` when `H` holds a number that is not finite.
+pub fn cone_step(h: &Dense, b: &[f64], region: &StepRegion<'_>) -> Option<Vec<f64>> {
+    let n = b.len();
+    let free = newton(h, b, &vec![None; n]);
+    if let Some(step) = free.as_ref().filter(|step| region.holds(step)) {
+        return Some(step.clone());
+    }
+    // The scale of the program: the radius, or the unconstrained step when it is shorter.
+    let scale = free.map_or(region.radius, |step| region.radius.min(length(&step))).max(f64::MIN_POSITIVE);
+    let curvature = (0..n).fold(0.0_f64, |most, k| most.max(h[(k, k)]));
+    let slope = b.iter().fold(0.0_f64, |most, b| most.max(b.abs()));
+    let unit = (curvature * scale * scale).max(slope * scale);
+    if !(unit.is_finite() && unit > 0.0) {
+        return unit.is_finite().then(|| vec![0.0; n]);
+    }
+    let dense = |rows: usize, columns: usize, entry: &dyn Fn(usize, usize) -> f64| {
+        let rows: Vec<Vec<f64>> = (0..rows).map(|r| (0..columns).map(|c| entry(r, c)).collect()).collect();
+        CscMatrix::from(&rows)
+    };
+    let p = dense(n, n, &|r, c| if r <= c { h[(r, c)] * scale * scale / unit } else { 0.0 });
+    let q: Vec<f64> = b.iter().map(|b| -b * scale / unit).collect();
+    // b - A s in the cones: upper - s, s - lower, (radius, s).
+    let a = dense(3 * n + 1, n, &|r, c| match r {
+        r if r < n => f64::from(r == c),
+        r if r < 2 * n => -f64::from(r - n == c),
+        r if r == 2 * n => 0.0,
+        r => -f64::from(r - 2 * n - 1 == c),
+    });
+    // A bound further away than the radius is none.
+    let far = 2.0 * region.radius / scale;
+    let mut right: Vec<f64> = region.upper.iter().map(|u| (u / scale).min(far)).collect();
+    right.extend(region.lower.iter().map(|l| (-l / scale).min(far)));
+    right.push(region.radius / scale);
+    right.extend(std::iter::repeat_n(0.0, n));
+    let cones = [NonnegativeConeT(2 * n), SecondOrderConeT(n + 1)];
+    let settings = DefaultSettings { verbose: false, max_threads: 1, ..DefaultSettings::default() };
+    let mut solver = DefaultSolver::new(&p, &q, &a, &right, &cones, settings).ok()?;
+    solver.solve();
+    let solved = matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved);
+    let clamp = |k: usize, s: f64| s.clamp(region.lower[k], region.upper[k]);
+    let mut step: Vec<f64> = match solved {
+        true => solver.solution.x.iter().enumerate().map(|(k, s)| clamp(k, s * scale)).collect(),
+        // Downhill along the slope: never worse than standing still for a radius that is small enough.
+        false => (0..n).map(|k| clamp(k, region.radius * b[k] / length(b).max(f64::MIN_POSITIVE))).collect(),
+    };
+    if length(&step) < 0.999 * region.radius {
+        let bound = |k: usize| {
+            let near = |bound: f64| (step[k] - bound).abs() < 1e-5 * scale;
+            let pushed = |sign: f64| sign * (b[k] - (0..n).map(|j| h[(k, j)] * step[j]).sum::<f64>()) > 0.0;
+            match () {
+                () if near(region.upper[k]) && pushed(1.0) => Some(region.upper[k]),
+                () if near(region.lower[k]) && pushed(-1.0) => Some(region.lower[k]),
+                () => None,
+            }
+        };
+        let fixed: Vec<Option<f64>> = (0..n).map(bound).collect();
+        if let Some(exact) = newton(h, b, &fixed).filter(|exact| region.holds(exact)) {
+            step = exact;
+        }
+    }
+    let excess = length(&step) / region.radius;
+    if excess > 1.0 {
+        step.iter_mut().for_each(|s| *s /= excess);
+    }
+    Some(step)
+}
+
+/// Euclidean length.
+pub fn length(step: &[f64]) -> f64 {
+    step.iter().map(|s| s * s).sum::<f64>().sqrt()
+}
+
+/// The minimum of the quadratic with the components in `fixed` held; `None` where `H` is not positive definite.
+fn newton(h: &Dense, b: &[f64], fixed: &[Option<f64>]) -> Option<Vec<f64>> {
+    let open: Vec<usize> = (0..b.len()).filter(|&k| fixed[k].is_none()).collect();
+    let mut step: Vec<f64> = fixed.iter().map(|s| s.unwrap_or(0.0)).collect();
+    if open.is_empty() {
+        return Some(step);
+    }
+    // Scaled to a unit diagonal, so that the factor does not depend on the units of the parameters.
+    let diagonal: Vec<f64> = open.iter().map(|&k| h[(k, k)].sqrt()).collect();
+    if !diagonal.iter().all(|d| d.is_finite() && *d > 0.0) {
+        return None;
+    }
+    let scaled = Dense::from_fn(open.len(), open.len(), |r, c| h[(open[r], open[c])] / (diagonal[r] * diagonal[c]));
+    let rest = |k: usize| b[k] - (0..b.len()).map(|j| h[(k, j)] * step[j]).sum::<f64>();
+    let rhs = Dense::from_fn(open.len(), 1, |r, _| rest(open[r]) / diagonal[r]);
+    let solution = scaled.cholesky().ok()?.solve(&rhs);
+    for (place, &k) in open.iter().enumerate() {
+        step[k] = solution[(place, 0)] / diagonal[place];
+    }
+    step.iter().all(|s| s.is_finite()).then_some(step)
+}

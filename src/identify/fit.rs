@@ -1,0 +1,517 @@
+//! The fit: starts, weights, end, and what is known of the result.
+
+use super::constants::{Constant, ConstantEffect};
+use super::derived::{Derived, derived};
+use super::objective::{Evaluation, Problem};
+use super::statistics::Statistics;
+use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
+use super::unknowns::Unknowns;
+use super::verdict::{Verdict, verdict};
+use super::weights::{InverseCovariance, WeightKind, Weights};
+use super::{FitError, cone_step::StepRegion, cone_step::cone_step};
+use crate::linalg::{Dense, NotPositiveDefinite};
+use crate::mechanics::cohesive::Parameter;
+use crate::mechanics::{BoundaryHistory, Solution};
+use rayon::prelude::*;
+
+/// 97.5 % of a normal distribution lie below this many standard deviations.
+pub const NORMAL_95: f64 = 1.959963984540054;
+
+/// How to fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// The weights.
+    pub weights: WeightKind,
+    /// Whether the prescribed displacements are unknowns too, with their covariance; for covariance weights.
+    pub estimate_boundary: bool,
+    /// Further starts beside that of the unknowns.
+    pub starts: Vec<Vec<f64>>,
+    /// The iteration.
+    pub region: TrustRegionOptions,
+    /// Model constants that are not known exactly.
+    pub constants: Vec<Constant>,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        let region = TrustRegionOptions::default();
+        Self { weights: WeightKind::Paper, estimate_boundary: false, starts: Vec::new(), region, constants: Vec::new() }
+    }
+}
+
+/// One parameter that was fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedParameter {
+    /// The parameter.
+    pub parameter: Parameter,
+    /// Its value.
+    pub value: f64,
+    /// Its standard uncertainty; `None` when the data do not give one.
+    pub std: Option<f64>,
+    /// Where the fit started.
+    pub start: f64,
+    /// The bounds.
+    pub bounds: [f64; 2],
+    /// Whether it ended on one of them.
+    pub at_bound: bool,
+}
+
+/// A quantity with its standard uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedQuantity {
+    /// The quantity.
+    pub quantity: Derived,
+    /// Its standard uncertainty.
+    pub std: Option<f64>,
+}
+
+/// Where one start led.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartEnd {
+    /// The start.
+    pub start: Vec<f64>,
+    /// The end.
+    pub end: Vec<f64>,
+    /// The objective there, under the weights of the first stage.
+    pub omega: Option<f64>,
+    /// How it ended.
+    pub status: FitStatus,
+    /// Evaluations.
+    pub evaluations: usize,
+    /// Evaluations in which the forward run was rescued.
+    pub rescued: usize,
+    /// Largest distance of a scaled unknown from the best end.
+    pub distance: f64,
+}
+
+/// The result.
+#[derive(Debug)]
+pub struct Fit {
+    /// The parameters that were fitted.
+    pub parameters: Vec<FittedParameter>,
+    /// The values of all parameters of the law.
+    pub values: Vec<f64>,
+    /// What follows from them.
+    pub derived: Vec<FittedQuantity>,
+    /// Covariance of the parameters, noise and uncertain constants together.
+    pub covariance: Option<Dense>,
+    /// Their correlation.
+    pub correlation: Option<Dense>,
+    /// Singular values of the weighted Jacobian by the scaled unknowns, falling.
+    pub singular_values: Vec<f64>,
+    /// The objective.
+    pub omega: f64,
+    /// How it ended.
+    pub status: FitStatus,
+    /// In words.
+    pub reason: String,
+    /// Evaluations of the start that was taken, all stages.
+    pub evaluations: usize,
+    /// Those in which the forward run was rescued.
+    pub rescued: usize,
+    /// Every evaluation, in parameters, with the objective of its stage and the trust radius.
+    pub history: Vec<Iteration>,
+    /// All starts.
+    pub starts: Vec<StartEnd>,
+    /// The verdict on identifiability; `None` without covariance.
+    pub verdict: Option<Verdict>,
+    /// What noise does; `None` without covariance.
+    pub statistics: Option<Statistics>,
+    /// What each uncertain constant does to the parameters.
+    pub constants: Vec<ConstantEffect>,
+    /// The objective's ingredients at the end.
+    pub evaluation: Evaluation,
+    /// The prescribed displacements of the end: as measured, or as estimated.
+    pub boundary: BoundaryHistory,
+    /// Largest correction of a prescribed displacement, mm; where they are estimated.
+    pub largest_correction: Option<f64>,
+}
+
+impl Fit {
+    /// The forward run at the end.
+    pub fn solution(&self) -> &Solution {
+        &self.evaluation.solution
+    }
+
+    /// 95 % interval of a value with this standard uncertainty.
+    pub fn interval95(value: f64, std: f64) -> [f64; 2] {
+        [value - NORMAL_95 * std, value + NORMAL_95 * std]
+    }
+
+    /// Condition number of the scaled Jacobian.
+    pub fn condition(&self) -> f64 {
+        match (self.singular_values.first(), self.singular_values.last()) {
+            (Some(most), Some(least)) if *least > 0.0 => most / least,
+            _ => f64::INFINITY,
+        }
+    }
+}
+
+/// New weights are made this often: they change by less than the uncertainty the second time, and by nothing then.
+const REWEIGHTINGS: usize = 4;
+/// Scaled change below which new weights are not worth making.
+const SAME: f64 = 1e-8;
+/// Linearisations when the boundary is estimated.
+const BOUNDARY_STEPS: usize = 60;
+/// Scaled step at which parameters with an estimated boundary have converged: a thousandth of any uncertainty. The kink of
+/// the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
+const BOUNDARY_TOLERANCE: f64 = 1e-6;
+/// Steps that the extrapolation of the boundary's iteration looks back on.
+const LOOK_BACK: usize = 4;
+
+/// What a stage hands to the next.
+struct Stage {
+    z: Vec<f64>,
+    status: FitStatus,
+    reason: String,
+    evaluations: usize,
+    rescued: usize,
+    history: Vec<Iteration>,
+}
+
+impl Stage {
+    fn add(&mut self, end: End) {
+        self.rescued += end.rescued();
+        self.evaluations += end.evaluations;
+        (self.z, self.status, self.reason) = (end.z, end.status, end.reason);
+        self.history.extend(end.history);
+    }
+}
+
+/// Fits the unknowns of `problem`.
+///
+/// # Errors
+/// See [`FitError`]. Not converging is an outcome.
+pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError> {
+    let unknowns = &problem.unknowns;
+    let measured = &problem.joint.boundary;
+    let noisy_boundary = !problem.observation.prescribed.is_empty();
+    let mut weights = match options.weights {
+        // Without boundary noise the inverse covariance does not depend on the parameters.
+        WeightKind::Covariance if !noisy_boundary => {
+            let n = problem.observation.instants.len();
+            Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
+        }
+        kind => problem.diagonal_weights(kind),
+    };
+    let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+    let ends: Vec<End> =
+        starts.par_iter().map(|start| run(problem, measured, &weights, start, &options.region)).collect();
+    let (best, starts) = compare(unknowns, &starts, &ends);
+    let first = ends.into_iter().nth(best).expect("the best of the ends");
+    if first.local.is_none() {
+        return Err(FitError::NoStart { start: describe(unknowns, &unknowns.start()), reason: first.reason });
+    }
+    let nothing = (FitStatus::Stalled, String::new());
+    let (status, reason) = nothing;
+    let mut stage = Stage { z: Vec::new(), status, reason, evaluations: 0, rescued: 0, history: Vec::new() };
+    stage.add(first);
+
+    let mut boundary = measured.clone();
+    let mut largest_correction = None;
+    if options.weights == WeightKind::Covariance && noisy_boundary {
+        for _ in 0..REWEIGHTINGS {
+            if stage.status != FitStatus::Converged {
+                break;
+            }
+            let evaluation = at(problem, &stage.z, measured)?;
+            weights = full_weights(problem, &evaluation)?;
+            let before = stage.z.clone();
+            let start = unknowns.unscaled(&stage.z);
+            let region = TrustRegionOptions { first_radius: 0.1, ..options.region };
+            stage.add(run(problem, measured, &weights, &start, &region));
+            if distance(&before, &stage.z) < SAME {
+                break;
+            }
+        }
+        if options.estimate_boundary && stage.status == FitStatus::Converged {
+            let corrected = estimate_boundary(problem, &mut stage, options)?;
+            largest_correction = Some(corrected.1);
+            boundary = corrected.0;
+            let evaluation = at(problem, &stage.z, &boundary)?;
+            weights = full_weights(problem, &evaluation)?;
+        }
+    }
+
+    let evaluation = at(problem, &stage.z, &boundary)?;
+    let local = evaluation.local(&weights, &problem.noise);
+    let statistics = Statistics::new(problem, &evaluation, &weights)?;
+    let x = evaluation.x.clone();
+    let slopes = unknowns.slopes(&x);
+    let n = x.len();
+    let mut constants = Vec::new();
+    let covariance = match &statistics {
+        None => None,
+        Some(statistics) => {
+            constants = problem.constant_effects(&evaluation, statistics, &options.constants, &boundary)?;
+            let mut scaled = statistics.covariance.clone();
+            for effect in &constants {
+                let shift = Dense::from_fn(n, 1, |r, _| effect.scaled[r]);
+                scaled.add(1.0, &shift.times(&Dense::from_fn(1, n, |_, c| effect.scaled[c])));
+            }
+            Some(Dense::from_fn(n, n, |r, c| slopes[r] * scaled[(r, c)] * slopes[c]))
+        }
+    };
+    let std = |k: usize| covariance.as_ref().map(|c| c[(k, k)].max(0.0).sqrt());
+    let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
+    let at_bound = |k: usize| {
+        let [low, high] = unknowns.list()[k].bounds;
+        x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9)
+    };
+    let parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
+        .map(|(k, unknown)| FittedParameter {
+            parameter: unknown.parameter,
+            value: x[k],
+            std: std(k),
+            start: unknown.start,
+            bounds: unknown.bounds,
+            at_bound: at_bound(k),
+        })
+        .collect();
+    let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
+    let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
+    let verdict = correlation.as_ref().map(|correlation| {
+        let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
+        let relative: Vec<f64> = parameters.iter().map(|p| p.std.unwrap_or(0.0) / p.value.abs()).collect();
+        verdict(&names, &relative, correlation, &eigen)
+    });
+    let mut history = stage.history;
+    history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
+    let law = unknowns.law_at(&x)?;
+    Ok(Fit {
+        derived: with_uncertainty(unknowns, &x, covariance.as_ref()),
+        parameters,
+        values: law.values(),
+        covariance,
+        correlation,
+        singular_values,
+        omega: local.omega,
+        status: stage.status,
+        reason: stage.reason,
+        evaluations: stage.evaluations,
+        rescued: stage.rescued,
+        history,
+        starts,
+        verdict,
+        statistics,
+        constants,
+        evaluation,
+        boundary,
+        largest_correction,
+    })
+}
+
+fn no_texture(fault: NotPositiveDefinite) -> FitError {
+    FitError::Covariance { row: fault.node }
+}
+
+fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
+    let of = |(unknown, x): (&super::unknowns::Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
+    unknowns.list().iter().zip(x).map(of).collect::<Vec<_>>().join(", ")
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
+}
+
+/// One start under fixed weights.
+fn run(
+    problem: &Problem<'_>,
+    boundary: &BoundaryHistory,
+    weights: &Weights,
+    start: &[f64],
+    region: &TrustRegionOptions,
+) -> End {
+    let unknowns = &problem.unknowns;
+    let [lower, upper] = unknowns.scaled_bounds();
+    minimise(&unknowns.scaled(start), [&lower, &upper], region, |z| {
+        let evaluation = problem.evaluate(&unknowns.unscaled(z), boundary).ok().flatten()?;
+        Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
+    })
+}
+
+/// The end to go on from: the lowest objective, converged ones first; and how the others compare with it.
+fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Vec<StartEnd>) {
+    let omega = |end: &End| end.local.as_ref().map_or(f64::INFINITY, |local| local.omega);
+    let better = |a: usize, b: usize| {
+        let key = |k: usize| (ends[k].status != FitStatus::Converged, omega(&ends[k]));
+        // Ends that agree are one: the first of them is taken, whatever their last bits say.
+        let same = ends[a].status == ends[b].status && distance(&ends[a].z, &ends[b].z) < 1e-7;
+        !same && key(b) < key(a)
+    };
+    let best = (1..ends.len()).fold(0, |best, k| if better(best, k) { k } else { best });
+    let of = |(start, end): (&Vec<f64>, &End)| StartEnd {
+        start: start.clone(),
+        end: unknowns.unscaled(&end.z),
+        omega: end.local.as_ref().map(|local| local.omega),
+        status: end.status,
+        evaluations: end.evaluations,
+        rescued: end.rescued(),
+        distance: distance(&end.z, &ends[best].z),
+    };
+    (best, starts.iter().zip(ends).map(of).collect())
+}
+
+/// The ingredients at `z`, where there must be a solution: it was reached before.
+fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -> Result<Evaluation, FitError> {
+    problem.evaluate(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
+}
+
+fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {
+    let by_boundary = problem.by_boundary(evaluation)?;
+    let n = problem.observation.instants.len();
+    Ok(Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?))
+}
+
+/// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant. Gives the
+/// displacements and their largest correction (mm).
+fn estimate_boundary(
+    problem: &Problem<'_>,
+    stage: &mut Stage,
+    options: &FitOptions,
+) -> Result<(BoundaryHistory, f64), FitError> {
+    let (joint, unknowns, observation) = (problem.joint, &problem.unknowns, &problem.observation);
+    let prescribed = &joint.measured.prescribed;
+    let given = problem.prescribed_as_measured();
+    let mut corrections: Vec<Vec<f64>> = vec![vec![0.0; 2 * prescribed.len()]; observation.instants.len()];
+    let [lower, upper] = unknowns.scaled_bounds();
+    let boundary_of = |corrections: &[Vec<f64>]| {
+        let mut values = given.clone();
+        for (observed, correction) in observation.instants.iter().zip(corrections) {
+            for (u, d) in values[observed.index].iter_mut().zip(correction.as_chunks::<2>().0) {
+                *u = [u[0] + d[0], u[1] + d[1]];
+            }
+        }
+        joint.measured.boundary(values)
+    };
+    let mut last_step = f64::INFINITY;
+    let unit = problem.noise.sigma.unwrap_or(1e-4);
+    let mut mixing = Mixing::default();
+    for step in 0..BOUNDARY_STEPS {
+        let boundary = boundary_of(&corrections).map_err(FitError::Boundary)?;
+        let evaluation = at(problem, &stage.z, &boundary)?;
+        stage.evaluations += 1;
+        let weights = full_weights(problem, &evaluation)?;
+        let Weights::Inverse(inverse) = &weights else { return Err(FitError::Lost) };
+        let local = evaluation.local(&weights, &problem.noise);
+        let below: Vec<f64> = lower.iter().zip(&stage.z).map(|(l, z)| (l - z).min(0.0)).collect();
+        let above: Vec<f64> = upper.iter().zip(&stage.z).map(|(u, z)| (u - z).max(0.0)).collect();
+        let region = StepRegion { lower: &below, upper: &above, radius: options.region.max_radius };
+        let Some(s) = cone_step(&local.h, &local.b, &region) else { return Err(FitError::NotFinite) };
+        let size = s.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+        stage.history.push(Iteration {
+            z: stage.z.clone(),
+            omega: Some(local.omega),
+            radius: region.radius,
+            accepted: true,
+            rescued: evaluation.rescued,
+        });
+        stage.rescued += usize::from(evaluation.rescued);
+        // The rest after the step: what the corrections of the boundary have to explain.
+        let rest: Vec<Dense> = (evaluation.blocks.iter())
+            .map(|block| {
+                let left =
+                    |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
+                Dense::from_fn(block.n_rows(), 1, left)
+            })
+            .collect();
+        let more = inverse.boundary_corrections(&problem.noise.precision, &rest);
+        let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+        // The first step moves the boundary alone: with it as measured the parameters are already the best.
+        if step > 0 && size < BOUNDARY_TOLERANCE {
+            stage.reason =
+                format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
+            return Ok((boundary, largest(&corrections)));
+        }
+        // Parameters in hundredths, displacements in the unit of their noise.
+        let point: Vec<f64> =
+            stage.z.iter().map(|z| 100.0 * z).chain(corrections.iter().flatten().map(|d| d / unit)).collect();
+        let change: Vec<f64> = s.iter().map(|s| 100.0 * s).chain(more.iter().flatten().map(|d| d / unit)).collect();
+        let next = mixing.next(point, change);
+        stage.z = (0..s.len()).map(|k| (0.01 * next[k]).clamp(lower[k], upper[k])).collect();
+        let mut rest = next[s.len()..].iter();
+        corrections.iter_mut().flatten().zip(&mut rest).for_each(|(d, next)| *d = unit * next);
+        last_step = size;
+    }
+    stage.status = FitStatus::EvaluationLimit;
+    stage.reason = format!("with estimated boundary displacements the last scaled step was {last_step:.1e}");
+    let largest = corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+    Ok((boundary_of(&corrections).map_err(FitError::Boundary)?, largest))
+}
+
+/// Extrapolation of a fixed-point iteration that swings to and fro (Anderson 1965): the combination of the last points whose
+/// changes nearly cancel, plus what is left of them.
+#[derive(Default)]
+struct Mixing {
+    points: Vec<Vec<f64>>,
+    changes: Vec<Vec<f64>>,
+}
+
+impl Mixing {
+    /// Where to go from `point`, which the iteration would move by `change`.
+    fn next(&mut self, point: Vec<f64>, change: Vec<f64>) -> Vec<f64> {
+        self.points.push(point);
+        self.changes.push(change);
+        if self.points.len() > LOOK_BACK {
+            self.points.remove(0);
+            self.changes.remove(0);
+        }
+        let n = self.points.len() - 1;
+        let (point, change) = (&self.points[n], &self.changes[n]);
+        let plain = || point.iter().zip(change).map(|(x, f)| x + f).collect();
+        if n == 0 {
+            return plain();
+        }
+        let rise = |k: usize, i: usize| self.changes[k + 1][i] - self.changes[k][i];
+        let dot = |f: &dyn Fn(usize) -> f64| (0..change.len()).map(f).sum::<f64>();
+        let mut square = Dense::from_fn(n, n, |r, c| dot(&|i| rise(r, i) * rise(c, i)));
+        let trace: f64 = (0..n).map(|k| square[(k, k)]).sum();
+        (0..n).for_each(|k| square[(k, k)] += 1e-10 * trace);
+        let Ok(factor) = square.cholesky() else { return plain() };
+        let share = factor.solve(&Dense::from_fn(n, 1, |r, _| dot(&|i| rise(r, i) * change[i])));
+        let of = |i: usize| {
+            let back = |k: usize| share[(k, 0)] * (self.points[k + 1][i] - self.points[k][i] + rise(k, i));
+            point[i] + change[i] - (0..n).map(back).sum::<f64>()
+        };
+        (0..point.len()).map(of).collect()
+    }
+}
+
+/// Correlation of the parameters. Without any noise (no variance at all) that which noise would give.
+fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense {
+    let n = covariance.n_rows();
+    let silent = (0..n).any(|k| covariance[(k, k)] <= 0.0 || covariance[(k, k)].is_nan());
+    let of = match statistics {
+        Some(statistics) if silent => &statistics.a,
+        _ => covariance,
+    };
+    let entry = |r: usize, c: usize| {
+        let value = of[(r, c)] / (of[(r, r)] * of[(c, c)]).sqrt();
+        if r == c { 1.0 } else { value.clamp(-1.0, 1.0) }
+    };
+    Dense::from_fn(n, n, entry)
+}
+
+/// Derived quantities at `x`, with the uncertainty that the covariance of the parameters gives them.
+fn with_uncertainty(unknowns: &Unknowns, x: &[f64], covariance: Option<&Dense>) -> Vec<FittedQuantity> {
+    let at = |x: &[f64]| unknowns.law_at(x).map(|law| derived(&*law)).unwrap_or_default();
+    let slopes: Vec<Vec<f64>> = (0..x.len())
+        .map(|k| {
+            let h = 1e-6 * x[k].abs().max(1e-12);
+            let moved = |h: f64| {
+                let mut x = x.to_vec();
+                x[k] += h;
+                at(&x)
+            };
+            moved(h).iter().zip(moved(-h)).map(|(more, less)| (more.value - less.value) / (2.0 * h)).collect()
+        })
+        .collect();
+    let std = |q: usize| {
+        let covariance = covariance?;
+        let slope = |k: usize| slopes[k].get(q).copied().unwrap_or(0.0);
+        let n = x.len();
+        let variance: f64 = (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
+        Some(variance.max(0.0).sqrt())
+    };
+    at(x).into_iter().enumerate().map(|(q, quantity)| FittedQuantity { quantity, std: std(q) }).collect()
+}

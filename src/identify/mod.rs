@@ -1,0 +1,43 @@
+//! Identification: the parameters of the adhesive's law from measured displacements (THEORY 6 and 7).
+//!
+//! [`Case::new`] makes a [`Problem`] of what a case file names; [`fit`] solves it. The residual, the Jacobian and the
+//! weights are in `objective`, `noise` and `weights`, the iteration in `trust_region` and `cone_step`, what the noise does to
+//! the result in `statistics`. Units: mm, MPa, N/mm; y up.
+
+mod bands;
+mod case;
+mod cone_step;
+mod constants;
+mod derived;
+mod error;
+mod fit;
+mod noise;
+mod objective;
+mod observation;
+mod profile;
+mod starts;
+mod statistics;
+mod sweep;
+mod trust_region;
+mod unknowns;
+mod verdict;
+mod weights;
+
+pub use bands::{Band, CurveBand, bands, curve_bands};
+pub use case::Case;
+pub use cone_step::{StepRegion, cone_step};
+pub use constants::{Constant, ConstantEffect, ConstantKind};
+pub use derived::{Derived, derived};
+pub use error::FitError;
+pub use fit::{Fit, FitOptions, FittedParameter, FittedQuantity, NORMAL_95, StartEnd, fit};
+pub use noise::{Noise, Precision};
+pub use objective::{Evaluation, Problem};
+pub use observation::{Observation, ObservedInstant, largest_without_rigid_motion};
+pub use profile::{Profile, profile};
+pub use starts::latin_hypercube;
+pub use statistics::Statistics;
+pub use sweep::{SweepRow, sweep};
+pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
+pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
+pub use verdict::{LARGEST_CONDITION, LARGEST_CORRELATION, LARGEST_STD, Verdict, verdict};
+pub use weights::{InverseCovariance, WeightKind, Weights};

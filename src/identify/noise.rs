@@ -1,0 +1,146 @@
+//! The noise of measured displacements, in space and time (THEORY 7).
+
+use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, dissection};
+use std::sync::Arc;
+
+/// Precision `M` of the displacements of some nodes at one instant, up to the factor that the noise gives:
+/// `Cov = sigma^2 M^-1`. Rows go node by node, x then y.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
+pub enum Precision {
+    /// Every component on its own.
+    White(usize),
+    /// The normal matrix of a correlation, all its nodes.
+    Sparse {
+        /// `M`.
+        matrix: BlockMatrix,
+        /// Its factor.
+        factor: Cholesky,
+    },
+    /// Of a selection of nodes: the inverse of their part of `M^-1`, never a block of `M`.
+    Marginal {
+        /// `(M^-1)_oo`.
+        covariance: Dense,
+        /// Its inverse.
+        matrix: Dense,
+    },
+}
+
+impl Precision {
+    /// That of the nodes `kept` of a correlation; the others are marginalised.
+    ///
+    /// # Errors
+    /// A matrix that is not positive definite: a node without texture.
+    pub fn of_matrix(
+        positions: &[[f64; 2]],
+        elements: &[[u32; 4]],
+        matrices: &[ElementMatrix],
+        kept: &[u32],
+    ) -> Result<Self, NotPositiveDefinite> {
+        let pattern = Arc::new(Pattern::new(positions.len(), elements));
+        let mut matrix = BlockMatrix::assemble(&pattern, elements, matrices);
+        // Nodes that no pixel speaks of are not measured: they take part in nothing.
+        let seen: Vec<bool> = (0..positions.len()).map(|node| matrix.diagonal(node)[0] > 0.0).collect();
+        matrix.hold(&seen);
+        let order = dissection(&pattern, positions, 0..positions.len());
+        let factor = Cholesky::new(&matrix, &order)?;
+        if kept.len() == positions.len() && (0..).zip(kept).all(|(k, &node)| k == node) {
+            return Ok(Self::Sparse { matrix, factor });
+        }
+        let mut covariance = Dense::zeros(2 * kept.len(), 2 * kept.len());
+        for (k, &node) in kept.iter().enumerate() {
+            for c in 0..2 {
+                let mut column = vec![[0.0; 2]; positions.len()];
+                column[node as usize][c] = 1.0;
+                factor.solve(&mut column);
+                for (j, &other) in kept.iter().enumerate() {
+                    for d in 0..2 {
+                        covariance[(2 * j + d, 2 * k + c)] = column[other as usize][d];
+                    }
+                }
+            }
+        }
+        let matrix = covariance.cholesky()?.inverse();
+        Ok(Self::Marginal { covariance, matrix })
+    }
+
+    /// Number of rows.
+    pub fn n(&self) -> usize {
+        match self {
+            Self::White(n) => *n,
+            Self::Sparse { matrix, .. } => 2 * matrix.pattern().n_nodes(),
+            Self::Marginal { matrix, .. } => matrix.n_rows(),
+        }
+    }
+
+    /// `M x`, column by column.
+    pub fn times(&self, x: &Dense) -> Dense {
+        match self {
+            Self::White(_) => x.clone(),
+            Self::Sparse { matrix, .. } => each_column(x, |column| matrix.multiply(&column)),
+            Self::Marginal { matrix, .. } => matrix.times(x),
+        }
+    }
+
+    /// `M^-1 x`, column by column.
+    pub fn inverse_times(&self, x: &Dense) -> Dense {
+        match self {
+            Self::White(_) => x.clone(),
+            Self::Sparse { factor, .. } => each_column(x, |mut column| {
+                factor.solve(&mut column);
+                column
+            }),
+            Self::Marginal { covariance, .. } => covariance.times(x),
+        }
+    }
+
+    /// `M`, dense.
+    pub fn dense(&self) -> Dense {
+        let n = self.n();
+        match self {
+            Self::Marginal { matrix, .. } => matrix.clone(),
+            _ => self.times(&Dense::from_fn(n, n, |r, c| f64::from(r == c))),
+        }
+    }
+}
+
+fn each_column(x: &Dense, map: impl Fn(Vec<[f64; 2]>) -> Vec<[f64; 2]>) -> Dense {
+    let mut result = Dense::zeros(x.n_rows(), x.n_columns());
+    for k in 0..x.n_columns() {
+        let (pairs, _) = x.column(k).as_chunks::<2>();
+        result.column_mut(k).copy_from_slice(map(pairs.to_vec()).as_flattened());
+    }
+    result
+}
+
+/// The noise: `Cov = sigma^2 (I + common 1 1^T) (x) M^-1` over instants and components.
+#[derive(Debug)]
+pub struct Noise {
+    /// `M`.
+    pub precision: Precision,
+    /// What all instants have in common, by the variance of one: 1 for one reference image, 1/k for the mean of k, 0
+    /// for instants that are independent.
+    pub common: f64,
+    /// Whether the prescribed displacements carry it too; their components then are among the rows.
+    pub on_boundary: bool,
+    /// `sigma`; `None` when the residual has to tell it.
+    pub sigma: Option<f64>,
+    /// Where it comes from, in words.
+    pub source: String,
+}
+
+impl Noise {
+    /// `sigma^2` for which one component of one instant has the variance 1 in the mean.
+    pub fn mean_variance(&self) -> f64 {
+        let n = self.precision.n();
+        let sum = match &self.precision {
+            Precision::White(n) => *n as f64,
+            Precision::Marginal { covariance, .. } => (0..n).map(|k| covariance[(k, k)]).sum(),
+            Precision::Sparse { .. } => {
+                let inverse = self.precision.inverse_times(&Dense::from_fn(n, n, |r, c| f64::from(r == c)));
+                (0..n).map(|k| inverse[(k, k)]).sum()
+            }
+        };
+        (1.0 + self.common) * sum / n.max(1) as f64
+    }
+}

@@ -1,0 +1,149 @@
+//! The objective (THEORY 6, 7): residual, Jacobian, and what the trust region needs of them.
+
+use super::noise::Noise;
+use super::observation::{Observation, ObservedInstant};
+use super::trust_region::Local;
+use super::unknowns::Unknowns;
+use super::weights::{WeightKind, Weights};
+use crate::linalg::Dense;
+use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, ModelError, Solution, Status};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Everything that stays while parameters are tried.
+#[derive(Debug)]
+pub struct Problem<'a> {
+    /// Mesh, materials, prescribed displacements.
+    pub joint: &'a Joint,
+    /// What is compared.
+    pub observation: Arc<Observation>,
+    /// What is known of its noise.
+    pub noise: Arc<Noise>,
+    /// What is looked for.
+    pub unknowns: Unknowns,
+}
+
+/// The objective at one set of parameters.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// The parameters.
+    pub x: Vec<f64>,
+    /// Per instant compared: the residual, measured less computed, and its derivative by each scaled unknown (that of the
+    /// computed displacement), mm.
+    pub blocks: Vec<Dense>,
+    /// The forward run.
+    pub solution: Solution,
+    /// Whether it was rescued.
+    pub rescued: bool,
+}
+
+impl Evaluation {
+    /// The objective and its derivatives under `weights`.
+    pub fn local(&self, weights: &Weights, noise: &Noise) -> Local {
+        let weighted = weights.times(noise, &self.blocks);
+        let n = self.blocks[0].n_columns();
+        let mut sum = Dense::zeros(n, n);
+        self.blocks.iter().zip(&weighted).for_each(|(x, wx)| sum.add(1.0, &x.transposed_times(wx)));
+        let symmetric = |r: usize, c: usize| 0.5 * (sum[(r + 1, c + 1)] + sum[(c + 1, r + 1)]);
+        Local {
+            omega: sum[(0, 0)],
+            b: (1..n).map(|k| sum[(k, 0)]).collect(),
+            h: Dense::from_fn(n - 1, n - 1, symmetric),
+            rescued: self.rescued,
+        }
+    }
+
+    /// The derivatives alone: one block of columns for each instant.
+    pub fn jacobian(&self) -> Vec<Dense> {
+        let of = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
+        self.blocks.iter().map(of).collect()
+    }
+}
+
+impl Problem<'_> {
+    /// The same data with other unknowns.
+    pub fn with_unknowns(&self, unknowns: Unknowns) -> Self {
+        Self { joint: self.joint, observation: self.observation.clone(), noise: self.noise.clone(), unknowns }
+    }
+
+    /// The objective's ingredients at `x` with the prescribed displacements `boundary`; `None` where the law refuses the
+    /// values or the forward model has no solution.
+    ///
+    /// # Errors
+    /// A boundary of other nodes.
+    pub fn evaluate(&self, x: &[f64], boundary: &BoundaryHistory) -> Result<Option<Evaluation>, ModelError> {
+        let Ok(law) = self.unknowns.law_at(x) else { return Ok(None) };
+        let options = ForwardOptions { law_sensitivities: true, ..ForwardOptions::default() };
+        let solution = self.joint.model.forward(&*law, boundary, &options)?;
+        let slopes = self.unknowns.slopes(x);
+        let Observation { nodes, instants, .. } = &*self.observation;
+        let mut blocks = Vec::with_capacity(instants.len());
+        for observed in instants {
+            let instant = &solution.instants[observed.index];
+            if !instant.status.converged() {
+                return Ok(None);
+            }
+            let entry = |row: usize, column: usize| {
+                let (node, c) = (nodes[row / 2], row % 2);
+                match column {
+                    0 => observed.displacement[row] - instant.displacement[node as usize][c],
+                    k => {
+                        let unknown = &self.unknowns.list()[k - 1];
+                        slopes[k - 1] * instant.sensitivities[unknown.index][node as usize][c]
+                    }
+                }
+            };
+            let block = Dense::from_fn(2 * nodes.len(), 1 + slopes.len(), entry);
+            if (0..block.n_columns()).any(|k| block.column(k).iter().any(|v| !v.is_finite())) {
+                return Ok(None);
+            }
+            blocks.push(block);
+        }
+        let rescued = solution.instants.iter().any(|instant| instant.status == Status::Rescued);
+        Ok(Some(Evaluation { x: x.to_vec(), blocks, solution, rescued }))
+    }
+
+    /// The paper's weights, or those that are all one, each with the factor of its instant.
+    pub fn diagonal_weights(&self, kind: WeightKind) -> Weights {
+        let of = |row: usize, largest: [f64; 2], factor: f64| match kind {
+            _ if !self.observation.compares(row) => 0.0,
+            WeightKind::Paper if largest[row % 2] > 0.0 => factor / (largest[row % 2] * largest[row % 2]),
+            WeightKind::Paper => 0.0,
+            WeightKind::Uniform | WeightKind::Covariance => factor,
+        };
+        let rows = self.observation.n_rows();
+        let instants = self.observation.instants.iter();
+        Weights::Diagonal(instants.map(|i| (0..rows).map(|row| of(row, i.largest, i.factor)).collect()).collect())
+    }
+
+    /// `T_i`: derivatives of all rows by the prescribed components of the measured mesh at each instant compared; empty
+    /// where the boundary has no noise.
+    ///
+    /// # Errors
+    /// A tangent without inverse.
+    pub fn by_boundary(&self, evaluation: &Evaluation) -> Result<Vec<Dense>, ModelError> {
+        let Observation { nodes, prescribed, instants, .. } = &*self.observation;
+        if prescribed.is_empty() {
+            return Ok(Vec::new());
+        }
+        let Ok(law) = self.unknowns.law_at(&evaluation.x) else { return Ok(Vec::new()) };
+        let columns = self.unit_motions();
+        let of = |observed: &ObservedInstant| {
+            let u = &evaluation.solution.instants[observed.index].displacement;
+            let fields = self.joint.model.linearise(&*law, u)?.by_boundary(columns.instants());
+            Ok(Dense::from_fn(2 * nodes.len(), fields.len(), |r, c| fields[c][nodes[r / 2] as usize][r % 2]))
+        };
+        instants.par_iter().map(of).collect()
+    }
+
+    /// A unit motion of each prescribed component of the measured mesh, as if they were instants.
+    pub(super) fn unit_motions(&self) -> BoundaryHistory {
+        let n = self.joint.measured.prescribed.len();
+        let unit = |k: usize| {
+            let mut motion = vec![[0.0; 2]; n];
+            motion[k / 2][k % 2] = 1.0;
+            motion
+        };
+        self.joint.measured.boundary((0..2 * n).map(unit).collect()).expect("finite motions of nodes that differ")
+    }
+}

@@ -1,0 +1,75 @@
+//! What the computed displacements are compared with: nodes, instants, and the scale of each instant.
+
+use crate::field::RigidMotion;
+
+/// The measured displacements that the fit uses. Rows go node by node, x then y.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// The nodes of the rows: those compared and, where the boundary has noise, the prescribed ones.
+    pub nodes: Vec<u32>,
+    /// Which of them are compared.
+    pub compared: Vec<bool>,
+    /// Where each prescribed node of the measured mesh stands in `nodes`; empty where the boundary has no noise.
+    pub prescribed: Vec<usize>,
+    /// The instants compared.
+    pub instants: Vec<ObservedInstant>,
+}
+
+/// One instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObservedInstant {
+    /// Its place in the boundary history, from 0.
+    pub index: usize,
+    /// Measured displacement of each row, mm.
+    pub displacement: Vec<f64>,
+    /// Largest |u_x| and |u_y| of all measured nodes after the rigid motion of all is taken off, mm (THEORY 6).
+    pub largest: [f64; 2],
+    /// A factor on its weight.
+    pub factor: f64,
+}
+
+impl Observation {
+    /// Rows of an instant.
+    pub fn n_rows(&self) -> usize {
+        2 * self.nodes.len()
+    }
+
+    /// Whether a row is compared.
+    pub fn compares(&self, row: usize) -> bool {
+        self.compared[row / 2]
+    }
+
+    /// Numbers compared over all instants.
+    pub fn n_data(&self) -> usize {
+        2 * self.compared.iter().filter(|compared| **compared).count() * self.instants.len()
+    }
+}
+
+/// Largest |u_x| and |u_y| after the least-squares rigid motion (two translations, one infinitesimal rotation) of all
+/// points together is taken off.
+pub fn largest_without_rigid_motion(points: &[([f64; 2], [f64; 2])]) -> [f64; 2] {
+    let n = points.len().max(1) as f64;
+    let centre = [0, 1].map(|c| points.iter().map(|(x, _)| x[c]).sum::<f64>() / n);
+    let shift = [0, 1].map(|c| points.iter().map(|(_, u)| u[c]).sum::<f64>() / n);
+    let (mut moment, mut inertia) = (0.0, 0.0);
+    for (x, u) in points {
+        let a = [x[0] - centre[0], x[1] - centre[1]];
+        moment += a[0] * (u[1] - shift[1]) - a[1] * (u[0] - shift[0]);
+        inertia += a[0] * a[0] + a[1] * a[1];
+    }
+    let w = if inertia > 0.0 { moment / inertia } else { 0.0 };
+    let mut largest = [0.0_f64; 2];
+    for (x, u) in points {
+        let rest = [u[0] - shift[0] + w * (x[1] - centre[1]), u[1] - shift[1] - w * (x[0] - centre[0])];
+        largest = [0, 1].map(|c| largest[c].max(rest[c].abs()));
+    }
+    largest
+}
+
+/// The displacement `u` of the point `x` without the rigid motion: what is left is turned back.
+pub fn without(motion: &RigidMotion, x: [f64; 2], u: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = motion.rotation_rad.sin_cos();
+    let rigid = motion.displacement(x);
+    let rest = [u[0] - rigid[0], u[1] - rigid[1]];
+    [cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]]
+}

@@ -1,0 +1,141 @@
+//! What the noise of the measurement does to the parameters (THEORY 7 and 9).
+
+use super::objective::{Evaluation, Problem};
+use super::weights::Weights;
+use crate::linalg::Dense;
+use crate::mechanics::ModelError;
+use rayon::prelude::*;
+
+/// The estimate as a linear function of the noise: `dz = A sum_i v_i^T e_i`, `e_i` the noise of the rows at instant `i`.
+#[derive(Debug)]
+pub struct Statistics {
+    /// `A = (J^T W J)^-1`, of the scaled unknowns.
+    pub a: Dense,
+    /// `v_i`.
+    pub v: Vec<Dense>,
+    /// Derivatives of the rows by the prescribed displacements at each instant; empty where those have no noise.
+    pub by_boundary: Vec<Dense>,
+    /// Covariance of the scaled unknowns that the noise of the measurement gives.
+    pub covariance: Dense,
+    /// `sigma` of the noise: given, or estimated from the objective.
+    pub sigma: f64,
+    /// Whether it was estimated.
+    pub sigma_estimated: bool,
+    /// The objective that such noise leaves on the average; where sigma is estimated, the objective itself.
+    pub expected_omega: f64,
+}
+
+impl Statistics {
+    /// The statistics of a fit that ended at `evaluation`, where the objective is `omega`.
+    ///
+    /// `None` when `J^T W J` has no inverse: the data say nothing of some combination of the unknowns.
+    ///
+    /// # Errors
+    /// A tangent without inverse.
+    pub fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Option<Self>, ModelError> {
+        let (noise, observation) = (&problem.noise, &problem.observation);
+        let local = evaluation.local(weights, noise);
+        let Ok(factor) = local.h.cholesky() else { return Ok(None) };
+        let a = factor.inverse();
+        let jacobian = evaluation.jacobian();
+        let by_boundary = problem.by_boundary(evaluation)?;
+        let mut v = weights.times(noise, &jacobian);
+        let n = observation.n_data() as f64;
+        let p = problem.unknowns.n() as f64;
+        let unit = match weights {
+            Weights::Inverse(_) => {
+                // v holds 1/sigma^2 where sigma is known.
+                let given = noise.sigma.map_or(1.0, |sigma| sigma * sigma);
+                let unknown = noise.sigma.is_none();
+                let sigma2 = if unknown { local.omega / (n - p).max(1.0) } else { given };
+                let mut covariance = a.clone();
+                if unknown {
+                    scale(&mut covariance, sigma2);
+                }
+                let expected_omega = if unknown { local.omega } else { n - p };
+                return Ok(Some(Self {
+                    a,
+                    v,
+                    by_boundary,
+                    covariance,
+                    sigma: sigma2.sqrt(),
+                    sigma_estimated: unknown,
+                    expected_omega,
+                }));
+            }
+            Weights::Diagonal(diagonal) => {
+                // The residual is (I, -S) e: what is prescribed wrongly comes back through the model.
+                for (v, t) in v.iter_mut().zip(&by_boundary) {
+                    let back = t.transposed_times(v);
+                    for (k, &node) in observation.prescribed.iter().enumerate() {
+                        for c in 0..2 {
+                            (0..v.n_columns()).for_each(|j| v[(2 * node + c, j)] -= back[(2 * k + c, j)]);
+                        }
+                    }
+                }
+                let traces: Vec<f64> = (0..diagonal.len())
+                    .into_par_iter()
+                    .map(|i| problem.trace(&diagonal[i], by_boundary.get(i)))
+                    .collect();
+                (1.0 + noise.common) * traces.iter().sum::<f64>()
+            }
+        };
+        let spread = problem.spread(&v);
+        let covariance = a.times(&spread).times(&a);
+        let taken: f64 =
+            (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
+        let left = (unit - taken).max(f64::MIN_POSITIVE);
+        let sigma2 = noise.sigma.map_or(local.omega / left, |sigma| sigma * sigma);
+        let mut covariance = covariance;
+        scale(&mut covariance, sigma2);
+        Ok(Some(Self {
+            a,
+            v,
+            by_boundary,
+            covariance,
+            sigma: sigma2.sqrt(),
+            sigma_estimated: noise.sigma.is_none(),
+            expected_omega: sigma2 * left,
+        }))
+    }
+}
+
+fn scale(matrix: &mut Dense, factor: f64) {
+    for k in 0..matrix.n_columns() {
+        matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);
+    }
+}
+
+impl Problem<'_> {
+    /// `sum_i v_i^T C v_i + common (sum v)^T C (sum v)` for `C = M^-1`.
+    fn spread(&self, v: &[Dense]) -> Dense {
+        let c = &self.noise.precision;
+        let parts: Vec<Dense> = v.par_iter().map(|v| v.transposed_times(&c.inverse_times(v))).collect();
+        let mut sum = Dense::zeros(v[0].n_columns(), v[0].n_columns());
+        parts.iter().for_each(|part| sum.add(1.0, part));
+        if self.noise.common > 0.0 {
+            let mut all = Dense::zeros(v[0].n_rows(), v[0].n_columns());
+            v.iter().for_each(|v| all.add(1.0, v));
+            sum.add(self.noise.common, &all.transposed_times(&c.inverse_times(&all)));
+        }
+        sum
+    }
+
+    /// `sum_k w_k (B C B^T)_kk` over the compared rows, `B = (I, -S)`.
+    fn trace(&self, weights: &[f64], by_boundary: Option<&Dense>) -> f64 {
+        let observation = &self.observation;
+        let rows: Vec<usize> = (0..weights.len()).filter(|&row| weights[row] > 0.0).collect();
+        let mut b = Dense::zeros(observation.n_rows(), rows.len());
+        for (k, &row) in rows.iter().enumerate() {
+            b[(row, k)] = 1.0;
+            if let Some(t) = by_boundary {
+                for (j, &node) in observation.prescribed.iter().enumerate() {
+                    (0..2).for_each(|c| b[(2 * node + c, k)] -= t[(row, 2 * j + c)]);
+                }
+            }
+        }
+        let cb = self.noise.precision.inverse_times(&b);
+        let variance = |k: usize| b.column(k).iter().zip(cb.column(k)).map(|(a, b)| a * b).sum::<f64>();
+        rows.iter().enumerate().map(|(k, &row)| weights[row] * variance(k)).sum()
+    }
+}

@@ -1,0 +1,32 @@
+//! One parameter prescribed at several values, the others fitted: the paper's Table 2.
+
+use super::FitError;
+use super::fit::{Fit, FitOptions, fit};
+use super::objective::Problem;
+use rayon::prelude::*;
+
+/// The fit at one prescribed value.
+#[derive(Debug)]
+pub struct SweepRow {
+    /// The prescribed value.
+    pub value: f64,
+    /// The fit of the others.
+    pub fit: Fit,
+}
+
+/// Fits the unknowns with parameter `index` of the law prescribed at each of `values`.
+///
+/// # Errors
+/// See [`FitError`].
+pub fn sweep(
+    problem: &Problem<'_>,
+    options: &FitOptions,
+    index: usize,
+    values: &[f64],
+) -> Result<Vec<SweepRow>, FitError> {
+    let row = |&value: &f64| {
+        let unknowns = problem.unknowns.with_prescribed(index, value)?;
+        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })
+    };
+    values.par_iter().map(row).collect()
+}

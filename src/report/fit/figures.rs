@@ -1,0 +1,118 @@
+//! Figures of an identification.
+
+use super::FitReport;
+use crate::identify::NORMAL_95;
+use crate::report::{Axis, Picture, Plot, ReportError, Series, Style};
+
+impl FitReport<'_> {
+    /// Draws the history of the fit, the parameters, the law and the tractions at the `chosen` instants (from 1), each with
+    /// its 95 % band; `save` is called with the name (without ending) of each picture.
+    ///
+    /// # Errors
+    /// A picture without a finite range, and what `save` refuses.
+    pub fn draw<E: From<ReportError>>(
+        &self,
+        chosen: &[usize],
+        mut save: impl FnMut(String, Picture) -> Result<(), E>,
+    ) -> Result<(), E> {
+        save("fit-history".into(), self.history()?)?;
+        save("parameters".into(), self.parameters()?)?;
+        let modes = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
+        for ((mode, jump, traction), curve) in modes.into_iter().zip(&self.curves) {
+            let um: Vec<f64> = curve.jumps.iter().map(|j| 1e3 * (j.normal + j.tangential)).collect();
+            let half = curve.std.iter().map(|s| NORMAL_95 * s).collect();
+            let plot = Plot {
+                title: format!("The law in pure {mode}"),
+                x: Axis::linear(format!("{jump} (\u{b5}m)")),
+                y: Axis::linear(format!("{traction} (MPa)")),
+                series: vec![Series::new("fit, 95 % band", Style::Line, um, curve.traction.clone()).with_band(half)],
+                notes: Vec::new(),
+            };
+            save(format!("law-{mode}"), plot.draw()?)?;
+        }
+        for (name, label, normal) in [("tn", "T_n (MPa)", true), ("tt", "T_t (MPa)", false)] {
+            let along: Vec<f64> =
+                self.case.problem.joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
+            let series: Vec<Series> = (self.bands.iter().filter(|band| chosen.contains(&band.instant)))
+                .map(|band| {
+                    let pick = |t: &crate::mechanics::cohesive::Traction| if normal { t.normal } else { t.tangential };
+                    let y = band.traction.iter().map(pick).collect();
+                    let half = band.std.iter().map(|s| NORMAL_95 * pick(s)).collect();
+                    Series::new(format!("instant {}", band.instant), Style::Line, along.clone(), y).with_band(half)
+                })
+                .collect();
+            if series.is_empty() {
+                continue;
+            }
+            let plot = Plot {
+                title: format!("{} traction along the joint, 95 % bands", if normal { "Normal" } else { "Tangential" }),
+                x: Axis::linear("distance along the joint (mm)"),
+                y: Axis::linear(label),
+                series,
+                notes: vec!["bands: noise of the measurement and uncertain constants".into()],
+            };
+            save(format!("{name}-bands"), plot.draw()?)?;
+        }
+        if let Some(profile) = &self.profile
+            && profile.values.len() > 1
+        {
+            let plot = Plot {
+                title: format!("Profile likelihood of {}", profile.name),
+                x: Axis::linear(profile.name),
+                y: Axis::linear("rise of the objective"),
+                series: vec![Series::new("", Style::LineAndMarkers, profile.values.clone(), profile.rise.clone())],
+                notes: vec![format!("95 % interval: where the rise is below {:.2}", NORMAL_95 * NORMAL_95)],
+            };
+            save("profile".into(), plot.draw()?)?;
+        }
+        Ok(())
+    }
+
+    /// The objective over the evaluations.
+    fn history(&self) -> Result<Picture, ReportError> {
+        let points = |accepted: bool| -> (Vec<f64>, Vec<f64>) {
+            let list = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted == accepted);
+            list.filter_map(|(k, i)| Some((k as f64, i.omega.filter(|omega| *omega > 0.0)?))).unzip()
+        };
+        let ((x, y), (xr, yr)) = (points(true), points(false));
+        let mut series = vec![Series::new("accepted", Style::LineAndMarkers, x, y)];
+        if !xr.is_empty() {
+            series.push(Series::new("refused", Style::Markers, xr, yr));
+        }
+        Plot {
+            title: "Objective against evaluation".into(),
+            x: Axis::linear("evaluation"),
+            y: Axis::log("omega"),
+            series,
+            notes: vec![format!("{}: {}", self.fit.status.name(), self.fit.reason)],
+        }
+        .draw()
+    }
+
+    /// The parameters over the evaluations, relative to where they ended, with the 95 % interval at the end.
+    fn parameters(&self) -> Result<Picture, ReportError> {
+        let mut series = Vec::new();
+        for (k, p) in self.fit.parameters.iter().enumerate() {
+            let accepted = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted);
+            let (x, y): (Vec<f64>, Vec<f64>) = accepted.map(|(e, i)| (e as f64, i.z[k] / p.value)).unzip();
+            let half = NORMAL_95 * p.std.unwrap_or(0.0) / p.value.abs();
+            let band = vec![half; x.len()];
+            series.push(Series::new(p.parameter.name, Style::LineAndMarkers, x, y).with_band(band));
+        }
+        let of = |p: &crate::identify::FittedParameter| match p.std {
+            Some(std) => format!(
+                "{} = {:.5} \u{b1} {:.2e} {} (standard uncertainty)",
+                p.parameter.name, p.value, std, p.parameter.unit
+            ),
+            None => format!("{} = {:.5} {}", p.parameter.name, p.value, p.parameter.unit),
+        };
+        Plot {
+            title: "Parameters against evaluation".into(),
+            x: Axis::linear("evaluation"),
+            y: Axis::linear("value over the value at the end; band: 95 % at the end"),
+            series,
+            notes: self.fit.parameters.iter().map(of).collect(),
+        }
+        .draw()
+    }
+}

@@ -1,0 +1,36 @@
+//! What an identification gives people and programs: `fit.json`, tables, figures.
+
+mod figures;
+mod json;
+mod tables;
+
+pub use json::{FitJson, SweepJson};
+pub use tables::write_sweep;
+
+use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};
+
+/// A case, its fit, and what was made of it.
+#[derive(Debug)]
+pub struct FitReport<'a> {
+    /// The case.
+    pub case: &'a Case<'a>,
+    /// Its fit.
+    pub fit: &'a Fit,
+    /// Tractions along the joint with their uncertainty.
+    pub bands: Vec<Band>,
+    /// The law with its uncertainty, in opening and in sliding.
+    pub curves: [CurveBand; 2],
+    /// The profile that was asked for.
+    pub profile: Option<Profile>,
+}
+
+impl<'a> FitReport<'a> {
+    /// The report of `fit`; the profile is computed by the caller, since it takes many fits.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn new(case: &'a Case<'a>, fit: &'a Fit, profile: Option<Profile>) -> Result<Self, FitError> {
+        let (bands, curves) = (bands(&case.problem, fit)?, curve_bands(&case.problem, fit)?);
+        Ok(Self { case, fit, bands, curves, profile })
+    }
+}

@@ -1,0 +1,275 @@
+//! A report as one HTML page that needs nothing else: pictures are in it, nothing is fetched, no script runs.
+//!
+//! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so that
+//! their letters are as large as the page's on both.
+
+use super::{Picture, Plot, ReportError};
+use base64::Engine;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+/// Between the axes of the curves on narrow screens.
+const COMPACT: [i32; 2] = [270, 220];
+/// Quality of the pictures over images, per cent.
+const JPEG_QUALITY: u8 = 85;
+
+const STYLE: &str = "\
+:root{color-scheme:light}\
+*{box-sizing:border-box}\
+body{margin:0 auto;padding:1rem;max-width:64rem;font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;color:#1a1a1a;background:#fff;overflow-wrap:break-word}\
+h1{font-size:1.6rem;line-height:1.2;margin:.5rem 0}\
+h2{font-size:1.25rem;line-height:1.25;margin:2rem 0 .5rem;border-bottom:2px solid #2b5c8a;padding-bottom:.2rem}\
+h3{font-size:1rem;margin:1rem 0 .25rem}\
+p{margin:.5rem 0;max-width:46rem}\
+.lead{border-left:4px solid #2b5c8a;background:#eef4fa;padding:.5rem .75rem;margin:.75rem 0}\
+.lead.warn{border-color:#b25d00;background:#fff4e5}\
+.small{color:#555;font-size:.875rem}\
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}\
+figure{margin:.75rem 0;break-inside:avoid}\
+figure img{display:block;width:100%;height:auto}\
+figcaption{font-size:.875rem;color:#333}\
+.bar{display:grid;grid-template-columns:auto 1fr auto;gap:.5rem;align-items:center;font-size:.875rem;margin:.25rem 0}\
+.bar img{height:.9rem;width:100%;border:1px solid #333}\
+table{border-collapse:collapse;width:100%;font-size:.9375rem;margin:.5rem 0;break-inside:avoid}\
+th,td{text-align:left;padding:.3rem .5rem;border-bottom:1px solid #ccc;vertical-align:top}\
+thead th{border-bottom:2px solid #333}\
+td{overflow-wrap:anywhere}\
+td.n{font-variant-numeric:tabular-nums}\
+code{font:.8125rem ui-monospace,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}\
+@media (max-width:640px){\
+table.wide thead{display:none}\
+table.wide tr{display:block;border-bottom:2px solid #999;padding:.35rem 0}\
+table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;border:0;padding:.1rem 0}\
+table.wide th::before,table.wide td::before{content:attr(data-name);font-weight:400;color:#555}\
+}\
+@media print{body{max-width:none;font-size:11pt;padding:0}h2{break-after:avoid}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
+
+/// A report.
+#[derive(Debug, Clone, Default)]
+pub struct Page {
+    /// Its title.
+    pub title: String,
+    /// One line below it.
+    pub subtitle: String,
+    /// Its sections, in order.
+    pub sections: Vec<Section>,
+}
+
+/// A part of a report.
+#[derive(Debug, Clone, Default)]
+pub struct Section {
+    /// Its title.
+    pub title: String,
+    /// What stands in it.
+    pub blocks: Vec<Block>,
+}
+
+/// A piece of a section.
+#[derive(Debug, Clone)]
+pub enum Block {
+    /// A paragraph.
+    Text(String),
+    /// A paragraph that must not be missed.
+    Lead {
+        /// What it says.
+        text: String,
+        /// Whether it is a warning.
+        warning: bool,
+    },
+    /// A heading within the section.
+    Heading(String),
+    /// Names with their values.
+    Facts(Vec<(String, String)>),
+    /// A table; on narrow screens every row is a list with the names of the columns.
+    Table {
+        /// Names of the columns.
+        columns: Vec<String>,
+        /// The rows, with a text for each column.
+        rows: Vec<Vec<String>>,
+    },
+    /// A small square table with names at both sides, such as a matrix of correlations.
+    Matrix {
+        /// Names of rows and columns.
+        names: Vec<String>,
+        /// Its rows.
+        rows: Vec<Vec<String>>,
+    },
+    /// Curves.
+    Curves(Curves),
+    /// A field over an image.
+    Map(Map),
+    /// Pieces side by side where there is room.
+    Grid(Vec<Block>),
+}
+
+/// Curves, drawn for wide and for narrow screens.
+#[derive(Debug, Clone)]
+pub struct Curves {
+    wide: String,
+    narrow: String,
+    title: String,
+    caption: String,
+}
+
+impl Curves {
+    /// Draws `plot`; the caption takes the place of its notes.
+    ///
+    /// # Errors
+    /// Those of [`Plot::draw`].
+    pub fn new(plot: &Plot, caption: impl Into<String>) -> Result<Self, ReportError> {
+        let plot = Plot { notes: Vec::new(), ..plot.clone() };
+        let (wide, narrow) = (plot.draw_sized([430, 300])?, plot.draw_sized(COMPACT)?);
+        let svg = |picture: Picture| picture.svg().to_owned();
+        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into() })
+    }
+}
+
+/// A field over an image: the picture without letters, and its bar.
+#[derive(Debug, Clone)]
+pub struct Map {
+    picture: Vec<u8>,
+    bar: Option<Vec<u8>>,
+    ends: [String; 2],
+    caption: String,
+}
+
+impl Map {
+    /// Cuts map and bar out of `picture`; `range` are the values at the ends of the bar, with their unit.
+    ///
+    /// # Errors
+    /// A picture that cannot be encoded.
+    pub fn new(picture: &Picture, range: [String; 2], caption: impl Into<String>) -> Result<Self, ReportError> {
+        let cut = |area: super::Area| {
+            let width = picture.width() as usize;
+            let rows = (area.y..area.y + area.height).map(|y| 3 * (y as usize * width + area.x as usize));
+            let rgb: Vec<u8> =
+                rows.flat_map(|at| picture.rgb()[at..at + 3 * area.width as usize].iter().copied()).collect();
+            let mut bytes = Vec::new();
+            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
+                .write_image(&rgb, area.width, area.height, ExtendedColorType::Rgb8)
+                .map_err(ReportError::Encode)?;
+            Ok::<_, ReportError>(bytes)
+        };
+        let bar = picture.bar_area().map(cut).transpose()?;
+        Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into() })
+    }
+}
+
+fn data(kind: &str, bytes: &[u8]) -> String {
+    format!("data:image/{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
+}
+
+impl Page {
+    /// The page as HTML.
+    pub fn html(&self) -> String {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+                    title { (self.title) }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    header { h1 { (self.title) } p.small { (self.subtitle) } }
+                    main {
+                        @for section in &self.sections {
+                            section { h2 { (section.title) } @for block in &section.blocks { (block.markup()) } }
+                        }
+                    }
+                }
+            }
+        };
+        page.into_string()
+    }
+}
+
+impl Block {
+    fn markup(&self) -> Markup {
+        match self {
+            Self::Text(text) => html! { p { (text) } },
+            Self::Lead { text, warning } => html! { p class=(if *warning { "lead warn" } else { "lead" }) { (text) } },
+            Self::Heading(text) => html! { h3 { (text) } },
+            Self::Facts(facts) => html! {
+                table { tbody { @for (name, value) in facts { tr { th scope="row" { (name) } td { (value) } } } } }
+            },
+            Self::Table { columns, rows } => html! {
+                table.wide {
+                    thead { tr { @for name in columns { th scope="col" { (name) } } } }
+                    tbody {
+                        @for row in rows {
+                            tr { @for (name, value) in columns.iter().zip(row) { td.n data-name=(name) { (value) } } }
+                        }
+                    }
+                }
+            },
+            Self::Matrix { names, rows } => html! {
+                table {
+                    thead { tr { th {} @for name in names { th scope="col" { (name) } } } }
+                    tbody {
+                        @for (name, row) in names.iter().zip(rows) {
+                            tr { th scope="row" { (name) } @for value in row { td.n { (value) } } }
+                        }
+                    }
+                }
+            },
+            Self::Curves(curves) => html! {
+                figure {
+                    picture {
+                        source media="(max-width: 640px)" srcset=(data("svg+xml", curves.narrow.as_bytes()));
+                        img src=(data("svg+xml", curves.wide.as_bytes())) alt=(curves.title);
+                    }
+                    figcaption { (curves.caption) }
+                }
+            },
+            Self::Map(map) => html! {
+                figure {
+                    img src=(data("jpeg", &map.picture)) alt=(map.caption);
+                    @if let Some(bar) = &map.bar {
+                        div.bar { span { (map.ends[0]) } img src=(data("jpeg", bar)) alt="colours from low to high"; span { (map.ends[1]) } }
+                    }
+                    figcaption { (map.caption) }
+                }
+            },
+            Self::Grid(blocks) => html! { div.grid { @for block in blocks { div { (block.markup()) } } } },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{Axis, Series, Style};
+
+    #[test]
+    fn what_users_write_is_text_and_nothing_is_fetched() {
+        let plot = Plot {
+            title: "<b>".into(),
+            x: Axis::linear("x"),
+            y: Axis::linear("y"),
+            series: vec![Series::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0])],
+            notes: vec![],
+        };
+        let blocks = vec![
+            Block::Text("<script>alert(1)</script> & \"x\"".into()),
+            Block::Table { columns: vec!["a\"b".into()], rows: vec![vec!["<i>".into()]] },
+            Block::Curves(Curves::new(&plot, "a < b").unwrap()),
+        ];
+        let page = Page {
+            title: "T<".into(),
+            subtitle: String::new(),
+            sections: vec![Section { title: "S&".into(), blocks }],
+        };
+        let html = page.html();
+        assert!(html.starts_with("<!DOCTYPE html>"));
+        assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;x&quot;"));
+        assert!(!html.contains("<script") && !html.contains("<i>") && !html.contains("data-name=\"a\"b\""));
+        // The name space of SVG stands within the encoded pictures alone.
+        for address in ["http:", "https:", "src=\"/", "url("] {
+            assert!(!html.contains(address), "{address}");
+        }
+    }
+}

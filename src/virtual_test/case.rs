@@ -1,0 +1,69 @@
+//! The case file of a virtual test.
+
+use super::{ALUMINIUM, ELEMENT_PX, PIXEL_MM, VirtualTest, zones_px};
+use crate::mechanics::cohesive::CohesiveLaw;
+
+impl VirtualTest {
+    /// A case file for `quadrille run`, as an experimenter would write it who knows nothing of the truth: it lies beside the folder
+    /// `images` with `000000.png` and the frames.
+    pub fn case_toml(&self) -> String {
+        let [upper, lower] = zones_px();
+        let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
+        let r = self.law.values()[3];
+        format!(
+            "# The virtual test. Run it with: quadrille run case.toml --output run\n\
+             \n\
+             [images]\n\
+             reference = \"images/000000.png\"\n\
+             deformed = \"images/*.png\"\n\
+             pixel_size_mm = {PIXEL_MM}\n\
+             \n\
+             [correlation]\n\
+             element_size_px = {ELEMENT_PX}\n\
+             \n\
+             [[zone]]                              # below the adhesive; px of the reference image, y down\n\
+             name = \"lower\"\n\
+             roi = {lower:?}\n\
+             \n\
+             [[zone]]\n\
+             name = \"upper\"\n\
+             roi = {upper:?}\n\
+             \n\
+             [interface]\n\
+             zones = [\"lower\", \"upper\"]            # thickness: the gap between their facing edges\n\
+             guard_px = 3                          # pixels beside the dark adhesive that are left out\n\
+             \n\
+             [boundary]\n\
+             remove_rigid_motion = \"none\"\n\
+             \n\
+             [substrate]\n\
+             model = \"ramberg-osgood\"\n\
+             plane = \"stress\"\n\
+             E_MPa = {e:?}\n\
+             nu = {nu:?}\n\
+             sigma_0_MPa = {sigma_0:?}\n\
+             alpha = {alpha:?}\n\
+             n = {n:?}\n\
+             \n\
+             [cohesive]\n\
+             model = \"extended-xu-needleman\"\n\
+             phi_n_N_per_mm = 1.5\n\
+             delta_n_mm = 0.0035\n\
+             delta_t_mm = 0.07\n\
+             r = {r:?}\n\
+             \n\
+             [measurement]\n\
+             nodes = \"free\"\n\
+             weights = \"covariance\"\n\
+             boundary = \"estimated\"\n\
+             \n\
+             [fit]\n\
+             parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
+             \n\
+             [fit.start]                           # N/mm, mm, mm\n\
+             phi_n = 1.5\n\
+             delta_n = 0.0035\n\
+             delta_t = 0.07\n",
+        )
+    }
+}

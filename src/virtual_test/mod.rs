@@ -1,0 +1,249 @@
+//! The virtual test: a bonded joint that is pulled apart in the computer, and photographed.
+//!
+//! A joint larger than the image is solved under remote mixed-mode opening, on a mesh twice as fine as that of an
+//! identification with elements of 16 px; the images are textures moved by the computed displacements. All that an
+//! experiment hides is known here: displacements, tractions, parameters. No image is interpolated.
+
+mod case;
+mod options;
+
+pub use options::{VirtualError, VirtualOptions};
+
+use crate::imaging::Image;
+use crate::mechanics::cohesive::ExtendedXuNeedleman;
+use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
+use crate::mechanics::{
+    BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution,
+};
+use crate::synth::{GridField, RenderOptions, Strips, SynthError, Texture, exact_at, render};
+use std::sync::Arc;
+
+/// Millimetres per pixel: 30.9 um over 16 px.
+pub const PIXEL_MM: f64 = 30.9e-3 / 16.0;
+/// Columns and rows of the images.
+pub const SIZE: [usize; 2] = [720, 448];
+/// Side of the identification's elements, px.
+pub const ELEMENT_PX: f64 = 16.0;
+/// Columns of elements in the region that is measured, and rows in each strip.
+pub const REGION: [usize; 2] = [39, 10];
+/// Thickness of the adhesive, px: 60 um, rounded so that its faces lie at a multiple of 1/32 px.
+pub const BAND_PX: f64 = 31.0625;
+/// Elements of the truth along the side of one of the identification's.
+const FINER: usize = 2;
+/// Left end of the computed joint, px; it lies whole elements from the region's.
+const LEFT_PX: f64 = -464.0;
+/// Columns and rows (of each strip) of the computed joint.
+const JOINT: [usize; 2] = [168, 31];
+/// Left end of the region, px.
+const REGION_LEFT_PX: f64 = 48.0;
+/// Young's modulus (MPa), Poisson's ratio, sigma_0 (MPa), alpha, n of the strips: 2024-T3 (Fedele et al. 2009).
+pub const ALUMINIUM: [f64; 5] = [72_000.0, 0.33, 180.0, 0.06, 7.0];
+
+/// How the grips move over the test, lengths in mm. The remote edges open by
+/// `theta lambda [ln(1 + e^s) - dip exp(-(s + 2)^2/2)]`, `s = (x - a)/lambda`: closed, and pressed together a little, ahead
+/// of `a`; turned against each other by `theta` behind it. They slide by `slide` and drift together.
+mod remote {
+    /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant.
+    pub const THETA: [f64; 2] = [0.028, 0.036];
+    /// Place of `a` along the image, px.
+    pub const FRONT_PX: [f64; 2] = [330.0, -10.0];
+    pub const LAMBDA_PX: f64 = 64.0;
+    pub const DIP: f64 = 0.6;
+    pub const SLIDE_MM: [f64; 2] = [0.006, 0.036];
+    /// Of the last instant, px.
+    pub const DRIFT_PX: [f64; 2] = [1.7, 2.6];
+}
+
+/// A test that was computed and can be photographed.
+#[derive(Debug)]
+pub struct VirtualTest {
+    options: VirtualOptions,
+    law: ExtendedXuNeedleman,
+    model: Model,
+    solution: Solution,
+    texture: Texture,
+}
+
+impl VirtualTest {
+    /// Computes the test.
+    ///
+    /// # Errors
+    /// Options that mean nothing, and a law under which some instant has no solution.
+    pub fn new(options: VirtualOptions) -> Result<Self, VirtualError> {
+        options.check()?;
+        let texture = Texture::new(options.seed, options.speckle_px)?;
+        let [phi_n, delta_n, delta_t, r] = options.law;
+        let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?;
+        let mesh = joint_mesh()?;
+        let boundary = remote_boundary(&mesh, options.instants);
+        let aluminium: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress)?);
+        let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
+        let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
+        let solution = model.forward(&law, &boundary, &ForwardOptions::default())?;
+        if let Some(at) = solution.instants.iter().position(|instant| !instant.status.converged()) {
+            return Err(VirtualError::NoSolution { instant: at + 1 });
+        }
+        Ok(Self { options, law, model, solution, texture })
+    }
+
+    /// What it was made with.
+    pub fn options(&self) -> &VirtualOptions {
+        &self.options
+    }
+
+    /// The true law of the adhesive.
+    pub fn law(&self) -> &ExtendedXuNeedleman {
+        &self.law
+    }
+
+    /// The computed joint: mm, x to the right from the centre of the top-left pixel, y up from there.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The true displacements of all nodes of the joint.
+    pub fn solution(&self) -> &Solution {
+        &self.solution
+    }
+
+    /// The motion of frame `k` in the image: 0 is the reference, at rest.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn motion(&self, k: usize) -> Strips {
+        let [columns, rows] = JOINT;
+        let step = ELEMENT_PX / FINER as f64;
+        let per_strip = (columns + 1) * (rows + 1);
+        let strip = |first_node: usize, top: f64| {
+            let of = |row: usize, column: usize| match k.checked_sub(1) {
+                None => [0.0; 2],
+                Some(instant) => {
+                    // Rows of the mesh are counted from the bottom, those of the image from the top.
+                    let node = first_node + (rows - row) * (columns + 1) + column;
+                    let [x, y] = self.solution.instants[instant].displacement[node];
+                    [x / PIXEL_MM, -y / PIXEL_MM]
+                }
+            };
+            let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
+            let displacement = nodes.map(|(row, column)| of(row, column)).collect();
+            GridField::new([LEFT_PX, top], step, JOINT, displacement).expect("a grid with all its nodes")
+        };
+        let [upper_face, lower_face] = faces_px();
+        Strips::new(strip(per_strip, upper_face - step * rows as f64), strip(0, lower_face))
+    }
+
+    /// The image of frame `k`; 0 is the reference.
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn image(&self, k: usize) -> Result<Image, SynthError> {
+        let VirtualOptions { depth, noise_grey, seed, .. } = self.options;
+        let options =
+            RenderOptions { depth, noise: noise_grey, seed, frame: k as u64, ..RenderOptions::new(SIZE[0], SIZE[1]) };
+        render(&self.texture, &self.motion(k), &options)
+    }
+
+    /// The true displacement (px, y down) of `points` of the reference image in frame `k`.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn exact_at(&self, k: usize, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        exact_at(&self.motion(k), points)
+    }
+
+    /// The region that is measured, cut out of the computed joint (with its fine elements), and the node of the joint that each of its
+    /// nodes is.
+    pub fn region(&self) -> (JointMesh, Vec<u32>) {
+        let mesh = self.model.mesh();
+        let [upper, lower] =
+            zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
+        let inside = |element: usize| {
+            let corners = mesh.elements()[element].map(|node| mesh.nodes()[node as usize]);
+            let centre = [0, 1].map(|k| corners.iter().map(|at| at[k]).sum::<f64>() / 4.0);
+            [upper, lower]
+                .iter()
+                .any(|[x0, y0, x1, y1]| *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1)
+        };
+        mesh.part(inside).expect("the region is a joint")
+    }
+
+    /// The largest rotation (rad) of a strip over the test: that of the rigid motion of either strip of the computed joint.
+    pub fn largest_rotation(&self) -> f64 {
+        let mesh = self.model.mesh();
+        let of = |u: &Vec<[f64; 2]>, strip: u32| {
+            let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] == strip);
+            let pairs = nodes().map(|node| (mesh.nodes()[node], u[node]));
+            crate::field::RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
+        };
+        let fields = self.solution.instants.iter().map(|instant| &instant.displacement);
+        fields.flat_map(|u| [of(u, 0), of(u, 1)]).fold(0.0, f64::max)
+    }
+}
+
+/// Rows of the faces of the adhesive in the reference image: of the strip above, of the strip below, px.
+pub fn faces_px() -> [f64; 2] {
+    let middle = 0.5 * (SIZE[1] as f64 - 1.0);
+    [middle - 0.5 * BAND_PX, middle + 0.5 * BAND_PX]
+}
+
+/// The rectangles x0, y0, x1, y1 (px) of the zones above and below the band.
+pub fn zones_px() -> [[f64; 4]; 2] {
+    let [upper, lower] = faces_px();
+    let [width, height] = REGION.map(|n| n as f64 * ELEMENT_PX);
+    let (x0, x1) = (REGION_LEFT_PX, REGION_LEFT_PX + width);
+    [[x0, upper - height, x1, upper], [x0, lower, x1, lower + height]]
+}
+
+/// The computed joint. Its node numbers are those of [`JointMesh::rectangular`]; positions are px times the pixel size, so that
+/// nodes of a measurement that lie at the same pixels are at the same place to the last bits.
+fn joint_mesh() -> Result<JointMesh, MeshFault> {
+    let [columns, rows] = JOINT;
+    let step = ELEMENT_PX / FINER as f64;
+    let plain = JointMesh::rectangular(columns, rows, step * PIXEL_MM, BAND_PX * PIXEL_MM)?;
+    let [upper, lower] = faces_px();
+    let strip = |bottom: f64| {
+        (0..=rows).flat_map(move |j| {
+            let y = -((bottom - step * j as f64) * PIXEL_MM);
+            (0..=columns).map(move |i| [(LEFT_PX + step * i as f64) * PIXEL_MM, y])
+        })
+    };
+    JointMesh::new(JointParts {
+        nodes: strip(lower + step * rows as f64).chain(strip(upper)).collect(),
+        elements: plain.elements().to_vec(),
+        interfaces: plain.interfaces().to_vec(),
+        groups: plain.groups().to_vec(),
+        element_group: plain.element_group().to_vec(),
+        ..JointParts::default()
+    })
+}
+
+/// What the grips do to the outermost rows of the joint.
+fn remote_boundary(mesh: &JointMesh, n_instants: usize) -> BoundaryHistory {
+    let [columns, rows] = JOINT;
+    let per_row = columns as u32 + 1;
+    let top_row = per_row * (2 * rows as u32 + 1);
+    let nodes: Vec<u32> = (0..per_row).chain(top_row..top_row + per_row).collect();
+    let instants = (1..=n_instants)
+        .map(|instant| {
+            let share = instant as f64 / n_instants as f64;
+            let begin = (instant as f64 - 1.0) / (n_instants as f64 - 1.0).max(1.0);
+            let between = |[first, last]: [f64; 2]| first + begin * (last - first);
+            let lambda = remote::LAMBDA_PX * PIXEL_MM;
+            let (theta, front) = (between(remote::THETA), between(remote::FRONT_PX) * PIXEL_MM);
+            let slide = between(remote::SLIDE_MM);
+            let [drift_x, drift_y] = remote::DRIFT_PX.map(|px| share * px * PIXEL_MM);
+            let of = |&node: &u32| {
+                let s = (mesh.nodes()[node as usize][0] - front) / lambda;
+                let closed = remote::DIP * (-0.5 * (s + 2.0).powi(2)).exp();
+                let opening = theta * lambda * (s.max(0.0) + (-s.abs()).exp().ln_1p() - closed);
+                let side = if node >= top_row { 0.5 } else { -0.5 };
+                [drift_x + side * slide, drift_y + side * opening]
+            };
+            nodes.iter().map(of).collect()
+        })
+        .collect();
+    BoundaryHistory::new(nodes, instants).expect("finite displacements of nodes that differ")
+}
