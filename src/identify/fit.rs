@@ -153,9 +153,9 @@ const REWEIGHTINGS: usize = 4;
 const SAME: f64 = 1e-8;
 /// Linearisations when the boundary is estimated.
 const BOUNDARY_STEPS: usize = 30;
-/// Scaled step at which parameters with an estimated boundary have converged: a thousandth of any uncertainty. The kink of
-/// the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
-const BOUNDARY_TOLERANCE: f64 = 1e-6;
+/// Share of its standard uncertainty below which the step of every parameter has to be with an estimated boundary. The kink
+/// of the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
+const BOUNDARY_SHARE: f64 = 2e-3;
 /// Steps that the extrapolation of the boundary's iteration looks back on.
 const LOOK_BACK: usize = 4;
 
