@@ -153,9 +153,9 @@ const REWEIGHTINGS: usize = 4;
 const SAME: f64 = 1e-8;
 /// Linearisations when the boundary is estimated.
 const BOUNDARY_STEPS: usize = 60;
-/// Scaled step at which parameters with an estimated boundary have converged: a thousandth of any uncertainty. The kink of
-/// the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
-const BOUNDARY_TOLERANCE: f64 = 1e-6;
+/// Share of its standard uncertainty below which the step of every parameter has to be with an estimated boundary. The kink
+/// of the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
+const BOUNDARY_SHARE: f64 = 2e-3;
 /// Steps that the extrapolation of the boundary's iteration looks back on.
 const LOOK_BACK: usize = 4;
 
@@ -384,7 +384,7 @@ fn estimate_boundary(
         }
         joint.measured.boundary(values)
     };
-    let mut last_step = f64::INFINITY;
+    let mut last_share = f64::INFINITY;
     let unit = problem.noise.sigma.unwrap_or(1e-4);
     let mut mixing = Mixing::default();
     for step in 0..BOUNDARY_STEPS {
@@ -398,7 +398,6 @@ fn estimate_boundary(
         let above: Vec<f64> = upper.iter().zip(&stage.z).map(|(u, z)| (u - z).max(0.0)).collect();
         let region = StepRegion { lower: &below, upper: &above, radius: options.region.max_radius };
         let Some(s) = cone_step(&local.h, &local.b, &region) else { return Err(FitError::NotFinite) };
-        let size = s.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
         stage.history.push(Iteration {
             z: stage.z.clone(),
             omega: Some(local.omega),
@@ -418,9 +417,11 @@ fn estimate_boundary(
         let more = inverse.boundary_corrections(&problem.noise.precision, &rest);
         let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
         // The first step moves the boundary alone: with it as measured the parameters are already the best.
-        if step > 0 && size < BOUNDARY_TOLERANCE {
-            stage.reason =
-                format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
+        // While sigma is not known, `h` lacks its square.
+        let missing = if problem.noise.sigma.is_some() { 1.0 } else { unit };
+        let share = share_of_std(&local.h, &s).map_or(f64::INFINITY, |share| share / missing);
+        if step > 0 && share < BOUNDARY_SHARE {
+            stage.reason = format!("the step is {share:.1e} of the uncertainty, boundary displacements estimated");
             return Ok((boundary, largest(&corrections)));
         }
         // Parameters in hundredths, displacements in the unit of their noise.
@@ -431,12 +432,20 @@ fn estimate_boundary(
         stage.z = (0..s.len()).map(|k| (0.01 * next[k]).clamp(lower[k], upper[k])).collect();
         let mut rest = next[s.len()..].iter();
         corrections.iter_mut().flatten().zip(&mut rest).for_each(|(d, next)| *d = unit * next);
-        last_step = size;
+        last_share = share;
     }
     stage.status = FitStatus::EvaluationLimit;
-    stage.reason = format!("with estimated boundary displacements the last scaled step was {last_step:.1e}");
+    stage.reason =
+        format!("with estimated boundary displacements the last step was still {last_share:.1e} of the uncertainty");
     let largest = corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
     Ok((boundary_of(&corrections).map_err(FitError::Boundary)?, largest))
+}
+
+/// The largest component of the step `s` as a share of the standard uncertainty that the normal matrix `h` stands for.
+fn share_of_std(h: &Dense, s: &[f64]) -> Option<f64> {
+    let covariance = h.cholesky().ok()?.solve(&Dense::from_fn(s.len(), s.len(), |r, c| f64::from(u8::from(r == c))));
+    let share = |k: usize| s[k].abs() / covariance[(k, k)].sqrt();
+    Some((0..s.len()).map(share).fold(0.0, f64::max))
 }
 
 /// Extrapolation of a fixed-point iteration that swings to and fro (Anderson 1965): the combination of the last points whose
