@@ -400,11 +400,6 @@ fn estimate_boundary(
             rescued: evaluation.rescued,
         });
         stage.rescued += usize::from(evaluation.rescued);
-        if size < options.region.step_tolerance {
-            stage.reason = format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
-            let largest = corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
-            return Ok((boundary, largest));
-        }
         // The rest after the step: what the corrections of the boundary have to explain.
         let rest: Vec<Dense> = (evaluation.blocks.iter())
             .map(|block| {
@@ -413,13 +408,17 @@ fn estimate_boundary(
             })
             .collect();
         let more = inverse.boundary_corrections(&problem.noise.precision, &rest);
+        let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+        let moved = largest(&more);
+        // The first step moves the boundary alone: with it as measured the parameters are already the best.
+        if step > 0 && size < options.region.step_tolerance && moved <= SAME * largest(&corrections) {
+            stage.reason = format!("the scaled step {size:.1e} is below its tolerance, boundary displacements estimated");
+            return Ok((boundary, largest(&corrections)));
+        }
         for (sum, more) in corrections.iter_mut().zip(more) {
             sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         }
         stage.z = (0..s.len()).map(|k| (stage.z[k] + s[k]).clamp(lower[k], upper[k])).collect();
-        if step > 4 && size > last_step {
-            break;
-        }
         last_step = size;
     }
     stage.status = FitStatus::EvaluationLimit;
