@@ -10,7 +10,7 @@ help: ## List what make can do (the default)
 build: ## Build target/release/quadrille
 	$(CARGO) build --release --locked
 
-demo: ## Make, correlate and check a 20-image example; results in out/demo
+demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
 	$(CARGO) run --release --locked -- demo --output out/demo
 
 test: ## Install what tests need where it may, then run every test

@@ -98,7 +98,8 @@ fn input(fields: &[Vec<[f64; 2]>], measurement: &str, fit: &str, noisy_border: b
     let base = mechanics_common::reference_folder()?.join("virtual_r4").canonicalize().unwrap();
     let folder = tempfile::tempdir().unwrap();
     write_fields(folder.path(), fields);
-    let border = if noisy_border { "border.csv".to_owned() } else { format!("{}/boundary_displacements.csv", base.display()) };
+    let border =
+        if noisy_border { "border.csv".to_owned() } else { format!("{}/boundary_displacements.csv", base.display()) };
     if noisy_border {
         let (mesh, boundary) = virtual_r4().unwrap();
         let mut text = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();

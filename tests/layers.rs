@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 18] = [
+const RANKS: [(&str, u8); 19] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -21,6 +21,7 @@ const RANKS: [(&str, u8); 18] = [
     ("mechanics", 5),
     ("metrology", 6),
     ("virtual_test", 6),
+    ("paper", 7),
     ("report", 7),
     ("cli", 8),
 ];
@@ -324,7 +325,8 @@ fn every_module_names_modules_of_lower_rank_and_every_crate_stays_at_home() {
 fn every_heavy_crate_is_seen_where_it_lives() {
     // Otherwise the rule above would hold because the eyes are shut.
     let sources = source_tree();
-    for home in &HOMES {
+    // naga is at home in tests alone.
+    for home in HOMES.iter().filter(|home| !home.places.is_empty()) {
         let there = |source: &&Source| home.places.iter().any(|place| source.path.starts_with(place));
         let named = |source: &Source| (0..source.tokens.len()).any(|at| (home.named_by)(source, at));
         assert!(sources.iter().filter(there).any(named), "{} is not seen in {:?}", home.what, home.places);

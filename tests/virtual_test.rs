@@ -63,9 +63,9 @@ fn the_crack_runs_from_right_to_left_through_the_region_with_compression_ahead()
     let [x0, _, x1, _] = zones_px()[0];
     assert!(fronts[0] > x1, "it comes in from the right: {fronts:?}");
     assert!(*fronts.last().unwrap() < 0.5 * (x0 + x1), "it has passed the middle: {fronts:?}");
-    // While it runs some place of the region softens or has opened, and another, further left, is compressed.
+    // At first some place of the region softens or has opened and another, further left, is compressed; later the compressed zone is left of the region.
     let peak = test.law().peak().normal;
-    for instant in 1..=7 {
+    for instant in 1..=5 {
         let t = normal_tractions(instant);
         let most = t.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let least = t.iter().copied().fold(f64::INFINITY, f64::min);
@@ -101,8 +101,8 @@ fn the_motion_of_a_node_is_its_computed_displacement_with_y_turned_down() {
 #[test]
 fn the_region_is_cut_where_the_zones_lie() {
     let (region, of) = test().region();
-    // Twice as fine as 39 x 7 elements of 16 px in each strip.
-    assert_eq!((region.elements().len(), region.interfaces().len()), (2 * 78 * 14, 78));
+    // Twice as fine as 39 x 10 elements of 16 px in each strip.
+    assert_eq!((region.elements().len(), region.interfaces().len()), (2 * 78 * 20, 78));
     assert!((region.element_size() / PIXEL_MM - 0.5 * ELEMENT_PX).abs() < 1e-9);
     assert!((region.gap() / PIXEL_MM - (faces_px()[1] - faces_px()[0])).abs() < 1e-9);
     let mesh = test().model().mesh();
@@ -123,7 +123,7 @@ fn the_band_is_dark_and_the_strips_are_not() {
     // The dark grey level is 12 of 255, the texture's mean 120.
     assert!((mean(&reference, band[0], band[1]) - 12.0).abs() < 0.5);
     for image in [&reference, &image] {
-        assert!((mean(image, 0, 140) - 120.0).abs() < 10.0 && (mean(image, 215, 352) - 120.0).abs() < 10.0);
+        assert!((mean(image, 0, 180) - 120.0).abs() < 10.0 && (mean(image, 270, 448) - 120.0).abs() < 10.0);
     }
 }
 
@@ -160,7 +160,8 @@ fn the_command_writes_images_truth_and_a_case_and_seeds_change_the_images_alone(
     // 16 bit without noise: 257 times the grey level, rounded later.
     let image = |folder: &Path| read_image(&folder.join("images/000019.png"), 0).unwrap().image;
     assert_eq!(image(&two).pixels().depth().to_string(), "16 bit");
-    let want = VirtualTest::new(VirtualOptions { seed: 2, noise_grey: 0.0, depth: Depth::U16, ..VirtualOptions::default() });
+    let want =
+        VirtualTest::new(VirtualOptions { seed: 2, noise_grey: 0.0, depth: Depth::U16, ..VirtualOptions::default() });
     let want = want.unwrap().image(19).unwrap();
     assert_eq!(want.pixels(), image(&two).pixels());
     // The same command gives the same bits for any number of threads.

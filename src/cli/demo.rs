@@ -70,7 +70,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     // The demo owns its folder: running it again replaces what it made.
     let folder = RunFolder::open(&args.output, true)?;
     let options = VirtualOptions { seed: args.seed, ..VirtualOptions::default() };
-    eprintln!("the virtual test: a bonded joint is pulled apart in the computer and photographed {} times", options.instants + 1);
+    eprintln!(
+        "the virtual test: a bonded joint is pulled apart in the computer and photographed {} times",
+        options.instants + 1
+    );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let test = virtual_test::make(options, &test_folder, &pool(args.threads)?)?;
     let outcome = run::of_case(&RunArgs {
@@ -193,9 +196,8 @@ fn print(demo: &Demo, output: &Path) {
     for (name, found) in &demo.parameters {
         // Lengths in um, as people speak of them.
         let (scale, unit) = if found.unit == "mm" { (1e3, "um") } else { (1.0, found.unit) };
-        let interval = found.interval95.map_or("-".to_owned(), |[low, high]| {
-            format!("{:.4} to {:.4}", scale * low, scale * high)
-        });
+        let interval =
+            found.interval95.map_or("-".to_owned(), |[low, high]| format!("{:.4} to {:.4}", scale * low, scale * high));
         println!(
             "{name:9} {:9.4} {unit:5}   {interval:24}  {:9.4} {unit:5}  {:+.2} %",
             scale * found.identified,

@@ -108,16 +108,22 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let case = Case::new(&joint, &input, &args.case)?;
     let (index, values) = match (&case.sweep, args.values.as_slice()) {
         (Some((index, values)), []) => (*index, values.clone()),
-        (None, []) => return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into()),
+        (None, []) => {
+            return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into());
+        }
         (_, given) => {
             let parameters = case.problem.unknowns.law().parameters();
             let name = &args.parameter;
             let Some(index) = parameters.iter().position(|p| p.name == name) else {
                 let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
-                return Err(format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into());
+                return Err(
+                    format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into()
+                );
             };
             if case.problem.unknowns.list().iter().any(|unknown| unknown.index == index) {
-                return Err(format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into());
+                return Err(
+                    format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into()
+                );
             }
             (index, given.to_vec())
         }
@@ -130,14 +136,17 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let seconds = begin.elapsed().as_secs_f64();
     let name = case.problem.unknowns.law().parameters()[index].name;
     let json: Vec<SweepJson> = rows.iter().map(SweepJson::of).collect();
-    folder.write_json("sweep.json", &serde_json::json!({
-        "quadrille": env!("CARGO_PKG_VERSION"),
-        "case": super::absolute(&args.case),
-        "parameter": name,
-        "seconds": seconds,
-        "about": case.about,
-        "rows": json,
-    }))?;
+    folder.write_json(
+        "sweep.json",
+        &serde_json::json!({
+            "quadrille": env!("CARGO_PKG_VERSION"),
+            "case": super::absolute(&args.case),
+            "parameter": name,
+            "seconds": seconds,
+            "about": case.about,
+            "rows": json,
+        }),
+    )?;
     folder.write("sweep.csv", |out| write_sweep(out, name, &rows))?;
     draw_sweep(&folder, name, &rows)?;
     let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
@@ -146,7 +155,13 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
         for row in &rows {
             let of = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
             let values: Vec<String> = row.fit.parameters.iter().map(of).collect();
-            eprintln!("{name} = {}: {}, omega = {:.6e} ({})", row.value, values.join(", "), row.fit.omega, row.fit.status.name());
+            eprintln!(
+                "{name} = {}: {}, omega = {:.6e} ({})",
+                row.value,
+                values.join(", "),
+                row.fit.omega,
+                row.fit.status.name()
+            );
         }
         let total = plural(rows.len(), "fit");
         eprintln!("{converged} of {total} converged in {seconds:.3} s, results in {}", args.output.display());

@@ -7,8 +7,8 @@ use super::progress::Talk;
 use super::run_folder::RunFolder;
 use super::{Outcome, Result, identify, plural, pool, simulate};
 use crate::field::{Measurement, Status};
-use crate::io::images::sha256;
 use crate::identify::{Case, fit};
+use crate::io::images::sha256;
 use crate::io::joint::{JointInput, read_joint, read_table};
 use crate::io::run_case::{RunCase, read_run_case};
 use crate::io::series::Frame;
@@ -61,9 +61,11 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
 
     let plan = Plan::of(&correlate_args(args, &correlation)?, &case.correlation)?;
     let inputs = inputs_of(&plan)?;
-    let complete = || Store::open(&correlation).is_ok_and(|store| {
-        (1..=store.n_frames()).all(|number| store.status(number).is_ok_and(|status| status.is_some()))
-    });
+    let complete = || {
+        Store::open(&correlation).is_ok_and(|store| {
+            (1..=store.n_frames()).all(|number| store.status(number).is_ok_and(|status| status.is_some()))
+        })
+    };
     if steps.done("correlation", &inputs) && complete() {
         say("correlation: done before with the same images and options, taken from there");
     } else {
@@ -77,7 +79,8 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
 
     let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), true);
     let text = if case.has_fit() { text } else { case.joint_case(&format!("{CORRELATION}/{STORE}"), false) };
-    let (name, step) = if case.has_fit() { ("identify.toml", "identification") } else { ("simulate.toml", "simulation") };
+    let (name, step) =
+        if case.has_fit() { ("identify.toml", "identification") } else { ("simulate.toml", "simulation") };
     let joint_case = args.output.join(name);
     let inputs = sha256(format!("{}\n{inputs}\n{text}", env!("CARGO_PKG_VERSION")).as_bytes());
     let result = args.output.join(if case.has_fit() { FIT } else { "solution.csv" });
@@ -86,7 +89,8 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
         steps.outcome(step)
     } else {
         steps.forget(step)?;
-        fs::write(&joint_case, &text).map_err(|error| format!("{}: cannot be written: {error}", joint_case.display()))?;
+        fs::write(&joint_case, &text)
+            .map_err(|error| format!("{}: cannot be written: {error}", joint_case.display()))?;
         let begin = Instant::now();
         let outcome = mechanics(args, &joint_case, case.has_fit())?;
         steps.note_with(step, &inputs, begin, outcome)?;
@@ -110,7 +114,13 @@ fn mechanics(args: &RunArgs, case: &Path, has_fit: bool) -> Result<Outcome> {
     let _ = fs::remove_file(&effect);
     if !has_fit {
         let (output, case) = (args.output.clone(), case.to_owned());
-        return simulate::run(&SimulateArgs { case, output, overwrite: true, threads: args.threads, quiet: args.quiet });
+        return simulate::run(&SimulateArgs {
+            case,
+            output,
+            overwrite: true,
+            threads: args.threads,
+            quiet: args.quiet,
+        });
     }
     let input = read_joint(case)?;
     let pool = pool(args.threads)?;
@@ -121,10 +131,13 @@ fn mechanics(args: &RunArgs, case: &Path, has_fit: bool) -> Result<Outcome> {
     let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(&name, entry)| (name, entry.value)).collect();
     let other = pool.install(|| with_other_rigid_motion(&input, case, &values));
     let json = match other {
-        Ok((removed, other)) => json!({ "other_choice": if removed { "overall" } else { "none" }, "parameters": other }),
+        Ok((removed, other)) => {
+            json!({ "other_choice": if removed { "overall" } else { "none" }, "parameters": other })
+        }
         Err(error) => json!({ "failed": super::chain(error.as_ref()) }),
     };
-    fs::write(&effect, format!("{json:#}\n")).map_err(|error| format!("{}: cannot be written: {error}", effect.display()))?;
+    fs::write(&effect, format!("{json:#}\n"))
+        .map_err(|error| format!("{}: cannot be written: {error}", effect.display()))?;
     Ok(outcome)
 }
 
@@ -151,11 +164,13 @@ fn with_other_rigid_motion(
 }
 
 /// Flags of the correlation that a run has too; all others have the values of the case file.
-fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateArgs> {
+pub(super) fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateArgs> {
     let flags = ["quadrille", "correlate", "--output"].map(std::ffi::OsString::from);
     let flags = flags.into_iter().chain([output.as_os_str().to_owned()]);
     match Cli::try_parse_from(flags)?.command {
-        Command::Correlate(parsed) => Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..parsed }),
+        Command::Correlate(parsed) => {
+            Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..parsed })
+        }
         _ => Err("the flags of a run are not those of a correlation: this is a bug in quadrille".into()),
     }
 }
@@ -212,7 +227,8 @@ impl Steps {
 
     fn write(&self) -> Result<()> {
         let text = format!("{:#}\n", Value::Object(self.done.clone()));
-        Ok(fs::write(&self.path, text).map_err(|error| format!("{}: cannot be written: {error}", self.path.display()))?)
+        Ok(fs::write(&self.path, text)
+            .map_err(|error| format!("{}: cannot be written: {error}", self.path.display()))?)
     }
 
     fn done(&self, step: &str, inputs: &str) -> bool {
@@ -281,7 +297,8 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
         let inputs = entry["inputs"].as_str().unwrap_or("");
         provenance.push((format!("step {step}"), format!("{seconds:.2} s; inputs {inputs}")));
     }
-    let short = |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |name| name.to_string_lossy().into_owned());
+    let short =
+        |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |name| name.to_string_lossy().into_owned());
     let hashes = header.reference.iter().zip(&header.reference_sha256).map(|(file, hash)| (short(file), hash.clone()));
     provenance.extend(hashes);
     for number in 1..=store.n_frames() {

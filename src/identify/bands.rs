@@ -126,14 +126,7 @@ fn squares(a: &Dense, b: &Dense) -> Vec<f64> {
 
 /// Variance of `g^T dz + h^T d_i` when the boundary was estimated with the parameters: `d_i` then follows `z`, and what is
 /// left is the uncertainty of the boundary given the parameters, with that of the common error.
-fn joint_variance(
-    problem: &Problem<'_>,
-    fit: &Fit,
-    i: usize,
-    g: &Dense,
-    h: &Dense,
-    of_parameters: &Dense,
-) -> Vec<f64> {
+fn joint_variance(problem: &Problem<'_>, fit: &Fit, i: usize, g: &Dense, h: &Dense, of_parameters: &Dense) -> Vec<f64> {
     let Some(statistics) = &fit.statistics else { return Vec::new() };
     let noise = &*problem.noise;
     let sigma2 = statistics.sigma * statistics.sigma;

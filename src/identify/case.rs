@@ -141,7 +141,10 @@ impl<'a> Case<'a> {
             [(name, values)] => {
                 let at = index("sweep", name)?;
                 if unknowns.list().iter().any(|unknown| unknown.index == at) {
-                    return Err(wrong("fit", format!("sweep: {name} is fitted; take it out of parameters to prescribe it")));
+                    return Err(wrong(
+                        "fit",
+                        format!("sweep: {name} is fitted; take it out of parameters to prescribe it"),
+                    ));
                 }
                 if values.is_empty() {
                     return Err(wrong("fit", format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]")));
@@ -190,7 +193,10 @@ fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
                 return Err(wrong("fit", what));
             }
             if !table.parameters.contains(name) {
-                return Err(wrong("fit", format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]")));
+                return Err(wrong(
+                    "fit",
+                    format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]"),
+                ));
             }
             if value.is_nan() || (key == "start" && value.is_infinite()) {
                 return Err(wrong("fit", format!("{key}: {name} = {value} is no finite number")));
@@ -339,7 +345,11 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<St
             let missing: Vec<String> =
                 (1..=n_instants).filter(|k| !instants.contains_key(k)).map(|k| k.to_string()).collect();
             if !missing.is_empty() {
-                doubts.push(format!("instants {} are not in {}: they are computed and not compared", missing.join(", "), path.display()));
+                doubts.push(format!(
+                    "instants {} are not in {}: they are computed and not compared",
+                    missing.join(", "),
+                    path.display()
+                ));
             }
             Fields { path, instants: list }
         }
@@ -385,7 +395,10 @@ fn observation(
         },
         Some(CaseNodes::Word(word)) if word == "free" => (0..n_nodes as u32).collect(),
         Some(CaseNodes::Word(word)) if word == "selected" => selected.cloned().ok_or_else(|| {
-            wrong("measurement", "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers")
+            wrong(
+                "measurement",
+                "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers",
+            )
         })?,
         Some(CaseNodes::Word(word)) => {
             let what = format!("nodes = \"{word}\"; give \"selected\", \"free\" or a list of numbers");
@@ -394,7 +407,10 @@ fn observation(
         Some(CaseNodes::List(list)) => list.clone(),
     };
     if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
-        return Err(wrong("measurement", format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0")));
+        return Err(wrong(
+            "measurement",
+            format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"),
+        ));
     }
     chosen.sort_unstable();
     chosen.dedup();
@@ -414,7 +430,9 @@ fn observation(
         }
     }
     if chosen.is_empty() {
-        return Err(FitError::NoData { what: "no node is left to compare; choose others with [measurement] nodes".into() });
+        return Err(FitError::NoData {
+            what: "no node is left to compare; choose others with [measurement] nodes".into(),
+        });
     }
     let mut compared = vec![false; n_nodes];
     chosen.iter().for_each(|&node| compared[node as usize] = true);
@@ -422,7 +440,8 @@ fn observation(
         (0..n_nodes as u32).filter(|&k| compared[k as usize] || noisy_boundary && is_prescribed[k as usize]).collect();
     let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let given = prescribed_as_measured(joint);
-    let of_border: HashMap<u32, usize> = joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let of_border: HashMap<u32, usize> =
+        joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let factors = measurement.instant_weights.as_deref().unwrap_or_default();
     if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
         return Err(wrong("measurement", format!("instant_weights holds {factor}; give finite numbers, zero or more")));
@@ -552,7 +571,8 @@ fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
     let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
     let of = |corners: &[u32; 4]| -> ElementMatrix {
         let at = corners.map(|node| nodes[node as usize]);
-        let area: f64 = 0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
+        let area: f64 =
+            0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
         let mut full = Dense::zeros(8, 8);
         for point in points {
             let psi = crate::mesh::shape_functions(0.5 + 0.5 * point[0], 0.5 + 0.5 * point[1]);

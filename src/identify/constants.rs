@@ -88,8 +88,7 @@ impl Problem<'_> {
                     let moved = [h, -h].map(|h| -> Result<_, ModelError> {
                         let model = &self.joint.model;
                         let Some(mesh) = thicker(model.mesh(), h) else { return Ok(None) };
-                        let model =
-                            Model::new(mesh, model.materials().to_vec(), model.prescribed(), *model.options())?;
+                        let model = Model::new(mesh, model.materials().to_vec(), model.prescribed(), *model.options())?;
                         model.forward(&*law, boundary, &ForwardOptions::default()).map(Some)
                     });
                     let [Some(more), Some(less)] = [moved[0].clone()?, moved[1].clone()?] else { continue };
@@ -97,9 +96,8 @@ impl Problem<'_> {
                         continue;
                     }
                     self.shift(statistics, |instant, node, c| {
-                        let at = |solution: &crate::mechanics::Solution| {
-                            solution.instants[instant].displacement[node][c]
-                        };
+                        let at =
+                            |solution: &crate::mechanics::Solution| solution.instants[instant].displacement[node][c];
                         (at(&more) - at(&less)) / (2.0 * h)
                     })
                 }

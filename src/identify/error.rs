@@ -66,7 +66,9 @@ pub enum FitError {
         what: String,
     },
     /// Fewer numbers than parameters.
-    #[error("{n_data} measured numbers cannot determine {n_parameters} parameters; measure more nodes or instants, or fit fewer")]
+    #[error(
+        "{n_data} measured numbers cannot determine {n_parameters} parameters; measure more nodes or instants, or fit fewer"
+    )]
     FewData {
         /// Numbers compared.
         n_data: usize,

@@ -403,7 +403,8 @@ fn estimate_boundary(
         // The rest after the step: what the corrections of the boundary have to explain.
         let rest: Vec<Dense> = (evaluation.blocks.iter())
             .map(|block| {
-                let left = |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
+                let left =
+                    |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
                 Dense::from_fn(block.n_rows(), 1, left)
             })
             .collect();
@@ -460,8 +461,7 @@ fn with_uncertainty(unknowns: &Unknowns, x: &[f64], covariance: Option<&Dense>) 
         let covariance = covariance?;
         let slope = |k: usize| slopes[k].get(q).copied().unwrap_or(0.0);
         let n = x.len();
-        let variance: f64 =
-            (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
+        let variance: f64 = (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
         Some(variance.max(0.0).sqrt())
     };
     at(x).into_iter().enumerate().map(|(q, quantity)| FittedQuantity { quantity, std: std(q) }).collect()

@@ -82,7 +82,8 @@ impl Statistics {
         };
         let spread = problem.spread(&v);
         let covariance = a.times(&spread).times(&a);
-        let taken: f64 = (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
+        let taken: f64 =
+            (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
         let left = (unit - taken).max(f64::MIN_POSITIVE);
         let sigma2 = noise.sigma.map_or(local.omega / left, |sigma| sigma * sigma);
         let mut covariance = covariance;

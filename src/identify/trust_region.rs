@@ -158,7 +158,8 @@ pub fn minimise(
             radius = 0.25 * length(&step);
             continue;
         };
-        let curved: f64 = (0..z.len()).map(|r| step[r] * (0..z.len()).map(|c| local.h[(r, c)] * step[c]).sum::<f64>()).sum();
+        let curved: f64 =
+            (0..z.len()).map(|r| step[r] * (0..z.len()).map(|c| local.h[(r, c)] * step[c]).sum::<f64>()).sum();
         let foretold = 2.0 * step.iter().zip(&local.b).map(|(s, b)| s * b).sum::<f64>() - curved;
         let gain = local.omega - new.omega;
         let accepted = match foretold <= ROUND_OFF * local.omega {

@@ -141,7 +141,8 @@ impl Unknowns {
 
     /// The parameters, never outside their bounds.
     pub fn unscaled(&self, z: &[f64]) -> Vec<f64> {
-        let of = |(unknown, &z): (&Unknown, &f64)| unknown.scale.unscaled(z).clamp(unknown.bounds[0], unknown.bounds[1]);
+        let of =
+            |(unknown, &z): (&Unknown, &f64)| unknown.scale.unscaled(z).clamp(unknown.bounds[0], unknown.bounds[1]);
         self.list.iter().zip(z).map(of).collect()
     }
 

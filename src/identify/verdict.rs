@@ -49,7 +49,8 @@ pub fn verdict(names: &[&str], relative_std: &[f64], correlation: &Dense, eigen:
     let (least, most) = (values[0].max(0.0).sqrt(), values[values.len() - 1].max(0.0).sqrt());
     let condition = if least > 0.0 { most / least } else { f64::INFINITY };
     if !(condition <= LARGEST_CONDITION) {
-        let weakest = (0..names.len()).fold(0, |k, j| if vectors[(j, 0)].abs() > vectors[(k, 0)].abs() { j } else { k });
+        let weakest =
+            (0..names.len()).fold(0, |k, j| if vectors[(j, 0)].abs() > vectors[(k, 0)].abs() { j } else { k });
         let name = names[weakest];
         sentences.push(format!(
             "the condition number of the scaled Jacobian is {condition:.0}: the data hardly tell {name}; prescribe {name} or add \
@@ -58,10 +59,13 @@ pub fn verdict(names: &[&str], relative_std: &[f64], correlation: &Dense, eigen:
     }
     let determined = sentences.is_empty();
     if determined {
-        sentences.push(format!("{} determined by these data", match names {
-            [one] => format!("{one} is"),
-            several => format!("{} are", several.join(", ")),
-        }));
+        sentences.push(format!(
+            "{} determined by these data",
+            match names {
+                [one] => format!("{one} is"),
+                several => format!("{} are", several.join(", ")),
+            }
+        ));
     }
     let thresholds = format!(
         "not determined: standard uncertainty above {:.0} %, correlation above {LARGEST_CORRELATION} in magnitude, or \

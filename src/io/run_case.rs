@@ -11,8 +11,7 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 /// Sections that belong to the joint.
-const OF_JOINT: [&str; 8] =
-    ["interface", "mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+const OF_JOINT: [&str; 8] = ["interface", "mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 
 /// Share by which a given thickness may differ from the gap of the zones.
 const SAME_THICKNESS: f64 = 0.02;
@@ -106,17 +105,25 @@ pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> 
             return Err(wrong(format!("[{section}] is missing; see docs/mechanics.md for its keys")));
         }
     }
-    for (section, key) in [("boundary", "file"), ("boundary", "store"), ("measurement", "file"), ("measurement", "store")] {
+    for (section, key) in
+        [("boundary", "file"), ("boundary", "store"), ("measurement", "file"), ("measurement", "store")]
+    {
         if joint.get(section).and_then(|table| table.get(key)).is_some() {
-            return Err(wrong(format!("[{section}] {key}: quadrille run measures it on the images; remove the key, or use quadrille identify")));
+            return Err(wrong(format!(
+                "[{section}] {key}: quadrille run measures it on the images; remove the key, or use quadrille identify"
+            )));
         }
     }
     let mesh_keys = joint.get("mesh").and_then(Value::as_table).into_iter().flat_map(|table| table.keys());
     if let Some(key) = mesh_keys.into_iter().find(|key| *key != "refine") {
-        return Err(wrong(format!("[mesh] {key}: the mesh is that of the correlation; of this section only refine can be given")));
+        return Err(wrong(format!(
+            "[mesh] {key}: the mesh is that of the correlation; of this section only refine can be given"
+        )));
     }
     let Some(pixel_size) = correlation.images.pixel_size_mm else {
-        return Err(wrong("[images] pixel_size_mm is missing; mm per pixel turn what is measured into what the joint feels".into()));
+        return Err(wrong(
+            "[images] pixel_size_mm is missing; mm per pixel turn what is measured into what the joint feels".into(),
+        ));
     };
     let guard = interface.guard_px.unwrap_or(3.0);
     if !(guard.is_finite() && (0.0..=1000.0).contains(&guard)) {
@@ -124,7 +131,8 @@ pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> 
     }
     let element = f64::from(correlation.correlation.element_size_px.unwrap_or(16));
     let mut notes = Vec::new();
-    let gap_px = face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
+    let gap_px =
+        face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
     let thickness_mm = gap_px * pixel_size;
     if let Some(given) = interface.thickness_mm
         && !((given - thickness_mm).abs() <= SAME_THICKNESS * thickness_mm)
@@ -167,11 +175,16 @@ fn face_each_other(
     let mut at = [0; 2];
     for (at, name) in at.iter_mut().zip(names) {
         *at = zones.iter().position(|zone| zone.name.as_ref() == Some(name)).ok_or_else(|| {
-            format!("[interface] zones names \"{name}\", but the case has {there}; add a [[zone]] with name = \"{name}\"")
+            format!(
+                "[interface] zones names \"{name}\", but the case has {there}; add a [[zone]] with name = \"{name}\""
+            )
         })?;
     }
     if at[0] == at[1] {
-        return Err(format!("[interface] zones names \"{}\" twice; name the zones below and above the adhesive", names[0]));
+        return Err(format!(
+            "[interface] zones names \"{}\" twice; name the zones below and above the adhesive",
+            names[0]
+        ));
     }
     if zones.len() != 2 {
         return Err(format!("there are {} zones ({there}); a joint has two, those of [interface]", zones.len()));
@@ -182,10 +195,14 @@ fn face_each_other(
         let name = zone.name.as_deref().unwrap_or("");
         let plain = zone.polygon.is_none() && zone.mask.is_none() && zone.mesh.is_none();
         *corners = zone.roi.filter(|_| plain).ok_or_else(|| {
-            format!("zone \"{name}\": quadrille run needs a rectangle, roi = [x0, y0, x1, y1], and no polygon, mask or mesh")
+            format!(
+                "zone \"{name}\": quadrille run needs a rectangle, roi = [x0, y0, x1, y1], and no polygon, mask or mesh"
+            )
         })?;
         if !(corners.iter().all(|v| v.is_finite()) && corners[0] < corners[2] && corners[1] < corners[3]) {
-            return Err(format!("zone \"{name}\": roi = {corners:?} is no rectangle; give x0, y0, x1, y1 with x0 < x1 and y0 < y1"));
+            return Err(format!(
+                "zone \"{name}\": roi = {corners:?} is no rectangle; give x0, y0, x1, y1 with x0 < x1 and y0 < y1"
+            ));
         }
     }
     let [lower, upper] = &mut boxes;
@@ -193,7 +210,11 @@ fn face_each_other(
     let aside = lower[0] >= upper[2] || upper[0] >= lower[2];
     if aside || gap < 0.0 {
         let swapped = !aside && upper[1] >= lower[3];
-        let hint = if swapped { format!("; y is down: swap the names, zones = [\"{}\", \"{}\"]", names[1], names[0]) } else { String::new() };
+        let hint = if swapped {
+            format!("; y is down: swap the names, zones = [\"{}\", \"{}\"]", names[1], names[0])
+        } else {
+            String::new()
+        };
         return Err(format!(
             "[interface] zone \"{}\" does not lie below zone \"{}\" with a gap between them{hint}",
             names[0], names[1]
@@ -203,7 +224,10 @@ fn face_each_other(
     let rows = ((upper[3] - upper[1]) / element + 1e-9).floor();
     let top = upper[3] - rows * element;
     if rows >= 1.0 && (top - upper[1]).abs() > 1e-9 {
-        notes.push(format!("zone \"{}\": its elements are laid from its lower edge, the face of the adhesive; y0 = {top}", names[1]));
+        notes.push(format!(
+            "zone \"{}\": its elements are laid from its lower edge, the face of the adhesive; y0 = {top}",
+            names[1]
+        ));
         upper[1] = top;
     }
     // Rounding must not take the last row away.

@@ -73,7 +73,9 @@ fn text(value: &Value) -> String {
         Value::Number(number) if number.is_u64() || number.is_i64() => number.to_string(),
         Value::Number(number) => match number.as_f64() {
             Some(value) if value == value.round() && value.abs() < 1e6 => format!("{value:.0}"),
-            Some(value) if (1e-5..1e6).contains(&value.abs()) => format!("{}", significant(value, 5).parse().unwrap_or(value)),
+            Some(value) if (1e-5..1e6).contains(&value.abs()) => {
+                format!("{}", significant(value, 5).parse().unwrap_or(value))
+            }
             Some(value) => significant(value, 3),
             None => number.to_string(),
         },
@@ -119,7 +121,11 @@ impl IdentificationReport<'_> {
             Some(_) => "Cohesive law of an adhesive, identified from images",
             None => "A bonded joint, measured on images and computed",
         };
-        let subtitle = format!("{}; quadrille {}; units mm, MPa, N/mm, x to the right, y up", self.case, env!("CARGO_PKG_VERSION"));
+        let subtitle = format!(
+            "{}; quadrille {}; units mm, MPa, N/mm, x to the right, y up",
+            self.case,
+            env!("CARGO_PKG_VERSION")
+        );
         Ok(Page { title: title.to_owned(), subtitle, sections })
     }
 
@@ -162,9 +168,14 @@ impl IdentificationReport<'_> {
         for (line, determined) in verdict(&fit["verdict"]) {
             blocks.push(Block::Lead { text: line, warning: !determined });
         }
+        if let Some(thresholds) = fit["verdict"]["thresholds"].as_str() {
+            blocks.push(Block::Text(format!("What the verdict goes by: {thresholds}.")));
+        }
         let names = self.fitted();
         let mut columns: Vec<String> =
-            ["parameter", "value", "standard uncertainty", "95 % interval", "start", "on a bound"].map(str::to_owned).into();
+            ["parameter", "value", "standard uncertainty", "95 % interval", "start", "on a bound"]
+                .map(str::to_owned)
+                .into();
         if self.truth.is_some() {
             columns.push("truth".into());
         }
@@ -180,9 +191,13 @@ impl IdentificationReport<'_> {
                 let mut row = vec![
                     self.label(name),
                     format!("{} {unit}", significant(value, 5)),
-                    std.map_or("-".into(), |std| format!("{} {unit} ({} %)", significant(std, 2), significant(100.0 * std / value.abs(), 2))),
+                    std.map_or("-".into(), |std| {
+                        format!("{} {unit} ({} %)", significant(std, 2), significant(100.0 * std / value.abs(), 2))
+                    }),
                     match interval.as_slice() {
-                        [low, high] => format!("{} to {} {unit}", significant(scale * low, 5), significant(scale * high, 5)),
+                        [low, high] => {
+                            format!("{} to {} {unit}", significant(scale * low, 5), significant(scale * high, 5))
+                        }
                         _ => "-".into(),
                     },
                     number("start").map_or("-".into(), |v| format!("{} {unit}", significant(v, 4))),
@@ -190,7 +205,11 @@ impl IdentificationReport<'_> {
                 ];
                 if let Some(truth) = self.truth {
                     row.push(match truth[name].as_f64() {
-                        Some(truth) => format!("{} {unit} ({:+.2} %)", significant(scale * truth, 4), 100.0 * (value / (scale * truth) - 1.0)),
+                        Some(truth) => format!(
+                            "{} {unit} ({:+.2} %)",
+                            significant(scale * truth, 4),
+                            100.0 * (value / (scale * truth) - 1.0)
+                        ),
                         None => "-".into(),
                     });
                 }
@@ -200,7 +219,14 @@ impl IdentificationReport<'_> {
         blocks.push(Block::Table { columns, rows });
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
-            .map(|(p, value)| format!("{} = {}{}", p.name, significant(value, 5), if p.unit == "1" { String::new() } else { format!(" {}", p.unit) }))
+            .map(|(p, value)| {
+                format!(
+                    "{} = {}{}",
+                    p.name,
+                    text(&Value::from(value)),
+                    if p.unit == "1" { String::new() } else { format!(" {}", p.unit) }
+                )
+            })
             .collect();
         if !fixed.is_empty() {
             blocks.push(Block::Text(format!("Prescribed: {}. Law: {}.", fixed.join(", "), self.law.name())));
@@ -216,7 +242,8 @@ impl IdentificationReport<'_> {
         }
         if let Some(matrix) = fit["correlation"].as_array() {
             blocks.push(Block::Heading("Correlation of the parameters".into()));
-            let rows = matrix.iter().map(|row| numbers(row).into_iter().map(|v| format!("{v:+.3}")).collect()).collect();
+            let rows =
+                matrix.iter().map(|row| numbers(row).into_iter().map(|v| format!("{v:+.3}")).collect()).collect();
             blocks.push(Block::Matrix { names: names.clone(), rows });
         }
         let mut facts = Vec::new();
@@ -269,17 +296,46 @@ impl IdentificationReport<'_> {
         let sigma = self.sigma_px();
         let reference = &summary["reference"];
         let mut facts = vec![
-            ("images".into(), format!("1 reference and {n} deformed, {} x {} px, {}", text(&reference["width_px"]), text(&reference["height_px"]), text(&reference["depth"]))),
+            (
+                "images".into(),
+                format!(
+                    "1 reference and {n} deformed, {} x {} px, {}",
+                    text(&reference["width_px"]),
+                    text(&reference["height_px"]),
+                    text(&reference["depth"])
+                ),
+            ),
             ("resolution".into(), format!("1 px = {} \u{b5}m", significant(1e3 * mm, 5))),
-            ("elements".into(), format!("squares of {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips", text(&Value::from(self.element_px)), significant(1e3 * mm * self.element_px, 4), text(&summary["n_elements"]), text(&summary["n_nodes"]))),
-            ("adhesive".into(), format!("{} \u{b5}m thick, not correlated; dark", significant(1e3 * self.thickness_mm, 4))),
-            ("frames".into(), format!("{} of {n} converged (tolerance {} px)", count("converged"), text(&summary["tolerance_px"]))),
+            (
+                "elements".into(),
+                format!(
+                    "squares of {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips",
+                    text(&Value::from(self.element_px)),
+                    significant(1e3 * mm * self.element_px, 4),
+                    text(&summary["n_elements"]),
+                    text(&summary["n_nodes"])
+                ),
+            ),
+            (
+                "adhesive".into(),
+                format!("{} \u{b5}m thick, not correlated; dark", significant(1e3 * self.thickness_mm, 4)),
+            ),
+            (
+                "frames".into(),
+                format!("{} of {n} converged (tolerance {} px)", count("converged"), text(&summary["tolerance_px"])),
+            ),
         ];
         if let Some(noise) = of_zones("noise_grey") {
-            facts.push(("noise of one image".into(), format!("{} grey levels, from the residual", significant(noise, 3))));
+            facts.push((
+                "noise of one image".into(),
+                format!("{} grey levels, from the residual", significant(noise, 3)),
+            ));
         }
         if let Some(sigma) = sigma {
-            facts.push(("standard uncertainty of a nodal displacement (rms)".into(), format!("{} px = {} nm", significant(sigma, 3), significant(1e6 * mm * sigma, 3))));
+            facts.push((
+                "standard uncertainty of a nodal displacement (rms)".into(),
+                format!("{} px = {} nm", significant(sigma, 3), significant(1e6 * mm * sigma, 3)),
+            ));
         }
         facts.push(("device".into(), text(&summary["device"])));
         let mut blocks = vec![
@@ -293,7 +349,10 @@ impl IdentificationReport<'_> {
                 .filter(|frame| frame["status"] != "converged")
                 .map(|frame| format!("{} ({})", text(&frame["number"]), text(&frame["status"])))
                 .collect();
-            blocks.push(Block::Lead { text: format!("Left out, because they did not converge: frames {}.", list.join(", ")), warning: true });
+            blocks.push(Block::Lead {
+                text: format!("Left out, because they did not converge: frames {}.", list.join(", ")),
+                warning: true,
+            });
         }
         blocks.extend(self.notes.iter().map(|note| Block::Lead { text: note.clone(), warning: true }));
         blocks.push(self.rigid_motion());
@@ -306,11 +365,20 @@ impl IdentificationReport<'_> {
                 // y up, as everywhere in this report.
                 let sign = if c == 1 { -1.0 } else { 1.0 };
                 let values: Vec<f64> = field.displacement.iter().map(|u| sign * 1e3 * mm * u[c]).collect();
-                maps.push(self.map(&backdrop, field, &values, false, format!("Displacement {name}, frame {number}"), "\u{b5}m")?);
+                maps.push(self.map(
+                    &backdrop,
+                    field,
+                    &values,
+                    false,
+                    format!("Displacement {name}, frame {number}"),
+                    "\u{b5}m",
+                )?);
             }
         }
         if let Some((number, field)) = self.frames.last() {
-            let caption = format!("Residual |f - g(x + u)| of each element, frame {number}: what the displacement does not explain; cracks and reflections show here, noise alone is even");
+            let caption = format!(
+                "Residual |f - g(x + u)| of each element, frame {number}: what the displacement does not explain; cracks and reflections show here, noise alone is even"
+            );
             maps.push(self.map(&backdrop, field, &field.element_residual, true, caption, "grey levels")?);
         }
         blocks.push(Block::Grid(maps));
@@ -320,7 +388,9 @@ impl IdentificationReport<'_> {
     /// Root mean square of the standard uncertainty of the measured displacements, px.
     fn sigma_px(&self) -> Option<f64> {
         let fields = || self.frames.iter().flat_map(|(_, field)| field.sigma.iter().zip(&field.measured));
-        let (sum, n) = fields().filter(|(_, measured)| **measured).fold((0.0, 0.0), |(sum, n), (s, _)| (sum + s[0] * s[0] + s[1] * s[1], n + 2.0));
+        let (sum, n) = fields()
+            .filter(|(_, measured)| **measured)
+            .fold((0.0, 0.0), |(sum, n), (s, _)| (sum + s[0] * s[0] + s[1] * s[1], n + 2.0));
         (n > 0.0).then(|| (sum / n).sqrt())
     }
 
@@ -329,7 +399,9 @@ impl IdentificationReport<'_> {
         let motions: Vec<RigidMotion> = if removed.is_empty() {
             let of = |u: &Vec<[f64; 2]>| {
                 let nodes = self.joint.boundary.nodes();
-                RigidMotion::fit(nodes.iter().zip(u).map(|(&node, &u)| (self.joint.model.mesh().nodes()[node as usize], u)))
+                RigidMotion::fit(
+                    nodes.iter().zip(u).map(|(&node, &u)| (self.joint.model.mesh().nodes()[node as usize], u)),
+                )
             };
             self.joint.boundary.instants().iter().filter_map(of).collect()
         } else {
@@ -373,7 +445,8 @@ impl IdentificationReport<'_> {
         unit: &str,
     ) -> Result<Block, ReportError> {
         let known = values.iter().copied().filter(|v| v.is_finite());
-        let (mut low, mut high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (mut low, mut high) =
+            known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if !(low < high) {
             (low, high) = (0.0, 1.0);
         }
@@ -484,15 +557,16 @@ impl IdentificationReport<'_> {
             let plot = Plot {
                 title: "Measured less computed displacement, all free nodes".into(),
                 x: Axis::linear("frame"),
-                y: Axis::linear("root mean square (px)"),
+                y: Axis::linear("root mean square (px)")
+                    .with_range(0.0, 1.3 * off.iter().chain(&noise).fold(1e-6, |most: f64, v| most.max(*v))),
                 series: vec![
                     Series::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
                     Series::new("uncertainty of the measurement", Style::Dashed, instant, noise),
                 ],
                 notes: Vec::new(),
             };
-            let caption = "Where the line lies above the uncertainty the model does not follow the joint";
-            blocks.push(Block::Curves(Curves::new(&plot, caption)?));
+            let caption = "A line that rises far above the uncertainty shows that the model does not follow the joint; a little above it is the noise of the prescribed border";
+            blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
         }
         Ok(Section { title: "Measured against computed displacement".into(), blocks })
     }
@@ -518,7 +592,10 @@ impl IdentificationReport<'_> {
             };
             let d: Vec<[f64; 2]> = (0..names.len()).map(derivative).collect();
             [0, 1].map(|c| {
-                let sum: f64 = (0..d.len()).flat_map(|i| (0..d.len()).map(move |j| (i, j))).map(|(i, j)| d[i][c] * covariance[i][j] * d[j][c]).sum();
+                let sum: f64 = (0..d.len())
+                    .flat_map(|i| (0..d.len()).map(move |j| (i, j)))
+                    .map(|(i, j)| d[i][c] * covariance[i][j] * d[j][c])
+                    .sum();
                 sum.max(0.0).sqrt()
             })
         };
@@ -562,12 +639,23 @@ impl IdentificationReport<'_> {
             };
             curves.push(Block::Curves(Curves::new(&plot, format!("{title} traction of the adhesive on the strips"))?));
         }
-        for (c, title, x, y) in [(0, "Opening without sliding", "D_n (\u{b5}m)", "T_n (MPa)"), (1, "Sliding without opening", "D_t (\u{b5}m)", "T_t (MPa)")] {
+        for (c, title, x, y) in [
+            (0, "Opening without sliding", "D_n (\u{b5}m)", "T_n (MPa)"),
+            (1, "Sliding without opening", "D_t (\u{b5}m)", "T_t (MPa)"),
+        ] {
             curves.push(self.law_curve(c, title, x, y)?);
         }
-        let bands = if has_bands { " Bands: 95 % from the covariance of the parameters, jumps changing with them." } else { "" };
+        let bands = if has_bands {
+            " Bands: 95 % from the covariance of the parameters, jumps changing with them."
+        } else {
+            ""
+        };
         let blocks = vec![
-            Block::Text(format!("Largest tractions of the law: T_n {} MPa in pure opening, T_t {} MPa in pure sliding.{bands}", significant(self.law.peak().normal, 4), significant(self.law.peak().tangential, 4))),
+            Block::Text(format!(
+                "Largest tractions of the law: T_n {} MPa in pure opening, T_t {} MPa in pure sliding.{bands}",
+                significant(self.law.peak().normal, 4),
+                significant(self.law.peak().tangential, 4)
+            )),
             Block::Grid(curves),
         ];
         Ok(Section { title: "Tractions".into(), blocks })
@@ -579,9 +667,11 @@ impl IdentificationReport<'_> {
             let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
             jumps.map(|jump| pick(&jump).abs()).fold(0.0, f64::max)
         };
-        let end = if c == 0 { self.law.front_opening() } else { most(|jump| jump.tangential).max(self.law.front_opening()) };
+        let end =
+            if c == 0 { self.law.front_opening() } else { most(|jump| jump.tangential).max(self.law.front_opening()) };
         let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
-        let jump = |d: f64| if c == 0 { Jump { normal: d, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: d } };
+        let jump =
+            |d: f64| if c == 0 { Jump { normal: d, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: d } };
         let pick = |t: crate::mechanics::cohesive::Traction| if c == 0 { t.normal } else { t.tangential };
         let values = jumps.iter().map(|&d| pick(self.law.response(jump(d)).traction)).collect();
         let mut series = Series::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values);
@@ -593,23 +683,36 @@ impl IdentificationReport<'_> {
                 let mut own = vec![Default::default(); self.law.parameters().len()];
                 self.law.by_parameters(jump(d), &mut own);
                 let by: Vec<f64> = place.iter().map(|&k| pick(own[k])).collect();
-                let sum: f64 = (0..by.len()).flat_map(|i| (0..by.len()).map(move |j| (i, j))).map(|(i, j)| by[i] * covariance[i][j] * by[j]).sum();
+                let sum: f64 = (0..by.len())
+                    .flat_map(|i| (0..by.len()).map(move |j| (i, j)))
+                    .map(|(i, j)| by[i] * covariance[i][j] * by[j])
+                    .sum();
                 1.96 * sum.max(0.0).sqrt()
             };
             series = series.with_band(jumps.iter().map(half).collect());
         }
-        let plot = Plot { title: title.to_owned(), x: Axis::linear(x), y: Axis::linear(y), series: vec![series], notes: Vec::new() };
+        let plot = Plot {
+            title: title.to_owned(),
+            x: Axis::linear(x),
+            y: Axis::linear(y),
+            series: vec![series],
+            notes: Vec::new(),
+        };
         Ok(Block::Curves(Curves::new(&plot, format!("{title}: traction of the law against the jump"))?))
     }
 
     fn history(&self) -> Result<Option<Section>, ReportError> {
-        let Some(history) = self.fit.and_then(|fit| fit["history"].as_array()).filter(|history| !history.is_empty()) else {
+        let Some(history) = self.fit.and_then(|fit| fit["history"].as_array()).filter(|history| !history.is_empty())
+        else {
             return Ok(None);
         };
         let names = self.fitted();
         let step: Vec<f64> = (0..history.len()).map(|k| k as f64).collect();
         let omega: Vec<f64> = history.iter().map(|entry| entry["omega"].as_f64().unwrap_or(f64::NAN)).collect();
-        let values: Vec<Vec<f64>> = history.iter().map(|entry| by_names(entry.get("X").or(entry.get("x")).unwrap_or(&Value::Null), &names)).collect();
+        let values: Vec<Vec<f64>> = history
+            .iter()
+            .map(|entry| by_names(entry.get("X").or(entry.get("x")).unwrap_or(&Value::Null), &names))
+            .collect();
         let plot = |title: &str, y: Axis, series| Plot {
             title: title.to_owned(),
             x: Axis::linear("iteration"),
@@ -617,10 +720,28 @@ impl IdentificationReport<'_> {
             series,
             notes: Vec::new(),
         };
-        let first = Series::new("", Style::LineAndMarkers, step.clone(), omega);
+        // A trust region never goes uphill: where omega rises, a stage with other weights begins.
+        let mut stages: Vec<Vec<usize>> = Vec::new();
+        for k in 0..omega.len() {
+            let rises = k > 0 && omega[k] > 2.0 * omega[k - 1];
+            match stages.last_mut() {
+                Some(stage) if !rises => stage.push(k),
+                _ => stages.push(vec![k]),
+            }
+        }
+        let n_stages = stages.len();
+        let stages: Vec<Series> = (1..)
+            .zip(stages)
+            .map(|(number, stage)| {
+                let last = stage.last().map_or(1.0, |&k| omega[k]);
+                let name = if n_stages > 1 { format!("stage {number}") } else { String::new() };
+                let (x, y) = stage.iter().map(|&k| (step[k], omega[k] / last)).unzip();
+                Series::new(name, Style::LineAndMarkers, x, y)
+            })
+            .collect();
         let mut curves = vec![Block::Curves(Curves::new(
-            &plot("Objective of the fit", Axis::log("omega"), vec![first]),
-            "The objective at every iteration",
+            &plot("Objective of the fit", Axis::log("omega / last of its stage"), stages),
+            "The objective at every iteration; a stage is a run of the trust region with one kind of weights, the last with those asked for",
         )?)];
         let series: Vec<Series> = names
             .iter()
@@ -640,7 +761,9 @@ impl IdentificationReport<'_> {
         let mut blocks = vec![Block::Grid(curves)];
         if let Some(starts) = self.fit.and_then(|fit| fit["starts"].as_array()).filter(|starts| starts.len() > 1) {
             let row = |entry: &Value| {
-                let list = |key: &str| by_names(&entry[key], &names).iter().map(|v| significant(*v, 5)).collect::<Vec<_>>().join(", ");
+                let list = |key: &str| {
+                    by_names(&entry[key], &names).iter().map(|v| significant(*v, 5)).collect::<Vec<_>>().join(", ")
+                };
                 vec![list("start"), list("end"), text(&entry["omega"]), text(&entry["status"])]
             };
             blocks.push(Block::Heading(format!("Further starts ({})", names.join(", "))));
@@ -672,7 +795,7 @@ fn verdict(value: &Value) -> Vec<(String, bool)> {
                 Value::Array(list) => list.iter().filter_map(|line| line.as_str().map(str::to_owned)).collect(),
                 _ => Vec::new(),
             };
-            ["sentences", "text", "words", "thresholds"].iter().filter_map(|key| map.get(*key)).flat_map(of).collect()
+            ["sentences", "text", "words"].iter().filter_map(|key| map.get(*key)).flat_map(of).collect()
         }
         _ => Vec::new(),
     };

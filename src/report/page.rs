@@ -25,7 +25,7 @@ p{margin:.5rem 0;max-width:46rem}\
 .lead{border-left:4px solid #2b5c8a;background:#eef4fa;padding:.5rem .75rem;margin:.75rem 0}\
 .lead.warn{border-color:#b25d00;background:#fff4e5}\
 .small{color:#555;font-size:.875rem}\
-.grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,26rem),1fr));gap:1rem}\
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}\
 figure{margin:.75rem 0;break-inside:avoid}\
 figure img{display:block;width:100%;height:auto}\
 figcaption{font-size:.875rem;color:#333}\
@@ -34,6 +34,7 @@ figcaption{font-size:.875rem;color:#333}\
 table{border-collapse:collapse;width:100%;font-size:.9375rem;margin:.5rem 0;break-inside:avoid}\
 th,td{text-align:left;padding:.3rem .5rem;border-bottom:1px solid #ccc;vertical-align:top}\
 thead th{border-bottom:2px solid #333}\
+td{overflow-wrap:anywhere}\
 td.n{font-variant-numeric:tabular-nums}\
 code{font:.8125rem ui-monospace,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}\
 @media (max-width:640px){\

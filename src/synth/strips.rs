@@ -159,8 +159,11 @@ mod tests {
     fn every_point_of_the_image_is_led_back_to_the_material_point_that_moved_there() {
         let strips = Strips::new(field([0.0, 0.0]), field([0.0, 40.0]));
         let material: Vec<[f64; 2]> = (0..40).map(|k| [3.0 + 1.1 * k as f64, 0.77 * k as f64]).collect();
-        let moved: Vec<[f64; 2]> =
-            material.iter().map(|&x| (x, strips.body_displacement(0, x))).map(|(x, u)| [x[0] + u[0], x[1] + u[1]]).collect();
+        let moved: Vec<[f64; 2]> = material
+            .iter()
+            .map(|&x| (x, strips.body_displacement(0, x)))
+            .map(|(x, u)| [x[0] + u[0], x[1] + u[1]])
+            .collect();
         for (want, got) in material.iter().zip(inverse_at(&strips, &moved).unwrap()) {
             let got = got.expect("a point of the upper strip");
             // The inversion goes on until 3e-13 px is left; gradients of 0.03 hardly change that.

@@ -9,21 +9,24 @@ mod options;
 
 pub use options::{VirtualError, VirtualOptions};
 
+use crate::field::RigidMotion;
 use crate::imaging::Image;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use crate::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution};
+use crate::mechanics::{
+    BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution,
+};
 use crate::synth::{GridField, RenderOptions, Strips, SynthError, Texture, exact_at, render};
 use std::sync::Arc;
 
 /// Millimetres per pixel: 30.9 um over 16 px.
 pub const PIXEL_MM: f64 = 30.9e-3 / 16.0;
 /// Columns and rows of the images.
-pub const SIZE: [usize; 2] = [720, 352];
+pub const SIZE: [usize; 2] = [720, 448];
 /// Side of the identification's elements, px.
 pub const ELEMENT_PX: f64 = 16.0;
 /// Columns of elements in the region that is measured, and rows in each strip.
-pub const REGION: [usize; 2] = [39, 7];
+pub const REGION: [usize; 2] = [39, 10];
 /// Thickness of the adhesive, px: 60 um, rounded so that its faces lie at a multiple of 1/32 px.
 pub const BAND_PX: f64 = 31.0625;
 /// Elements of the truth along the side of one of the identification's.
@@ -31,7 +34,7 @@ const FINER: usize = 2;
 /// Left end of the computed joint, px; it lies whole elements from the region's.
 const LEFT_PX: f64 = -464.0;
 /// Columns and rows (of each strip) of the computed joint.
-const JOINT: [usize; 2] = [168, 25];
+const JOINT: [usize; 2] = [168, 31];
 /// Left end of the region, px.
 const REGION_LEFT_PX: f64 = 48.0;
 /// Young's modulus (MPa), Poisson's ratio, sigma_0 (MPa), alpha, n of the strips: 2024-T3 (Fedele et al. 2009).
@@ -44,7 +47,7 @@ mod remote {
     /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant.
     pub const THETA: [f64; 2] = [0.028, 0.036];
     /// Place of `a` along the image, px.
-    pub const FRONT_PX: [f64; 2] = [330.0, -60.0];
+    pub const FRONT_PX: [f64; 2] = [330.0, -10.0];
     pub const LAMBDA_PX: f64 = 64.0;
     pub const DIP: f64 = 0.6;
     pub const SLIDE_MM: [f64; 2] = [0.006, 0.036];
@@ -109,6 +112,34 @@ impl VirtualTest {
     /// # Panics
     /// When there is no such frame.
     pub fn motion(&self, k: usize) -> Strips {
+        self.motion_with(k, |_, u| u)
+    }
+
+    /// The motion of frame `k` after the rigid motion (exact rotation, least squares) of the measured region, both strips together, is
+    /// turned back.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn motion_without_rigid(&self, k: usize) -> Strips {
+        let motion = self.motion(k);
+        let step = ELEMENT_PX;
+        let points = zones_px().into_iter().flat_map(|[x0, y0, ..]| {
+            let [columns, rows] = REGION;
+            (0..=rows).flat_map(move |j| (0..=columns).map(move |i| [x0 + step * i as f64, y0 + step * j as f64]))
+        });
+        let points: Vec<[f64; 2]> = points.collect();
+        let moved = exact_at(&motion, &points);
+        let Some(rigid) = RigidMotion::fit(points.into_iter().zip(moved)) else { return motion };
+        let (sin, cos) = rigid.rotation_rad.sin_cos();
+        self.motion_with(k, |x, u| {
+            let by_rigid = rigid.displacement(x);
+            let rest = [u[0] - by_rigid[0], u[1] - by_rigid[1]];
+            [cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]]
+        })
+    }
+
+    /// The motion of frame `k` with its displacements (px, y down) made `change(x, u)`.
+    fn motion_with(&self, k: usize, change: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Strips {
         let [columns, rows] = JOINT;
         let step = ELEMENT_PX / FINER as f64;
         let per_strip = (columns + 1) * (rows + 1);
@@ -123,7 +154,8 @@ impl VirtualTest {
                 }
             };
             let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
-            let displacement = nodes.map(|(row, column)| of(row, column)).collect();
+            let place = |row: usize, column: usize| [LEFT_PX + step * column as f64, top + step * row as f64];
+            let displacement = nodes.map(|(row, column)| change(place(row, column), of(row, column))).collect();
             GridField::new([LEFT_PX, top], step, JOINT, displacement).expect("a grid with all its nodes")
         };
         let [upper_face, lower_face] = faces_px();
@@ -138,10 +170,25 @@ impl VirtualTest {
     /// # Panics
     /// When there is no such frame.
     pub fn image(&self, k: usize) -> Result<Image, SynthError> {
+        self.image_of(k, &self.motion(k))
+    }
+
+    /// The image of frame `k` as a camera sees it that follows the rigid motion of the measured region; rendered, not interpolated.
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn image_without_rigid_motion(&self, k: usize) -> Result<Image, SynthError> {
+        self.image_of(k, &self.motion_without_rigid(k))
+    }
+
+    fn image_of(&self, k: usize, motion: &Strips) -> Result<Image, SynthError> {
         let VirtualOptions { depth, noise_grey, seed, .. } = self.options;
         let options =
             RenderOptions { depth, noise: noise_grey, seed, frame: k as u64, ..RenderOptions::new(SIZE[0], SIZE[1]) };
-        render(&self.texture, &self.motion(k), &options)
+        render(&self.texture, motion, &options)
     }
 
     /// The true displacement (px, y down) of `points` of the reference image in frame `k`.
@@ -156,13 +203,14 @@ impl VirtualTest {
     /// nodes is.
     pub fn region(&self) -> (JointMesh, Vec<u32>) {
         let mesh = self.model.mesh();
-        let [upper, lower] = zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
+        let [upper, lower] =
+            zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
         let inside = |element: usize| {
             let corners = mesh.elements()[element].map(|node| mesh.nodes()[node as usize]);
             let centre = [0, 1].map(|k| corners.iter().map(|at| at[k]).sum::<f64>() / 4.0);
-            [upper, lower].iter().any(|[x0, y0, x1, y1]| {
-                *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1
-            })
+            [upper, lower]
+                .iter()
+                .any(|[x0, y0, x1, y1]| *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1)
         };
         mesh.part(inside).expect("the region is a joint")
     }
@@ -173,7 +221,7 @@ impl VirtualTest {
         let of = |u: &Vec<[f64; 2]>, strip: u32| {
             let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] == strip);
             let pairs = nodes().map(|node| (mesh.nodes()[node], u[node]));
-            crate::field::RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
+            RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
         };
         let fields = self.solution.instants.iter().map(|instant| &instant.displacement);
         fields.flat_map(|u| [of(u, 0), of(u, 1)]).fold(0.0, f64::max)

@@ -26,14 +26,7 @@ pub struct VirtualOptions {
 impl Default for VirtualOptions {
     /// 19 instants of a joint with the parameters of Table 1 of Fedele et al. (2009) and r = 4, 8 bit, noise of 2 grey levels.
     fn default() -> Self {
-        Self {
-            seed: 1,
-            depth: Depth::U8,
-            noise_grey: 2.0,
-            speckle_px: 4.5,
-            instants: 19,
-            law: [1.0, 0.005, 0.05, 4.0],
-        }
+        Self { seed: 1, depth: Depth::U8, noise_grey: 2.0, speckle_px: 4.5, instants: 19, law: [1.0, 0.005, 0.05, 4.0] }
     }
 }
 
@@ -63,7 +56,9 @@ pub enum VirtualError {
         instants: usize,
     },
     /// The joint cannot be followed.
-    #[error("the joint has no solution at instant {instant} under this law; choose a lower peak traction phi_n/(e delta_n)")]
+    #[error(
+        "the joint has no solution at instant {instant} under this law; choose a lower peak traction phi_n/(e delta_n)"
+    )]
     NoSolution {
         /// The instant.
         instant: usize,

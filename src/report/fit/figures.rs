@@ -100,7 +100,10 @@ impl FitReport<'_> {
             series.push(Series::new(p.parameter.name, Style::LineAndMarkers, x, y).with_band(band));
         }
         let of = |p: &crate::identify::FittedParameter| match p.std {
-            Some(std) => format!("{} = {:.5} \u{b1} {:.2e} {} (standard uncertainty)", p.parameter.name, p.value, std, p.parameter.unit),
+            Some(std) => format!(
+                "{} = {:.5} \u{b1} {:.2e} {} (standard uncertainty)",
+                p.parameter.name, p.value, std, p.parameter.unit
+            ),
             None => format!("{} = {:.5} {}", p.parameter.name, p.value, p.parameter.unit),
         };
         Plot {

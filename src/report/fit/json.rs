@@ -273,12 +273,16 @@ impl FitReport<'_> {
         let mut warnings = doubts.clone();
         warnings.extend(fit.parameters.iter().filter(|p| p.at_bound).map(|p| {
             let [low, high] = p.bounds;
-            format!("{} ended on its bound ({} of {low} to {high}): its interval means little", p.parameter.name, p.value)
+            format!(
+                "{} ended on its bound ({} of {low} to {high}): its interval means little",
+                p.parameter.name, p.value
+            )
         }));
         let rescued_at_end = fit.solution().instants.iter().any(|instant| instant.status == Status::Rescued);
         if rescued_at_end {
             warnings.push(
-                "the forward run at the result was rescued: node pairs snapped, and the objective may jump nearby".into(),
+                "the forward run at the result was rescued: node pairs snapped, and the objective may jump nearby"
+                    .into(),
             );
         }
         let agreement = |end: &&crate::identify::StartEnd| end.status == crate::identify::FitStatus::Converged;

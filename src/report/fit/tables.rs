@@ -36,9 +36,8 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_bands<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = names(&[
-            "instant", "lower_node", "upper_node", "along_mm", "Tn_MPa", "Tn_std_MPa", "Tt_MPa", "Tt_std_MPa",
-        ]);
+        let columns =
+            names(&["instant", "lower_node", "upper_node", "along_mm", "Tn_MPa", "Tn_std_MPa", "Tt_MPa", "Tt_std_MPa"]);
         let model = &self.case.problem.joint.model;
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let rows = self.bands.iter().flat_map(|band| {
