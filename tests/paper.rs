@@ -1,7 +1,8 @@
 //! The paper done again: what `quadrille paper` has to find, small.
 
 use quadrille::paper::{
-    Experiment, MEASURED_LAW, PaperError, REFERENCE_LAW, SWEEP_NOISE_PX, TABLE_2, noisy_fits, summary, sweep_summary, sweeps,
+    Experiment, MEASURED_LAW, PaperError, REFERENCE_LAW, SWEEP_NOISE_PX, TABLE_2, noisy_fits, summary, sweep_summary,
+    sweeps,
 };
 use quadrille::virtual_test::PIXEL_MM;
 use std::process::Command;
@@ -95,12 +96,22 @@ fn the_command_writes_tables_and_figures_and_refuses_to_replace_them_unasked() {
     for heading in ["## Table 1", "## Table 2", "## Initial stiffness", "## Images"] {
         assert!(text.contains(heading), "{heading}");
     }
-    for table in ["table-1", "table-2", "figure-05", "figure-07-profiles", "figure-08-09", "figure-10", "figure-11-12"] {
+    for table in ["table-1", "table-2", "figure-05", "figure-07-profiles", "figure-08-09", "figure-10", "figure-11-12"]
+    {
         assert!(output.join(format!("{table}.csv")).is_file(), "{table}");
     }
     for figure in [
-        "figure-04-instant-19", "figure-05-instant-19", "figure-07-mesh", "figure-07-profiles", "figure-08-instant-04",
-        "figure-09-instant-04", "figure-10", "figure-11-tn", "figure-11-tt", "figure-12-tn", "mode-mixity",
+        "figure-04-instant-19",
+        "figure-05-instant-19",
+        "figure-07-mesh",
+        "figure-07-profiles",
+        "figure-08-instant-04",
+        "figure-09-instant-04",
+        "figure-10",
+        "figure-11-tn",
+        "figure-11-tt",
+        "figure-12-tn",
+        "mode-mixity",
     ] {
         for ending in ["png", "svg"] {
             assert!(output.join("figures").join(format!("{figure}.{ending}")).is_file(), "{figure}.{ending}");

@@ -47,7 +47,10 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     }
     if args.output.join(TABLES).exists() && !args.overwrite {
         let path = args.output.display();
-        return Err(format!("{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite").into());
+        return Err(format!(
+            "{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite"
+        )
+        .into());
     }
     let pool = pool(args.threads)?;
     let folder = RunFolder::for_export(&args.output)?;
@@ -56,7 +59,8 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
 
     out.say("a larger joint is pulled apart in the computer, adhesive with r = 6");
     let [phi_n, delta_n, delta_t] = REFERENCE_LAW;
-    let with_r = |r: f64| VirtualOptions { law: [phi_n, delta_n, delta_t, r], seed: args.seed, ..VirtualOptions::default() };
+    let with_r =
+        |r: f64| VirtualOptions { law: [phi_n, delta_n, delta_t, r], seed: args.seed, ..VirtualOptions::default() };
     let six = pool.install(|| Experiment::of(&VirtualTest::new(with_r(6.0))?))?;
     pool.install(|| mechanics_figures(&out, &six))?;
     out.say("the virtual test, r = 4, and its images");
@@ -117,7 +121,10 @@ impl Output {
     }
 
     fn table(&self, name: &str, what: &str, columns: &[&str], rows: Vec<(Vec<u64>, Vec<f64>)>) -> Result<()> {
-        let notes = [format!("quadrille {}", env!("CARGO_PKG_VERSION")), format!("{what}; mm, MPa, N/mm; y up; instants from 1")];
+        let notes = [
+            format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+            format!("{what}; mm, MPa, N/mm; y up; instants from 1"),
+        ];
         let columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
         self.folder.write(name, |out| write_table(out, &notes, &columns, rows.into_iter()))
     }
@@ -169,7 +176,12 @@ fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
         notes: vec!["lines: the mesh of the measurement; markers: elements half as large".into()],
     };
     out.save("figure-07-profiles", &plot.draw()?)?;
-    out.table("figure-07-profiles.csv", "tractions on two meshes", &["instant", "refine", "along_mm", "Tn_MPa", "Tt_MPa"], rows)?;
+    out.table(
+        "figure-07-profiles.csv",
+        "tractions on two meshes",
+        &["instant", "refine", "along_mm", "Tn_MPa", "Tt_MPa"],
+        rows,
+    )?;
 
     let report = JointReport { joint, solution };
     let delta_t = solution.parameters.iter().position(|s| s.parameter.name == "delta_t");
@@ -191,7 +203,12 @@ fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
 }
 
 /// Distance along the joint, and tractions, at an instant.
-fn tractions_of(joint: &Joint, law: &dyn CohesiveLaw, solution: &Solution, instant: usize) -> (Vec<f64>, Vec<Traction>) {
+fn tractions_of(
+    joint: &Joint,
+    law: &dyn CohesiveLaw,
+    solution: &Solution,
+    instant: usize,
+) -> (Vec<f64>, Vec<Traction>) {
     let along = joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
     (along, joint.model.tractions(law, &solution.instants[instant - 1].displacement))
 }
@@ -207,8 +224,18 @@ fn write_table_1(out: &Output, table: &[(u64, LevelFits)]) -> Result<()> {
             rows.push((vec![*r, *seed, fit.evaluations as u64, fit.rescued as u64, u64::from(bound)], values));
         }
     }
-    let columns =
-        ["r", "seed", "evaluations", "rescued", "at_bound", "s_px", "phi_n_N_per_mm", "delta_n_mm", "delta_t_mm", "omega"];
+    let columns = [
+        "r",
+        "seed",
+        "evaluations",
+        "rescued",
+        "at_bound",
+        "s_px",
+        "phi_n_N_per_mm",
+        "delta_n_mm",
+        "delta_t_mm",
+        "omega",
+    ];
     out.table("table-1.csv", "Table 1, one row for each fit", &columns, rows)
 }
 
@@ -245,8 +272,16 @@ fn write_table_2(out: &Output, sweeps: &[(u64, Vec<SweepRow>)]) -> Result<()> {
         }
     }
     let columns = [
-        "r", "seed", "evaluations", "phi_n_N_per_mm", "delta_n_mm", "delta_t_mm", "phi_t_N_per_mm", "Kn_MPa_per_mm",
-        "Kt_MPa_per_mm", "omega",
+        "r",
+        "seed",
+        "evaluations",
+        "phi_n_N_per_mm",
+        "delta_n_mm",
+        "delta_t_mm",
+        "phi_t_N_per_mm",
+        "Kn_MPa_per_mm",
+        "Kt_MPa_per_mm",
+        "omega",
     ];
     out.table("table-2.csv", "Table 2, one row for each fit", &columns, rows)
 }
@@ -280,10 +315,9 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
     }
     let columns = ["r", "instant", "along_mm", "Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa", "mixity_deg"];
     out.table("figure-11-12.csv", "tractions of the identified models; mixity atan2(T_t, T_n)", &columns, rows)?;
-    for (name, label, pick) in [
-        ("tn", "T_n (MPa)", (|t| t.normal) as fn(&Traction) -> f64),
-        ("tt", "T_t (MPa)", |t| t.tangential),
-    ] {
+    for (name, label, pick) in
+        [("tn", "T_n (MPa)", (|t| t.normal) as fn(&Traction) -> f64), ("tt", "T_t (MPa)", |t| t.tangential)]
+    {
         let shown = of.iter().filter(|(r, instant, ..)| *r == 4.0 && PROFILES.contains(instant));
         let instants: Vec<_> = shown
             .map(|(_, instant, _, tractions, _, front)| {
@@ -366,7 +400,8 @@ fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(
         if SHOWN.contains(&number) {
             let backdrop = Backdrop::new(&test.image_without_rigid_motion(number)?, 1);
             let (left, _) = remove_rigid(measured, RemoveRigid::All);
-            let options = MeshOptions::new(format!("Instant {number}: measured mesh over the image, rigid motion removed"));
+            let options =
+                MeshOptions::new(format!("Instant {number}: measured mesh over the image, rigid motion removed"));
             out.save(&format!("figure-04-instant-{number:02}"), &deformed_mesh(&backdrop, true, &left, &options)?)?;
             let [width, height] = backdrop.size();
             let options = MeshOptions {
@@ -393,9 +428,17 @@ fn markdown(
     let mut text = String::new();
     let version = env!("CARGO_PKG_VERSION");
     // Writing into a `String` cannot fail.
-    let _ = writeln!(text, "# Fedele, Raka, Hild and Roux (2009) done again\n\nquadrille {version}, {} from seed {}.", plural(args.seeds, "draw"), args.seed);
+    let _ = writeln!(
+        text,
+        "# Fedele, Raka, Hild and Roux (2009) done again\n\nquadrille {version}, {} from seed {}.",
+        plural(args.seeds, "draw"),
+        args.seed
+    );
     let _ = writeln!(text, "Mean and standard deviation over the draws; one pixel is {:.3} um.\n", 1e3 * PIXEL_MM);
-    let _ = writeln!(text, "## Table 1\n\n| r | s (px) | | phi_n (N/mm) | delta_n (um) | delta_t (um) | omega | inside bounds | evaluations, most |\n|---|---|---|---|---|---|---|---|---|");
+    let _ = writeln!(
+        text,
+        "## Table 1\n\n| r | s (px) | | phi_n (N/mm) | delta_n (um) | delta_t (um) | omega | inside bounds | evaluations, most |\n|---|---|---|---|---|---|---|---|---|"
+    );
     for (r, level) in table_1 {
         let LevelSummary { n, inside, mean, spread, evaluations } = summary(level);
         let s = level.s_px;
@@ -404,19 +447,32 @@ fn markdown(
             _ => format!("{:.3} +- {:.3}", scale * mean[k], scale * spread[k]),
         };
         let omega = if s > 0.0 { of(3, 1.0) } else { format!("{:.1e}", mean[3]) };
-        let _ = writeln!(text, "| {r} | {s} | quadrille | {} | {} | {} | {omega} | {inside} of {n} | {evaluations} |", of(0, 1.0), of(1, 1e3), of(2, 1e3));
+        let _ = writeln!(
+            text,
+            "| {r} | {s} | quadrille | {} | {} | {} | {omega} | {inside} of {n} | {evaluations} |",
+            of(0, 1.0),
+            of(1, 1e3),
+            of(2, 1e3)
+        );
         if s == 0.0 {
             let error = (0..3).map(|k| (mean[k] / REFERENCE_LAW[k] - 1.0).abs()).fold(0.0, f64::max);
             let _ = writeln!(text, "| {r} | {s} | largest relative error | {error:.1e} | | | | | |");
         }
         if let Some(p) = TABLE_1.iter().find(|p| p.key == s && *r == 6) {
             let omega = p.omega.map(|omega| omega.to_string()).unwrap_or_default();
-            let _ = writeln!(text, "| {r} | {s} | paper, one draw | {} | {} | {} | {omega} | | |", p.phi_n, p.delta_n, p.delta_t);
+            let _ = writeln!(
+                text,
+                "| {r} | {s} | paper, one draw | {} | {} | {} | {omega} | | |",
+                p.phi_n, p.delta_n, p.delta_t
+            );
         }
     }
     let (rows, trends) = sweep_summary(noisy);
     let (clean_rows, clean_trends) = sweep_summary(clean);
-    let _ = writeln!(text, "\n## Table 2\n\nTruth: the parameters of the experiment, r = 4; noise of {SWEEP_NOISE_PX} px.\n\n| r | | phi_n (N/mm) | phi_t (N/mm) | delta_n (um) | delta_t (um) | K_n (GPa/mm) | K_t (GPa/mm) | omega |\n|---|---|---|---|---|---|---|---|---|");
+    let _ = writeln!(
+        text,
+        "\n## Table 2\n\nTruth: the parameters of the experiment, r = 4; noise of {SWEEP_NOISE_PX} px.\n\n| r | | phi_n (N/mm) | phi_t (N/mm) | delta_n (um) | delta_t (um) | K_n (GPa/mm) | K_t (GPa/mm) | omega |\n|---|---|---|---|---|---|---|---|---|"
+    );
     for (SweepSummary { r, mean, spread }, clean) in rows.iter().zip(&clean_rows) {
         let scales = [1.0, 1.0, 1e3, 1e3, 1e-3, 1e-3, 1.0];
         let of = |k: usize| format!("{:.3} +- {:.3}", scales[k] * mean[k], scales[k] * spread[k]);
@@ -426,23 +482,54 @@ fn markdown(
         let _ = writeln!(text, "| {r} | without noise | {} | {:.1e} |", cells.join(" | "), clean.mean[6]);
         if let Some(p) = TABLE_2.iter().find(|p| p.key == *r) {
             let (kn, kt) = (p.phi_n / p.delta_n.powi(2) * 1e3, 2.0 * r * p.phi_n / p.delta_t.powi(2) * 1e3);
-            let _ = writeln!(text, "| {r} | paper | {} | {:.1} | {} | {} | {kn:.1} | {kt:.2} | 7.5 |", p.phi_n, r * p.phi_n, p.delta_n, p.delta_t);
+            let _ = writeln!(
+                text,
+                "| {r} | paper | {} | {:.1} | {} | {} | {kn:.1} | {kt:.2} | 7.5 |",
+                p.phi_n,
+                r * p.phi_n,
+                p.delta_n,
+                p.delta_t
+            );
         }
     }
     let most = |pick: fn(&Trends) -> f64| trends.iter().map(pick).fold(0.0, f64::max);
     let monotonic = trends.iter().filter(|t| t.monotonic).count();
-    let _ = writeln!(text, "\nOver r = 3 to 6, the largest of the draws: phi_n and delta_n fall and delta_t and phi_t rise in {monotonic} of {}; the initial normal stiffness changes by {:.2e} of itself, the tangential one by {:.2e}, omega by {:.2e}.", trends.len(), most(|t| t.normal_stiffness), most(|t| t.tangential_stiffness), most(|t| t.omega));
+    let _ = writeln!(
+        text,
+        "\nOver r = 3 to 6, the largest of the draws: phi_n and delta_n fall and delta_t and phi_t rise in {monotonic} of {}; the initial normal stiffness changes by {:.2e} of itself, the tangential one by {:.2e}, omega by {:.2e}.",
+        trends.len(),
+        most(|t| t.normal_stiffness),
+        most(|t| t.tangential_stiffness),
+        most(|t| t.omega)
+    );
     if let Some(t) = clean_trends.first() {
-        let _ = writeln!(text, "Without noise: the normal stiffness by {:.2e}, the tangential one by {:.2e}.", t.normal_stiffness, t.tangential_stiffness);
+        let _ = writeln!(
+            text,
+            "Without noise: the normal stiffness by {:.2e}, the tangential one by {:.2e}.",
+            t.normal_stiffness, t.tangential_stiffness
+        );
     }
     let [e, nu, thickness] = BULK;
     let bulk = [e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu) * thickness), e / (2.0 * (1.0 + nu)) / thickness];
-    let _ = writeln!(text, "\n## Initial stiffness (GPa/mm)\n\n| | identified, r = 4 | paper, experiment | bulk epoxy, E = {e} MPa, nu = {nu} |\n|---|---|---|---|");
+    let _ = writeln!(
+        text,
+        "\n## Initial stiffness (GPa/mm)\n\n| | identified, r = 4 | paper, experiment | bulk epoxy, E = {e} MPa, nu = {nu} |\n|---|---|---|---|"
+    );
     if let Some(row) = rows.iter().find(|row| row.r == 4.0) {
         for (k, name) in ["normal: E(1-nu)/[(1+nu)(1-2nu)t]", "tangential: G/t"].into_iter().enumerate() {
-            let _ = writeln!(text, "| {name} | {:.2} +- {:.2} | {:.1} | {:.1} |", 1e-3 * row.mean[4 + k], 1e-3 * row.spread[4 + k], 1e-3 * PUBLISHED_STIFFNESS[k], 1e-3 * bulk[k]);
+            let _ = writeln!(
+                text,
+                "| {name} | {:.2} +- {:.2} | {:.1} | {:.1} |",
+                1e-3 * row.mean[4 + k],
+                1e-3 * row.spread[4 + k],
+                1e-3 * PUBLISHED_STIFFNESS[k],
+                1e-3 * bulk[k]
+            );
         }
     }
-    let _ = writeln!(text, "\n## Images\n\n{frames} frames of the virtual test correlated; measured less true displacement: {rms:.3} px rms.");
+    let _ = writeln!(
+        text,
+        "\n## Images\n\n{frames} frames of the virtual test correlated; measured less true displacement: {rms:.3} px rms."
+    );
     text
 }

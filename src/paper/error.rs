@@ -26,13 +26,17 @@ pub enum PaperError {
         s_px: f64,
     },
     /// The region cannot be followed under the true law.
-    #[error("the region has no solution at instant {instant} under this law; choose a lower peak traction phi_n/(e delta_n)")]
+    #[error(
+        "the region has no solution at instant {instant} under this law; choose a lower peak traction phi_n/(e delta_n)"
+    )]
     NoSolution {
         /// The instant, from 1.
         instant: usize,
     },
     /// A node of the region that the larger joint does not have.
-    #[error("node {node} of the region at ({x}, {y}) mm is not a node of the computed joint: this is a bug in quadrille")]
+    #[error(
+        "node {node} of the region at ({x}, {y}) mm is not a node of the computed joint: this is a bug in quadrille"
+    )]
     NotInJoint {
         /// The node.
         node: u32,

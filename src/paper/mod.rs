@@ -10,21 +10,19 @@ mod tables;
 
 pub use error::PaperError;
 pub use published::{
-    BULK, LEVELS_PX, MEASURED_LAW, PRESCRIBED_R, PUBLISHED_STIFFNESS, PublishedRow, REFERENCE_LAW, SWEEP_NOISE_PX, TABLE_1,
-    TABLE_2,
+    BULK, LEVELS_PX, MEASURED_LAW, PRESCRIBED_R, PUBLISHED_STIFFNESS, PublishedRow, REFERENCE_LAW, SWEEP_NOISE_PX,
+    TABLE_1, TABLE_2,
 };
 pub use tables::{LevelFits, LevelSummary, SweepSummary, Trends, noisy_fits, summary, sweep_summary, sweeps};
 
-use crate::identify::{FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind};
 use crate::identify::largest_without_rigid_motion;
+use crate::identify::{FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind};
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
     BoundaryHistory, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
 };
-use crate::virtual_test::{
-    ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, REGION, VirtualOptions, VirtualTest, zones_px,
-};
+use crate::virtual_test::{ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, REGION, VirtualOptions, VirtualTest, zones_px};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};

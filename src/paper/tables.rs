@@ -141,9 +141,9 @@ fn trends(table: &[[f64; 7]]) -> Trends {
     let rises = |k: usize| table.windows(2).all(|pair| pair[1][k] > pair[0][k]);
     let falls = |k: usize| table.windows(2).all(|pair| pair[1][k] < pair[0][k]);
     let range = |k: usize| {
-        let (low, high) = table.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), row| {
-            (low.min(row[k]), high.max(row[k]))
-        });
+        let (low, high) = table
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), row| (low.min(row[k]), high.max(row[k])));
         let mean = table.iter().map(|row| row[k]).sum::<f64>() / table.len().max(1) as f64;
         if mean > 0.0 { (high - low) / mean } else { 0.0 }
     };
