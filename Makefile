@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help build demo test check bench clean
+.PHONY: help build demo paper test check bench clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -12,6 +12,9 @@ build: ## Build target/release/quadrille
 
 demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
 	$(CARGO) run --release --locked -- demo --output out/demo
+
+paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
+	$(CARGO) run --release --locked -- paper --overwrite --output out/paper
 
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 18] = [
+const RANKS: [(&str, u8); 19] = [
     ("units", 0),
     ("clock", 0),
     ("isa", 0),
@@ -21,6 +21,7 @@ const RANKS: [(&str, u8); 18] = [
     ("mechanics", 5),
     ("metrology", 6),
     ("virtual_test", 6),
+    ("paper", 7),
     ("report", 7),
     ("cli", 8),
 ];

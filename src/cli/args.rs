@@ -51,6 +51,8 @@ pub enum Command {
     Virtual(VirtualArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
+    /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
+    Paper(PaperArgs),
 }
 
 /// A table of values per frame that is written beside the store.
@@ -522,6 +524,29 @@ pub struct VirtualArgs {
     /// Standard deviation of the noise, grey levels of 255.
     #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
     pub noise: f32,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille paper`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  quadrille paper --output out/paper\n\n\
+    Written are table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
+    Exit status: 0 all fits below 2 px of noise converged inside their bounds; 1 some did not; 2 it could not run.")]
+pub struct PaperArgs {
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace results that are there.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Draws of the noise at each level.
+    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
+    pub seeds: usize,
+    /// Seed of the first draw, of speckles and of the noise of images.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
     /// Threads. Default: all cores. Results do not depend on it.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub threads: Option<usize>,

@@ -10,6 +10,7 @@ mod figures;
 mod frames;
 mod identify;
 mod metrology;
+mod paper;
 mod plan;
 mod probe;
 mod progress;
@@ -69,6 +70,7 @@ pub fn main() -> ExitCode {
         args::Command::Sweep(args) => identify::run_sweep(&args),
         args::Command::Virtual(args) => virtual_test::run(&args),
         args::Command::Run(args) => run::run(&args),
+        args::Command::Paper(args) => paper::run(&args),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

@@ -164,7 +164,7 @@ fn with_other_rigid_motion(
 }
 
 /// Flags of the correlation that a run has too; all others have the values of the case file.
-fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateArgs> {
+pub(super) fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateArgs> {
     let flags = ["quadrille", "correlate", "--output"].map(std::ffi::OsString::from);
     let flags = flags.into_iter().chain([output.as_os_str().to_owned()]);
     match Cli::try_parse_from(flags)?.command {

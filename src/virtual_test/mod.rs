@@ -9,6 +9,7 @@ mod options;
 
 pub use options::{VirtualError, VirtualOptions};
 
+use crate::field::RigidMotion;
 use crate::imaging::Image;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -111,6 +112,34 @@ impl VirtualTest {
     /// # Panics
     /// When there is no such frame.
     pub fn motion(&self, k: usize) -> Strips {
+        self.motion_with(k, |_, u| u)
+    }
+
+    /// The motion of frame `k` after the rigid motion (exact rotation, least squares) of the measured region, both strips together, is
+    /// turned back.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn motion_without_rigid(&self, k: usize) -> Strips {
+        let motion = self.motion(k);
+        let step = ELEMENT_PX;
+        let points = zones_px().into_iter().flat_map(|[x0, y0, ..]| {
+            let [columns, rows] = REGION;
+            (0..=rows).flat_map(move |j| (0..=columns).map(move |i| [x0 + step * i as f64, y0 + step * j as f64]))
+        });
+        let points: Vec<[f64; 2]> = points.collect();
+        let moved = exact_at(&motion, &points);
+        let Some(rigid) = RigidMotion::fit(points.into_iter().zip(moved)) else { return motion };
+        let (sin, cos) = rigid.rotation_rad.sin_cos();
+        self.motion_with(k, |x, u| {
+            let by_rigid = rigid.displacement(x);
+            let rest = [u[0] - by_rigid[0], u[1] - by_rigid[1]];
+            [cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]]
+        })
+    }
+
+    /// The motion of frame `k` with its displacements (px, y down) made `change(x, u)`.
+    fn motion_with(&self, k: usize, change: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Strips {
         let [columns, rows] = JOINT;
         let step = ELEMENT_PX / FINER as f64;
         let per_strip = (columns + 1) * (rows + 1);
@@ -125,7 +154,8 @@ impl VirtualTest {
                 }
             };
             let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
-            let displacement = nodes.map(|(row, column)| of(row, column)).collect();
+            let place = |row: usize, column: usize| [LEFT_PX + step * column as f64, top + step * row as f64];
+            let displacement = nodes.map(|(row, column)| change(place(row, column), of(row, column))).collect();
             GridField::new([LEFT_PX, top], step, JOINT, displacement).expect("a grid with all its nodes")
         };
         let [upper_face, lower_face] = faces_px();
@@ -140,10 +170,25 @@ impl VirtualTest {
     /// # Panics
     /// When there is no such frame.
     pub fn image(&self, k: usize) -> Result<Image, SynthError> {
+        self.image_of(k, &self.motion(k))
+    }
+
+    /// The image of frame `k` as a camera sees it that follows the rigid motion of the measured region; rendered, not interpolated.
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn image_without_rigid_motion(&self, k: usize) -> Result<Image, SynthError> {
+        self.image_of(k, &self.motion_without_rigid(k))
+    }
+
+    fn image_of(&self, k: usize, motion: &Strips) -> Result<Image, SynthError> {
         let VirtualOptions { depth, noise_grey, seed, .. } = self.options;
         let options =
             RenderOptions { depth, noise: noise_grey, seed, frame: k as u64, ..RenderOptions::new(SIZE[0], SIZE[1]) };
-        render(&self.texture, &self.motion(k), &options)
+        render(&self.texture, motion, &options)
     }
 
     /// The true displacement (px, y down) of `points` of the reference image in frame `k`.
@@ -176,7 +221,7 @@ impl VirtualTest {
         let of = |u: &Vec<[f64; 2]>, strip: u32| {
             let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] == strip);
             let pairs = nodes().map(|node| (mesh.nodes()[node], u[node]));
-            crate::field::RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
+            RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
         };
         let fields = self.solution.instants.iter().map(|instant| &instant.displacement);
         fields.flat_map(|u| [of(u, 0), of(u, 1)]).fold(0.0, f64::max)

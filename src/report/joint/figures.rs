@@ -39,34 +39,50 @@ impl JointReport<'_> {
         for (name, profiles) in profiles {
             save(format!("{last:06}-{name}"), profiles.draw()?)?;
         }
-        let fields = &self.solution.instants[last - 1].sensitivities;
-        for (sensitivity, field) in self.solution.parameters.iter().zip(fields) {
+        for (k, sensitivity) in self.solution.parameters.iter().enumerate() {
             let name = self.name_of(sensitivity);
-            let unit = match sensitivity.parameter.unit {
-                "1" => "mm".to_owned(),
-                unit => format!("mm per {unit}"),
-            };
-            for (c, component) in ["u_x", "u_y"].into_iter().enumerate() {
-                let values: Vec<f64> = field.iter().map(|v| v[c]).collect();
-                if values.iter().all(|v| *v == 0.0) {
-                    continue;
+            for (c, component) in ["ux", "uy"].into_iter().enumerate() {
+                if let Some(map) = self.sensitivity(last, k, c)? {
+                    save(format!("{last:06}-d{component}_d{name}"), map)?;
                 }
-                let map = JointMap {
-                    title: format!("Sensitivity of {component} to {name} at instant {last}"),
-                    label: format!("d {component} / d {name} ({unit})"),
-                    notes: Vec::new(),
-                    nodes: self.joint.model.mesh().nodes(),
-                    elements: self.joint.model.mesh().elements(),
-                    values: &values,
-                };
-                save(format!("{last:06}-d{}_d{name}", component.replace('_', "")), map.draw()?)?;
             }
         }
         Ok(())
     }
 
-    /// The joint with its displacements enlarged, coloured by the equivalent stress.
-    fn deformed(&self, number: usize) -> Result<Picture, ReportError> {
+    /// The map of the derivative of component `c` (0 for u_x, 1 for u_y) by parameter `k` at instant `number`; `None` where it
+    /// is zero everywhere.
+    ///
+    /// # Errors
+    /// Values without a finite range.
+    pub fn sensitivity(&self, number: usize, k: usize, c: usize) -> Result<Option<Picture>, ReportError> {
+        let sensitivity = &self.solution.parameters[k];
+        let name = self.name_of(sensitivity);
+        let component = ["u_x", "u_y"][c];
+        let unit = match sensitivity.parameter.unit {
+            "1" => "mm".to_owned(),
+            unit => format!("mm per {unit}"),
+        };
+        let values: Vec<f64> = self.solution.instants[number - 1].sensitivities[k].iter().map(|v| v[c]).collect();
+        if values.iter().all(|v| *v == 0.0) {
+            return Ok(None);
+        }
+        let map = JointMap {
+            title: format!("Sensitivity of {component} to {name} at instant {number}"),
+            label: format!("d {component} / d {name} ({unit})"),
+            notes: Vec::new(),
+            nodes: self.joint.model.mesh().nodes(),
+            elements: self.joint.model.mesh().elements(),
+            values: &values,
+        };
+        map.draw().map(Some)
+    }
+
+    /// The joint at instant `number` with its displacements enlarged, coloured by the equivalent stress.
+    ///
+    /// # Errors
+    /// Values without a finite range.
+    pub fn deformed(&self, number: usize) -> Result<Picture, ReportError> {
         let model = &self.joint.model;
         let (mesh, u) = (model.mesh(), &self.solution.instants[number - 1].displacement);
         let largest = u.iter().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
