@@ -2,6 +2,7 @@
 
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
+use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
@@ -152,12 +153,16 @@ const REWEIGHTINGS: usize = 4;
 /// Scaled change below which new weights are not worth making.
 const SAME: f64 = 1e-8;
 /// Linearisations when the boundary is estimated.
-const BOUNDARY_STEPS: usize = 60;
-/// Share of its standard uncertainty below which the step of every parameter has to be with an estimated boundary. The kink
-/// of the law at zero opening keeps Gauss-Newton on thousands of unknowns from going further in reasonable time.
-const BOUNDARY_SHARE: f64 = 2e-3;
-/// Steps that the extrapolation of the boundary's iteration looks back on.
-const LOOK_BACK: usize = 4;
+const BOUNDARY_STEPS: usize = 40;
+/// With an estimated boundary the fit ends when the steps of all parameters are twice in a row below this share of their
+/// standard uncertainty. The kink of the law at zero opening lets Gauss-Newton on thousands of unknowns converge slowly only.
+const BOUNDARY_SHARE: f64 = 1e-2;
+/// Share of the decrease along the step that a trial has to reach (Armijo).
+const ENOUGH: f64 = 1e-4;
+/// Shortest part of a step that is tried.
+const SHORTEST: f64 = 1e-3;
+/// Stands in for the standard deviation of the noise (mm) where steps are compared with it and it is not known.
+const UNKNOWN_SIGMA: f64 = 1e-4;
 
 /// What a stage hands to the next.
 struct Stage {
@@ -209,27 +214,14 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
 
     let mut boundary = measured.clone();
     let mut largest_correction = None;
-    if options.weights == WeightKind::Covariance && noisy_boundary {
-        for _ in 0..REWEIGHTINGS {
-            if stage.status != FitStatus::Converged {
-                break;
-            }
-            let evaluation = at(problem, &stage.z, measured)?;
-            weights = full_weights(problem, &evaluation)?;
-            let before = stage.z.clone();
-            let start = unknowns.unscaled(&stage.z);
-            let region = TrustRegionOptions { first_radius: 0.1, ..options.region };
-            stage.add(run(problem, measured, &weights, &start, &region));
-            if distance(&before, &stage.z) < SAME {
-                break;
-            }
-        }
-        if options.estimate_boundary && stage.status == FitStatus::Converged {
-            let corrected = estimate_boundary(problem, &mut stage, options)?;
-            largest_correction = Some(corrected.1);
-            boundary = corrected.0;
-            let evaluation = at(problem, &stage.z, &boundary)?;
-            weights = full_weights(problem, &evaluation)?;
+    if options.weights == WeightKind::Covariance && noisy_boundary && stage.status == FitStatus::Converged {
+        if options.estimate_boundary {
+            let (corrected, largest) = estimate_boundary(problem, &mut stage, options)?;
+            largest_correction = Some(largest);
+            boundary = corrected;
+            weights = full_weights(problem, &at(problem, &stage.z, &boundary)?)?;
+        } else {
+            weights = reweight(problem, &mut stage, options)?;
         }
     }
 
@@ -363,6 +355,23 @@ fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weight
     Ok(Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?))
 }
 
+/// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
+fn reweight(problem: &Problem<'_>, stage: &mut Stage, options: &FitOptions) -> Result<Weights, FitError> {
+    let measured = &problem.joint.boundary;
+    let region = TrustRegionOptions { first_radius: 0.1, ..options.region };
+    let mut weights = full_weights(problem, &at(problem, &stage.z, measured)?)?;
+    for _ in 0..REWEIGHTINGS {
+        let before = stage.z.clone();
+        let start = problem.unknowns.unscaled(&stage.z);
+        stage.add(run(problem, measured, &weights, &start, &region));
+        if stage.status != FitStatus::Converged || distance(&before, &stage.z) < SAME {
+            break;
+        }
+        weights = full_weights(problem, &at(problem, &stage.z, measured)?)?;
+    }
+    Ok(weights)
+}
+
 /// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant. Gives the
 /// displacements and their largest correction (mm).
 fn estimate_boundary(
@@ -384,13 +393,19 @@ fn estimate_boundary(
         }
         joint.measured.boundary(values)
     };
-    let mut last_share = f64::INFINITY;
-    let unit = problem.noise.sigma.unwrap_or(1e-4);
-    let mut mixing = Mixing::default();
-    for step in 0..BOUNDARY_STEPS {
-        let boundary = boundary_of(&corrections).map_err(FitError::Boundary)?;
-        let evaluation = at(problem, &stage.z, &boundary)?;
-        stage.evaluations += 1;
+    let whole = InverseCovariance::new(&problem.noise, observation.instants.len(), Vec::new()).map_err(no_texture)?;
+    let whole = Weights::Inverse(whole);
+    // The corrections are residuals of the prescribed rows.
+    let objective = |evaluation: &Evaluation| square(&whole, &problem.noise, &evaluation.residual());
+    let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+    // While sigma is not known, the normal matrix lacks its square.
+    let missing = problem.noise.sigma.map_or(UNKNOWN_SIGMA, |_| 1.0);
+    let mut boundary = boundary_of(&corrections).map_err(FitError::Boundary)?;
+    let mut evaluation = at(problem, &stage.z, &boundary)?;
+    let mut omega = objective(&evaluation);
+    let mut small_steps = 0;
+    let mut share = f64::INFINITY;
+    for _ in 0..BOUNDARY_STEPS {
         let weights = full_weights(problem, &evaluation)?;
         let Weights::Inverse(inverse) = &weights else { return Err(FitError::Lost) };
         let local = evaluation.local(&weights, &problem.noise);
@@ -398,14 +413,7 @@ fn estimate_boundary(
         let above: Vec<f64> = upper.iter().zip(&stage.z).map(|(u, z)| (u - z).max(0.0)).collect();
         let region = StepRegion { lower: &below, upper: &above, radius: options.region.max_radius };
         let Some(s) = cone_step(&local.h, &local.b, &region) else { return Err(FitError::NotFinite) };
-        stage.history.push(Iteration {
-            z: stage.z.clone(),
-            omega: Some(local.omega),
-            radius: region.radius,
-            accepted: true,
-            rescued: evaluation.rescued,
-        });
-        stage.rescued += usize::from(evaluation.rescued);
+        share = share_of_std(&local.h, &s).map_or(f64::INFINITY, |share| share / missing);
         // The rest after the step: what the corrections of the boundary have to explain.
         let rest: Vec<Dense> = (evaluation.blocks.iter())
             .map(|block| {
@@ -415,30 +423,55 @@ fn estimate_boundary(
             })
             .collect();
         let more = inverse.boundary_corrections(&problem.noise.precision, &rest);
-        let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
-        // The first step moves the boundary alone: with it as measured the parameters are already the best.
-        // While sigma is not known, `h` lacks its square.
-        let missing = if problem.noise.sigma.is_some() { 1.0 } else { unit };
-        let share = share_of_std(&local.h, &s).map_or(f64::INFINITY, |share| share / missing);
-        if step > 0 && share < BOUNDARY_SHARE {
-            stage.reason = format!("the step is {share:.1e} of the uncertainty, boundary displacements estimated");
+        let slope = 2.0 * (square(&weights, &problem.noise, &rest) - omega);
+        // The kink of the law at zero opening makes the full step too long now and then.
+        let mut length = 1.0;
+        let moved = loop {
+            let of = |k: usize| (stage.z[k] + length * s[k]).clamp(lower[k], upper[k]);
+            let z: Vec<f64> = (0..s.len()).map(of).collect();
+            let next = |(c, m): (&Vec<f64>, &Vec<f64>)| c.iter().zip(m).map(|(c, m)| c + length * m).collect();
+            let trial_corrections: Vec<Vec<f64>> = corrections.iter().zip(&more).map(next).collect();
+            let trial_boundary = boundary_of(&trial_corrections).map_err(FitError::Boundary)?;
+            let trial = problem.evaluate(&problem.unknowns.unscaled(&z), &trial_boundary)?;
+            stage.evaluations += 1;
+            let trial_omega = trial.as_ref().map(objective);
+            let accepted = trial_omega.is_some_and(|trial| trial <= omega + ENOUGH * length * slope);
+            let rescued = trial.as_ref().is_some_and(|trial| trial.rescued);
+            stage.rescued += usize::from(rescued);
+            stage.history.push(Iteration { z: z.clone(), omega: trial_omega, radius: length, accepted, rescued });
+            match (trial, trial_omega) {
+                (Some(trial), Some(trial_omega)) if accepted => {
+                    (stage.z, corrections, boundary, evaluation, omega) =
+                        (z, trial_corrections, trial_boundary, trial, trial_omega);
+                    break true;
+                }
+                _ if length < SHORTEST => break false,
+                _ => length *= 0.5,
+            }
+        };
+        // Nothing below: the objective has no lower neighbour that its digits tell apart.
+        small_steps = if share < BOUNDARY_SHARE { small_steps + 1 } else { 0 };
+        if small_steps > 1 || (share < BOUNDARY_SHARE && !moved) {
+            stage.reason = format!("steps are {share:.1e} of the uncertainty, boundary displacements estimated");
             return Ok((boundary, largest(&corrections)));
         }
-        // Parameters in hundredths, displacements in the unit of their noise.
-        let point: Vec<f64> =
-            stage.z.iter().map(|z| 100.0 * z).chain(corrections.iter().flatten().map(|d| d / unit)).collect();
-        let change: Vec<f64> = s.iter().map(|s| 100.0 * s).chain(more.iter().flatten().map(|d| d / unit)).collect();
-        let next = mixing.next(point, change);
-        stage.z = (0..s.len()).map(|k| (0.01 * next[k]).clamp(lower[k], upper[k])).collect();
-        let mut rest = next[s.len()..].iter();
-        corrections.iter_mut().flatten().zip(&mut rest).for_each(|(d, next)| *d = unit * next);
-        last_share = share;
+        if !moved {
+            stage.status = FitStatus::Stalled;
+            stage.reason = format!(
+                "no step along the last direction ({share:.1e} of the uncertainty) lowers the objective, boundary \
+                 displacements estimated"
+            );
+            return Ok((boundary, largest(&corrections)));
+        }
     }
     stage.status = FitStatus::EvaluationLimit;
-    stage.reason =
-        format!("with estimated boundary displacements the last step was still {last_share:.1e} of the uncertainty");
-    let largest = corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
-    Ok((boundary_of(&corrections).map_err(FitError::Boundary)?, largest))
+    stage.reason = format!("with estimated boundary displacements the last step was still {share:.1e} of the uncertainty");
+    Ok((boundary, largest(&corrections)))
+}
+
+/// `r^T W r`.
+fn square(weights: &Weights, noise: &Noise, r: &[Dense]) -> f64 {
+    r.iter().zip(&weights.times(noise, r)).map(|(r, wr)| r.transposed_times(wr)[(0, 0)]).sum()
 }
 
 /// The largest component of the step `s` as a share of the standard uncertainty that the normal matrix `h` stands for.
@@ -446,44 +479,6 @@ fn share_of_std(h: &Dense, s: &[f64]) -> Option<f64> {
     let covariance = h.cholesky().ok()?.solve(&Dense::from_fn(s.len(), s.len(), |r, c| f64::from(u8::from(r == c))));
     let share = |k: usize| s[k].abs() / covariance[(k, k)].sqrt();
     Some((0..s.len()).map(share).fold(0.0, f64::max))
-}
-
-/// Extrapolation of a fixed-point iteration that swings to and fro (Anderson 1965): the combination of the last points whose
-/// changes nearly cancel, plus what is left of them.
-#[derive(Default)]
-struct Mixing {
-    points: Vec<Vec<f64>>,
-    changes: Vec<Vec<f64>>,
-}
-
-impl Mixing {
-    /// Where to go from `point`, which the iteration would move by `change`.
-    fn next(&mut self, point: Vec<f64>, change: Vec<f64>) -> Vec<f64> {
-        self.points.push(point);
-        self.changes.push(change);
-        if self.points.len() > LOOK_BACK {
-            self.points.remove(0);
-            self.changes.remove(0);
-        }
-        let n = self.points.len() - 1;
-        let (point, change) = (&self.points[n], &self.changes[n]);
-        let plain = || point.iter().zip(change).map(|(x, f)| x + f).collect();
-        if n == 0 {
-            return plain();
-        }
-        let rise = |k: usize, i: usize| self.changes[k + 1][i] - self.changes[k][i];
-        let dot = |f: &dyn Fn(usize) -> f64| (0..change.len()).map(f).sum::<f64>();
-        let mut square = Dense::from_fn(n, n, |r, c| dot(&|i| rise(r, i) * rise(c, i)));
-        let trace: f64 = (0..n).map(|k| square[(k, k)]).sum();
-        (0..n).for_each(|k| square[(k, k)] += 1e-10 * trace);
-        let Ok(factor) = square.cholesky() else { return plain() };
-        let share = factor.solve(&Dense::from_fn(n, 1, |r, _| dot(&|i| rise(r, i) * change[i])));
-        let of = |i: usize| {
-            let back = |k: usize| share[(k, 0)] * (self.points[k + 1][i] - self.points[k][i] + rise(k, i));
-            point[i] + change[i] - (0..n).map(back).sum::<f64>()
-        };
-        (0..point.len()).map(of).collect()
-    }
 }
 
 /// Correlation of the parameters. Without any noise (no variance at all) that which noise would give.

@@ -53,6 +53,11 @@ impl Evaluation {
         }
     }
 
+    /// The residual alone, a column for each instant.
+    pub fn residual(&self) -> Vec<Dense> {
+        self.blocks.iter().map(|block| Dense::from_fn(block.n_rows(), 1, |r, _| block[(r, 0)])).collect()
+    }
+
     /// The derivatives alone: one block of columns for each instant.
     pub fn jacobian(&self) -> Vec<Dense> {
         let of = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
