@@ -7,7 +7,7 @@ use super::progress::Talk;
 use super::run_folder::RunFolder;
 use super::{Outcome, Result, identify, plural, pool, simulate};
 use crate::field::{Measurement, Status};
-use crate::identify::{Case, fit};
+use crate::identify::{Case, first_order};
 use crate::io::images::sha256;
 use crate::io::joint::{JointInput, read_joint, read_table};
 use crate::io::run_case::{RunCase, read_run_case};
@@ -141,26 +141,29 @@ fn mechanics(args: &RunArgs, case: &Path, has_fit: bool) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// The fit from `found` on, with the rigid motion removed where it was kept, and the other way round: whether it is removed, and the
-/// parameters then.
+/// The fit that ended at `found` if the rigid motion were removed where it was kept, and the other way round, to first order:
+/// whether it is removed, and the parameters then.
 fn with_other_rigid_motion(
     input: &JointInput,
     case: &Path,
     found: &BTreeMap<&str, f64>,
 ) -> Result<(bool, BTreeMap<String, f64>)> {
-    let mut input = input.clone();
     let remove = input.case.boundary.remove_rigid_motion.as_deref() != Some("overall");
-    input.case.boundary.remove_rigid_motion = Some(if remove { "overall" } else { "none" }.to_owned());
-    if let Some(fit) = &mut input.case.fit {
-        fit.starts.clear();
-        fit.latin_hypercube = None;
-        fit.profile = None;
-        fit.start.extend(found.iter().map(|(&name, &value)| (name.to_owned(), value)));
-    }
-    let joint = Case::joint(&input)?;
-    let case = Case::new(&joint, &input, case)?;
-    let fit = fit(&case.problem, &case.options)?;
-    Ok((remove, fit.parameters.iter().map(|p| (p.parameter.name.to_owned(), p.value)).collect()))
+    let ends = [!remove, remove].map(|remove| -> Result<Vec<(String, f64)>> {
+        let mut input = input.clone();
+        input.case.boundary.remove_rigid_motion = Some(if remove { "overall" } else { "none" }.to_owned());
+        let joint = Case::joint(&input)?;
+        let case = Case::new(&joint, &input, case)?;
+        let names: Vec<&str> = case.problem.unknowns.list().iter().map(|unknown| unknown.parameter.name).collect();
+        let x: Vec<f64> = names.iter().map(|name| found[name]).collect();
+        let end = first_order(&case.problem, case.options.weights, &x)?;
+        Ok(names.into_iter().map(str::to_owned).zip(end).collect())
+    });
+    let [this, other] =
+        [ends[0].as_ref(), ends[1].as_ref()].map(|end| end.map_err(|error| super::chain(error.as_ref())));
+    let change =
+        this?.iter().zip(other?).map(|((name, this), (_, other))| (name.clone(), found[name.as_str()] * other / this));
+    Ok((remove, change.collect()))
 }
 
 /// Flags of the correlation that a run has too; all others have the values of the case file.

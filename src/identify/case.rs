@@ -1,6 +1,7 @@
 //! An identification as its case file describes it.
 
 use super::constants::{Constant, ConstantKind};
+use super::discretisation::Discretisation;
 use super::error::FitError;
 use super::fit::FitOptions;
 use super::noise::{Noise, Precision};
@@ -123,6 +124,16 @@ impl<'a> Case<'a> {
                 ..TrustRegionOptions::default()
             },
             constants: constants(joint, &case.substrate, table)?,
+            discretisation: match table.discretisation.as_deref() {
+                None if of_run => Discretisation::Included,
+                None | Some("stated") => Discretisation::Stated,
+                Some("included") => Discretisation::Included,
+                Some("off") => Discretisation::Off,
+                Some(other) => {
+                    let what = format!("discretisation = \"{other}\"; give \"included\", \"stated\" or \"off\"");
+                    return Err(wrong("fit", what));
+                }
+            },
         };
         let index = |key: &str, name: &str| {
             unknowns.law().parameters().iter().position(|p| p.name == name).ok_or_else(|| {

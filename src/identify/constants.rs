@@ -109,7 +109,7 @@ impl Problem<'_> {
     }
 
     /// `-A sum_i v_i^T U_p`: how the estimate moves with a constant that moves the computed displacements by `U_p`.
-    fn shift(&self, statistics: &Statistics, by_constant: impl Fn(usize, usize, usize) -> f64) -> Vec<f64> {
+    pub(super) fn shift(&self, statistics: &Statistics, by_constant: impl Fn(usize, usize, usize) -> f64) -> Vec<f64> {
         let observation = &self.observation;
         let mut sum = Dense::zeros(statistics.a.n_rows(), 1);
         for (observed, v) in observation.instants.iter().zip(&statistics.v) {

@@ -2,6 +2,7 @@
 
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
+use super::discretisation::Discretisation;
 use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
@@ -31,12 +32,21 @@ pub struct FitOptions {
     pub region: TrustRegionOptions,
     /// Model constants that are not known exactly.
     pub constants: Vec<Constant>,
+    /// What becomes of the effect of the element size.
+    pub discretisation: Discretisation,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
         let region = TrustRegionOptions::default();
-        Self { weights: WeightKind::Paper, estimate_boundary: false, starts: Vec::new(), region, constants: Vec::new() }
+        Self {
+            weights: WeightKind::Paper,
+            estimate_boundary: false,
+            starts: Vec::new(),
+            region,
+            constants: Vec::new(),
+            discretisation: Discretisation::Stated,
+        }
     }
 }
 
@@ -47,8 +57,12 @@ pub struct FittedParameter {
     pub parameter: Parameter,
     /// Its value.
     pub value: f64,
-    /// Its standard uncertainty; `None` when the data do not give one.
+    /// Its standard uncertainty, from noise and uncertain constants; `None` when the data do not give one.
     pub std: Option<f64>,
+    /// Its change if the elements were half as large.
+    pub discretisation: Option<f64>,
+    /// 95 % interval, with the change by the element size as one more standard uncertainty where that was asked for.
+    pub interval95: Option<[f64; 2]>,
     /// Where the fit started.
     pub start: f64,
     /// The bounds.
@@ -64,6 +78,10 @@ pub struct FittedQuantity {
     pub quantity: Derived,
     /// Its standard uncertainty.
     pub std: Option<f64>,
+    /// Its change if the elements were half as large.
+    pub discretisation: Option<f64>,
+    /// 95 % interval, as that of a parameter.
+    pub interval95: Option<[f64; 2]>,
 }
 
 /// Where one start led.
@@ -245,19 +263,34 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
     };
     let std = |k: usize| covariance.as_ref().map(|c| c[(k, k)].max(0.0).sqrt());
+    let by_refinement: Option<Vec<f64>> = match (&statistics, options.discretisation) {
+        (_, Discretisation::Off) | (None, _) => None,
+        (Some(statistics), _) => problem
+            .refinement_shift(&evaluation, statistics, &boundary)
+            .map(|shift| shift.iter().zip(&slopes).map(|(z, slope)| z * slope).collect()),
+    };
+    let interval = |value: f64, std: Option<f64>, discretisation: Option<f64>| {
+        let more = discretisation.filter(|_| options.discretisation == Discretisation::Included).unwrap_or(0.0);
+        std.map(|std| Fit::interval95(value, std.hypot(more)))
+    };
     let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
     let at_bound = |k: usize| {
         let [low, high] = unknowns.list()[k].bounds;
         x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9)
     };
     let parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
-        .map(|(k, unknown)| FittedParameter {
-            parameter: unknown.parameter,
-            value: x[k],
-            std: std(k),
-            start: unknown.start,
-            bounds: unknown.bounds,
-            at_bound: at_bound(k),
+        .map(|(k, unknown)| {
+            let (std, discretisation) = (std(k), by_refinement.as_ref().map(|change| change[k]));
+            FittedParameter {
+                parameter: unknown.parameter,
+                value: x[k],
+                std,
+                discretisation,
+                interval95: interval(x[k], std, discretisation),
+                start: unknown.start,
+                bounds: unknown.bounds,
+                at_bound: at_bound(k),
+            }
         })
         .collect();
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
@@ -271,7 +304,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
     Ok(Fit {
-        derived: with_uncertainty(unknowns, &x, covariance.as_ref()),
+        derived: with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval),
         parameters,
         values: law.values(),
         covariance,
@@ -291,6 +324,24 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         boundary,
         largest_correction,
     })
+}
+
+/// The parameters after one Gauss-Newton step from `x` under the weights of kind `weights`, the boundary as measured: where a
+/// fit near `x` ends, to first order.
+///
+/// # Errors
+/// See [`FitError`].
+pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Result<Vec<f64>, FitError> {
+    let evaluation = problem.evaluate(x, &problem.joint.boundary)?.ok_or(FitError::Lost)?;
+    let weights = match weights {
+        WeightKind::Covariance => full_weights(problem, &evaluation)?,
+        kind => problem.diagonal_weights(kind),
+    };
+    let local = evaluation.local(&weights, &problem.noise);
+    let factor = local.h.cholesky().map_err(|_| FitError::NotFinite)?;
+    let step = factor.solve(&Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]));
+    let z = problem.unknowns.scaled(x);
+    Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
 }
 
 fn no_texture(fault: NotPositiveDefinite) -> FitError {
@@ -465,7 +516,8 @@ fn estimate_boundary(
         }
     }
     stage.status = FitStatus::EvaluationLimit;
-    stage.reason = format!("with estimated boundary displacements the last step was still {share:.1e} of the uncertainty");
+    stage.reason =
+        format!("with estimated boundary displacements the last step was still {share:.1e} of the uncertainty");
     Ok((boundary, largest(&corrections)))
 }
 
@@ -497,7 +549,13 @@ fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense 
 }
 
 /// Derived quantities at `x`, with the uncertainty that the covariance of the parameters gives them.
-fn with_uncertainty(unknowns: &Unknowns, x: &[f64], covariance: Option<&Dense>) -> Vec<FittedQuantity> {
+fn with_uncertainty(
+    unknowns: &Unknowns,
+    x: &[f64],
+    covariance: Option<&Dense>,
+    by_refinement: Option<&[f64]>,
+    interval: impl Fn(f64, Option<f64>, Option<f64>) -> Option<[f64; 2]>,
+) -> Vec<FittedQuantity> {
     let at = |x: &[f64]| unknowns.law_at(x).map(|law| derived(&*law)).unwrap_or_default();
     let slopes: Vec<Vec<f64>> = (0..x.len())
         .map(|k| {
@@ -510,12 +568,19 @@ fn with_uncertainty(unknowns: &Unknowns, x: &[f64], covariance: Option<&Dense>) 
             moved(h).iter().zip(moved(-h)).map(|(more, less)| (more.value - less.value) / (2.0 * h)).collect()
         })
         .collect();
+    let slope = |k: usize, q: usize| slopes[k].get(q).copied().unwrap_or(0.0);
     let std = |q: usize| {
         let covariance = covariance?;
-        let slope = |k: usize| slopes[k].get(q).copied().unwrap_or(0.0);
+        let slope = |k: usize| slope(k, q);
         let n = x.len();
         let variance: f64 = (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
         Some(variance.max(0.0).sqrt())
     };
-    at(x).into_iter().enumerate().map(|(q, quantity)| FittedQuantity { quantity, std: std(q) }).collect()
+    let of = |(q, quantity): (usize, Derived)| {
+        let discretisation =
+            by_refinement.map(|change| change.iter().enumerate().map(|(k, change)| slope(k, q) * change).sum());
+        let std = std(q);
+        FittedQuantity { quantity, std, discretisation, interval95: interval(quantity.value, std, discretisation) }
+    };
+    at(x).into_iter().enumerate().map(of).collect()
 }

@@ -1,8 +1,8 @@
 //! The profile likelihood of one parameter: the objective with it prescribed and the others fitted.
 
-use super::FitError;
 use super::fit::{Fit, FitOptions, fit};
 use super::objective::Problem;
+use super::{Discretisation, FitError};
 use rayon::prelude::*;
 
 /// The profile of one parameter.
@@ -48,7 +48,12 @@ pub fn profile(problem: &Problem<'_>, options: &FitOptions, done: &Fit, k: usize
         z[k] += REACH * std * f64::from(j) / f64::from(POINTS);
         problem.unknowns.unscaled(&z)[k]
     };
-    let options = FitOptions { starts: Vec::new(), constants: Vec::new(), ..options.clone() };
+    let options = FitOptions {
+        starts: Vec::new(),
+        constants: Vec::new(),
+        discretisation: Discretisation::Off,
+        ..options.clone()
+    };
     let unit = variance / a;
     let at = |j: i32| -> Result<(f64, f64), FitError> {
         let x = value(j);

@@ -16,7 +16,9 @@ pub use published::{
 pub use tables::{LevelFits, LevelSummary, SweepSummary, Trends, noisy_fits, summary, sweep_summary, sweeps};
 
 use crate::identify::largest_without_rigid_motion;
-use crate::identify::{FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind};
+use crate::identify::{
+    Discretisation, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind,
+};
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
@@ -155,7 +157,8 @@ impl Experiment {
 
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.
     pub fn options() -> FitOptions {
-        FitOptions { weights: WeightKind::Paper, ..FitOptions::default() }
+        let discretisation = Discretisation::Off;
+        FitOptions { weights: WeightKind::Paper, discretisation, ..FitOptions::default() }
     }
 }
 

@@ -172,10 +172,17 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Text(format!("What the verdict goes by: {thresholds}.")));
         }
         let names = self.fitted();
-        let mut columns: Vec<String> =
-            ["parameter", "value", "standard uncertainty", "95 % interval", "start", "on a bound"]
-                .map(str::to_owned)
-                .into();
+        let mut columns: Vec<String> = [
+            "parameter",
+            "value",
+            "standard uncertainty",
+            "with half the element size",
+            "95 % interval",
+            "start",
+            "on a bound",
+        ]
+        .map(str::to_owned)
+        .into();
         if self.truth.is_some() {
             columns.push("truth".into());
         }
@@ -194,6 +201,8 @@ impl IdentificationReport<'_> {
                     std.map_or("-".into(), |std| {
                         format!("{} {unit} ({} %)", significant(std, 2), significant(100.0 * std / value.abs(), 2))
                     }),
+                    number("discretisation")
+                        .map_or("-".into(), |change| format!("{:+.2} %", 100.0 * change / value.abs())),
                     match interval.as_slice() {
                         [low, high] => {
                             format!("{} to {} {unit}", significant(scale * low, 5), significant(scale * high, 5))
@@ -217,6 +226,14 @@ impl IdentificationReport<'_> {
             })
             .collect();
         blocks.push(Block::Table { columns, rows });
+        blocks.push(Block::Text(match fit["discretisation"].as_str() {
+            Some("included") => "The standard uncertainty is that of noise and uncertain constants. The 95 % interval also holds, as \
+                                 one more standard uncertainty, the change that elements of half the size would make."
+                .into(),
+            _ => "Standard uncertainty and 95 % interval are those of noise and uncertain constants; what elements of half the size \
+                  would change is not part of them."
+                .into(),
+        }));
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
             .map(|(p, value)| {
@@ -424,7 +441,7 @@ impl IdentificationReport<'_> {
             let choice = if removed.is_empty() { "Removed" } else { "Kept" };
             effect = match other["failed"].as_str() {
                 Some(why) => format!(" What the other choice would change is not known: {why}."),
-                None => format!(" {choice}, the parameters would change by: {}.", list.join(", ")),
+                None => format!(" {choice}, the parameters would change by (to first order): {}.", list.join(", ")),
             };
         }
         Block::Text(format!(

@@ -92,6 +92,8 @@ pub struct CaseFit {
     pub max_evaluations: Option<usize>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
+    /// The effect of the element size: `included` in the 95 % intervals (a store), `stated` beside them (a table), `off`.
+    pub discretisation: Option<String>,
     /// Standard uncertainty of the adhesive's thickness, mm.
     pub thickness_mm_std: Option<f64>,
     /// Relative standard uncertainty of the pixel size.

@@ -1,7 +1,7 @@
 //! `fit.json` and `sweep.json`.
 
 use super::FitReport;
-use crate::identify::{Case, Fit, Iteration, SweepRow};
+use crate::identify::{Case, Discretisation, Fit, Iteration, SweepRow};
 use crate::mechanics::Status;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -27,6 +27,8 @@ pub struct FitJson {
     pub measurement: MeasurementJson,
     /// The parameters that were fitted.
     pub parameters: BTreeMap<&'static str, ParameterJson>,
+    /// Whether the effect of the element size is `included` in the 95 % intervals, `stated` beside them, or `off`.
+    pub discretisation: &'static str,
     /// The order of the parameters in all lists.
     pub parameter_order: Vec<&'static str>,
     /// The parameters of the law that were not.
@@ -103,8 +105,10 @@ pub struct ParameterJson {
     pub unit: &'static str,
     /// What it is.
     pub meaning: &'static str,
-    /// Standard uncertainty.
+    /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
+    /// Its change if the elements were half as large; null where that was not computed.
+    pub discretisation: Option<f64>,
     /// 95 % interval.
     pub interval95: Option<[f64; 2]>,
     /// Where the fit started.
@@ -124,8 +128,10 @@ pub struct QuantityJson {
     pub value: f64,
     /// Its unit.
     pub unit: &'static str,
-    /// Standard uncertainty.
+    /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
+    /// Its change if the elements were half as large; null where that was not computed.
+    pub discretisation: Option<f64>,
     /// 95 % interval.
     pub interval95: Option<[f64; 2]>,
 }
@@ -230,10 +236,6 @@ impl SweepJson {
     }
 }
 
-fn interval(value: f64, std: Option<f64>) -> Option<[f64; 2]> {
-    std.map(|std| Fit::interval95(value, std))
-}
-
 fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
     let of = |p: &crate::identify::FittedParameter| {
         let json = ParameterJson {
@@ -241,7 +243,8 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
             unit: p.parameter.unit,
             meaning: p.parameter.meaning,
             std: p.std,
-            interval95: interval(p.value, p.std),
+            discretisation: p.discretisation,
+            interval95: p.interval95,
             start: p.start,
             lower: p.bounds[0],
             upper: p.bounds[1],
@@ -255,7 +258,8 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
 fn quantities(fit: &Fit) -> BTreeMap<&'static str, QuantityJson> {
     let of = |q: &crate::identify::FittedQuantity| {
         let (value, unit, std) = (q.quantity.value, q.quantity.unit, q.std);
-        (q.quantity.name, QuantityJson { value, unit, std, interval95: interval(value, std) })
+        let (discretisation, interval95) = (q.discretisation, q.interval95);
+        (q.quantity.name, QuantityJson { value, unit, std, discretisation, interval95 })
     };
     fit.derived.iter().map(of).collect()
 }
@@ -282,6 +286,13 @@ impl FitReport<'_> {
         if rescued_at_end {
             warnings.push(
                 "the forward run at the result was rescued: node pairs snapped, and the objective may jump nearby"
+                    .into(),
+            );
+        }
+        if options.discretisation != Discretisation::Off && fit.parameters.iter().any(|p| p.discretisation.is_none()) {
+            warnings.push(
+                "the effect of the element size could not be computed (no finer mesh, or no solution on it): the \
+                 intervals are without it"
                     .into(),
             );
         }
@@ -330,6 +341,7 @@ impl FitReport<'_> {
                 .filter(|(p, _)| !names.contains(&p.name))
                 .map(|(p, value)| (p.name, *value))
                 .collect(),
+            discretisation: options.discretisation.name(),
             parameter_order: names,
             derived: quantities(fit),
             correlation: fit.correlation.as_ref().map(rows),
