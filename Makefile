@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help build demo paper test check bench clean
+.PHONY: help build demo paper study test check bench clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -18,6 +18,11 @@ paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh
+
+study: ## Identification over many seeds and draws, for the tables of docs/identification.md (half an hour); in out/study
+	$(CARGO) test --release --locked --test identify -- --ignored --nocapture
+	$(CARGO) build --release --locked
+	scripts/study.py --output out/study
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

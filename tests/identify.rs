@@ -288,7 +288,9 @@ fn with_fields(input: &JointInput, fields: &[Vec<[f64; 2]>]) -> JointInput {
 /// The case of all statistics: it starts near the truth.
 fn near(measurement: &str, more: &str) -> Option<JointInput> {
     mechanics_common::reference_folder()?;
-    let fit = format!("{THREE}\n{more}\n[fit.start]\nphi_n = 1.01\ndelta_n = 0.00498\ndelta_t = 0.0502");
+    let fit = format!(
+        "{THREE}\ndiscretisation = \"off\"\n{more}\n[fit.start]\nphi_n = 1.01\ndelta_n = 0.00498\ndelta_t = 0.0502"
+    );
     input(truth(), measurement, &fit, true)
 }
 
@@ -398,8 +400,10 @@ fn a_minimiser_without_derivatives_ends_at_the_same_place_on_noisy_data() {
     assert!(found.omega <= omega(&z) * (1.0 + 1e-12));
 }
 
-/// Fits of 40 draws of noise: the predicted standard deviations, the errors, and the share of intervals and bands that hold.
+/// Fits of many draws of noise: the predicted standard deviations, the errors, and the share of intervals and bands that
+/// hold. Draws whose fit did not converge inside its bounds are counted and left out.
 struct Draws {
+    converged: usize,
     predicted: [f64; 3],
     scatter: [f64; 3],
     bias: [f64; 3],
@@ -415,12 +419,14 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
     let tractions: Vec<Vec<Traction>> = truth().iter().map(|u| model.tractions(&law, u)).collect();
     let rows: Vec<(Vec<[f64; 2]>, f64, f64)> = (1..=seeds)
         .into_par_iter()
-        .map(|seed| {
+        .filter_map(|seed| {
             let input = with_fields(input, &noisy(sigma_px * PX, seed));
             let joint = joint_of(&input);
             let case = case_of(&joint, &input);
             let found = fit(&case.problem, &case.options).unwrap();
-            assert_eq!(found.status, FitStatus::Converged, "seed {seed}: {}", found.reason);
+            if found.status != FitStatus::Converged || found.parameters.iter().any(|p| p.at_bound) {
+                return None;
+            }
             let of = |(p, truth): (&quadrille::identify::FittedParameter, f64)| {
                 [p.value / truth - 1.0, p.std.unwrap() / truth]
             };
@@ -434,7 +440,8 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
                 }
             }
             let expected = found.statistics.as_ref().unwrap().expected_omega;
-            (found.parameters.iter().zip(TRUTH).map(of).collect(), inside / f64::max(n, 1.0), found.omega / expected)
+            let errors = found.parameters.iter().zip(TRUTH).map(of).collect();
+            Some((errors, inside / f64::max(n, 1.0), found.omega / expected))
         })
         .collect();
     let n = rows.len() as f64;
@@ -444,6 +451,7 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
         row.0.iter().filter(|[off, std]| off.abs() <= NORMAL_95 * std).count() as f64 / 3.0
     };
     let draws = Draws {
+        converged: rows.len(),
         predicted: [0, 1, 2].map(|k| mean(&|row| row.0[k][1].powi(2)).sqrt()),
         scatter: [0, 1, 2].map(|k| (mean(&|row| (row.0[k][0] - bias[k]).powi(2)) * n / (n - 1.0)).sqrt()),
         bias,
@@ -452,7 +460,7 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
         omega: mean(&|row| row.2),
     };
     println!(
-        "{sigma_px} px, {n} draws: predicted {:.3?} %, scatter {:.3?} %, bias {:.3?} %, covered {:.1} %, T_n in band {:.1} %, \
+        "{sigma_px} px, {n} of {seeds} draws converged: predicted {:.3?} %, scatter {:.3?} %, bias {:.3?} %, covered {:.1} %, T_n in band {:.1} %, \
          omega over expected {:.3}",
         draws.predicted.map(|v| 100.0 * v),
         draws.scatter.map(|v| 100.0 * v),
@@ -471,6 +479,7 @@ fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_band
     let Some(input) = near("weights = \"paper\"", "") else { return };
     let high = draws(&input, 0.1, 40, false);
     for draws in [&low, &high] {
+        assert_eq!(draws.converged, 40);
         for k in 0..3 {
             // The issue's figure; a scatter of 40 draws is itself known to 11 %.
             assert!((draws.predicted[k] / draws.scatter[k] - 1.0).abs() < 0.15, "parameter {k}");
@@ -478,6 +487,23 @@ fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_band
     }
     assert!((0.9..=0.99).contains(&low.covered) && (0.9..=0.99).contains(&low.in_band));
     assert!((low.omega - 1.0).abs() < 0.1, "{}", low.omega);
+    // Beyond what a linear prediction covers: reported, and nothing else than that most fits end.
+    assert!(draws(&input, 0.4, 40, false).converged > 20);
+}
+
+#[test]
+#[ignore = "ten minutes: make study"]
+fn four_hundred_draws_for_the_table_in_the_documentation() {
+    for (sigma_px, bands) in [(0.05, true), (0.1, true), (0.4, false)] {
+        let Some(input) = near("weights = \"paper\"", "") else { return };
+        draws(&input, sigma_px, 400, bands);
+        let Some(input) = near("nodes = \"free\"\nweights = \"covariance\"", "") else { return };
+        draws(&input, sigma_px, 40, bands);
+        let Some(input) = near("nodes = \"free\"\nweights = \"covariance\"\nboundary = \"estimated\"", "") else {
+            return;
+        };
+        draws(&input, sigma_px, 40, bands);
+    }
 }
 
 #[test]

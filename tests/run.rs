@@ -89,7 +89,7 @@ fn the_report_tells_everything_and_needs_nothing_else() {
         "What the verdict goes by",
         "Normal traction along the joint",
         "Bands: 95 %",
-        "the parameters would change by: phi_n",
+        "the parameters would change by (to first order): phi_n",
         // Versions and hashes.
         env!("CARGO_PKG_VERSION"),
         "SHA-256 of the case file",

@@ -99,7 +99,8 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     // A reader that has gone away wants no more.
     let _ = stdout.write_all(text.as_bytes());
     out.say(&format!("tables and figures in {}", args.output.display()));
-    let fine = |level: &LevelFits| level.s_px >= 2.0 || summary(level).inside == level.fits.len();
+    // Under noise a draw whose fit runs to a bound is a result of the experiment, which the table counts.
+    let fine = |level: &LevelFits| level.s_px > 0.0 || summary(level).inside == level.fits.len();
     Ok(if table_1.iter().all(|(_, level)| fine(level)) { Outcome::Fine } else { Outcome::Incomplete })
 }
 
