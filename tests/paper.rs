@@ -55,17 +55,18 @@ fn over_r_the_parameters_follow_table_2_while_the_initial_normal_stiffness_and_t
     let (_, trends) = sweep_summary(&sweeps(&experiment, SWEEP_NOISE_PX, 1, 2).unwrap());
     for t in trends {
         assert!(t.monotonic, "phi_n, delta_n fall and delta_t, phi_t rise: {t:?}");
-        // The noise of one draw (12 % of the stiffness) tilts what it does over r.
-        assert!(t.normal_stiffness < 3e-2, "{t:?}");
+        // The noise of one draw (25 % of the stiffness) tilts what it does over r.
+        assert!(t.normal_stiffness < 6e-2, "{t:?}");
         assert!(t.omega < 1e-3, "{t:?}");
     }
     let (rows, trends) = sweep_summary(&sweeps(&experiment, 0.0, 1, 1).unwrap());
     assert!(trends[0].normal_stiffness < 1e-2, "{trends:?}");
     for (row, paper) in rows.iter().zip(&TABLE_2) {
-        let ours = [row.mean[0], 1e3 * row.mean[2], 1e3 * row.mean[3]];
-        for (ours, paper) in ours.into_iter().zip([paper.phi_n, paper.delta_n, paper.delta_t]) {
-            // Another load path has another mode mixity, on which the trade between r and the others depends.
-            assert!((ours / paper - 1.0).abs() < 0.15, "r = {}: {ours} for {paper}", row.r);
+        // What another load path leaves alone: the stiffnesses, here of the paper's two digits (rounding alone: 4 %).
+        let normal = paper.phi_n / paper.delta_n.powi(2) * 1e6;
+        let tangential = 2.0 * row.r * paper.phi_n / paper.delta_t.powi(2) * 1e6;
+        for (ours, paper) in [(row.mean[4], normal), (row.mean[5], tangential)] {
+            assert!((ours / paper - 1.0).abs() < 0.07, "r = {}: {ours} for {paper}", row.r);
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::mechanics::{Joint, Solution};
 use crate::paper::{
     BULK, Experiment, LEVELS_PX, LevelFits, LevelSummary, MEASURED_LAW, PUBLISHED_STIFFNESS, PaperError, REFERENCE_LAW,
     SWEEP_NOISE_PX, SweepSummary, TABLE_1, TABLE_2, Trends, noisy_fits, summary, sweep_summary, sweeps,
+    trends_of_means,
 };
 use crate::report::joint::{JointMap, JointProfiles, JointReport};
 use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, Series, Style, deformed_mesh};
@@ -359,7 +360,7 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
     let plot = Plot {
         title: "Mode mixity along the joint, r = 4".into(),
         x: Axis::linear("distance along the joint (mm)"),
-        y: Axis::linear("atan2(T_t, T_n) (degrees)").with_range(-180.0, 180.0),
+        y: Axis::linear("atan2(T_t, T_n) (degrees)").with_range(0.0, 180.0),
         series,
         notes: vec!["0: pure opening; 90: pure sliding; beyond 90: compressed; none where the joint is open".into()],
     };
@@ -503,10 +504,12 @@ fn markdown(
         most(|t| t.tangential_stiffness),
         most(|t| t.omega)
     );
-    if let Some(t) = clean_trends.first() {
+    for (what, t) in std::iter::once(("In the mean of the draws", trends_of_means(&rows)))
+        .chain(clean_trends.first().map(|t| ("Without noise", *t)))
+    {
         let _ = writeln!(
             text,
-            "Without noise: the normal stiffness by {:.2e}, the tangential one by {:.2e}.",
+            "{what}: the normal stiffness changes by {:.2e}, the tangential one by {:.2e}.",
             t.normal_stiffness, t.tangential_stiffness
         );
     }

@@ -166,10 +166,10 @@ impl Fit {
     }
 }
 
-/// New weights are made this often: they change by less than the uncertainty the second time, and by nothing then.
-const REWEIGHTINGS: usize = 4;
-/// Scaled change below which new weights are not worth making.
-const SAME: f64 = 1e-8;
+/// Most fits under weights that are made anew. What new weights change falls by a factor of 100 from one to the next.
+const REWEIGHTINGS: usize = 5;
+/// Scaled step at which a fit ends whose weights are made anew afterwards; when new weights change less, the next are the last.
+const COARSE: f64 = 1e-4;
 /// Linearisations when the boundary is estimated.
 const BOUNDARY_STEPS: usize = 40;
 /// With an estimated boundary the fit ends when the steps of all parameters are twice in a row below this share of their
@@ -218,8 +218,13 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         kind => problem.diagonal_weights(kind),
     };
     let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+    let weighted_again = options.weights == WeightKind::Covariance && noisy_boundary;
+    let region = match weighted_again && starts.len() == 1 {
+        true => TrustRegionOptions { step_tolerance: COARSE, ..options.region },
+        false => options.region,
+    };
     let ends: Vec<End> =
-        starts.par_iter().map(|start| run(problem, measured, &weights, start, &options.region)).collect();
+        starts.par_iter().map(|start| run(problem, measured, &weights, start, None, &region)).collect();
     let (best, starts) = compare(unknowns, &starts, &ends);
     let first = ends.into_iter().nth(best).expect("the best of the ends");
     if first.local.is_none() {
@@ -232,7 +237,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
 
     let mut boundary = measured.clone();
     let mut largest_correction = None;
-    if options.weights == WeightKind::Covariance && noisy_boundary && stage.status == FitStatus::Converged {
+    if weighted_again && stage.status == FitStatus::Converged {
         if options.estimate_boundary {
             let (corrected, largest) = estimate_boundary(problem, &mut stage, options)?;
             largest_correction = Some(largest);
@@ -357,18 +362,22 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
 }
 
-/// One start under fixed weights.
+/// One start under fixed weights; `known` is what is known there.
 fn run(
     problem: &Problem<'_>,
     boundary: &BoundaryHistory,
     weights: &Weights,
     start: &[f64],
+    mut known: Option<Evaluation>,
     region: &TrustRegionOptions,
 ) -> End {
     let unknowns = &problem.unknowns;
     let [lower, upper] = unknowns.scaled_bounds();
     minimise(&unknowns.scaled(start), [&lower, &upper], region, |z| {
-        let evaluation = problem.evaluate(&unknowns.unscaled(z), boundary).ok().flatten()?;
+        let evaluation = match known.take() {
+            Some(evaluation) => evaluation,
+            None => problem.evaluate(&unknowns.unscaled(z), boundary).ok().flatten()?,
+        };
         Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
     })
 }
@@ -409,18 +418,21 @@ fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weight
 /// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
 fn reweight(problem: &Problem<'_>, stage: &mut Stage, options: &FitOptions) -> Result<Weights, FitError> {
     let measured = &problem.joint.boundary;
-    let region = TrustRegionOptions { first_radius: 0.1, ..options.region };
-    let mut weights = full_weights(problem, &at(problem, &stage.z, measured)?)?;
-    for _ in 0..REWEIGHTINGS {
+    let (mut coarse, mut round) = (true, 0);
+    loop {
+        round += 1;
+        let evaluation = at(problem, &stage.z, measured)?;
+        let weights = full_weights(problem, &evaluation)?;
+        let step_tolerance = if coarse { COARSE } else { options.region.step_tolerance };
+        let region = TrustRegionOptions { first_radius: 0.1, step_tolerance, ..options.region };
         let before = stage.z.clone();
-        let start = problem.unknowns.unscaled(&stage.z);
-        stage.add(run(problem, measured, &weights, &start, &region));
-        if stage.status != FitStatus::Converged || distance(&before, &stage.z) < SAME {
-            break;
+        let start = evaluation.x.clone();
+        stage.add(run(problem, measured, &weights, &start, Some(evaluation), &region));
+        if !coarse || stage.status != FitStatus::Converged {
+            return Ok(weights);
         }
-        weights = full_weights(problem, &at(problem, &stage.z, measured)?)?;
+        coarse = round < REWEIGHTINGS && distance(&before, &stage.z) > COARSE;
     }
-    Ok(weights)
 }
 
 /// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant. Gives the

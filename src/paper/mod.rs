@@ -13,7 +13,9 @@ pub use published::{
     BULK, LEVELS_PX, MEASURED_LAW, PRESCRIBED_R, PUBLISHED_STIFFNESS, PublishedRow, REFERENCE_LAW, SWEEP_NOISE_PX,
     TABLE_1, TABLE_2,
 };
-pub use tables::{LevelFits, LevelSummary, SweepSummary, Trends, noisy_fits, summary, sweep_summary, sweeps};
+pub use tables::{
+    LevelFits, LevelSummary, SweepSummary, Trends, noisy_fits, summary, sweep_summary, sweeps, trends_of_means,
+};
 
 use crate::identify::largest_without_rigid_motion;
 use crate::identify::{

@@ -137,6 +137,11 @@ pub fn sweep_summary(sweeps: &[(u64, Vec<SweepRow>)]) -> (Vec<SweepSummary>, Vec
     (rows, trends)
 }
 
+/// The trends of the means over the draws.
+pub fn trends_of_means(rows: &[SweepSummary]) -> Trends {
+    trends(&rows.iter().map(|row| row.mean).collect::<Vec<_>>())
+}
+
 fn trends(table: &[[f64; 7]]) -> Trends {
     let rises = |k: usize| table.windows(2).all(|pair| pair[1][k] > pair[0][k]);
     let falls = |k: usize| table.windows(2).all(|pair| pair[1][k] < pair[0][k]);
