@@ -3,14 +3,13 @@
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
 use super::discretisation::Discretisation;
-use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
 use super::unknowns::Unknowns;
 use super::verdict::{Verdict, verdict};
 use super::weights::{InverseCovariance, WeightKind, Weights};
-use super::{FitError, cone_step::StepRegion, cone_step::cone_step};
+use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::{Dense, NotPositiveDefinite};
 use crate::mechanics::cohesive::Parameter;
 use crate::mechanics::{BoundaryHistory, Solution};
@@ -170,26 +169,15 @@ impl Fit {
 const REWEIGHTINGS: usize = 5;
 /// Scaled step at which a fit ends whose weights are made anew afterwards; when new weights change less, the next are the last.
 const COARSE: f64 = 1e-4;
-/// Linearisations when the boundary is estimated.
-const BOUNDARY_STEPS: usize = 40;
-/// With an estimated boundary the fit ends when the steps of all parameters are twice in a row below this share of their
-/// standard uncertainty. The kink of the law at zero opening lets Gauss-Newton on thousands of unknowns converge slowly only.
-const BOUNDARY_SHARE: f64 = 1e-2;
-/// Share of the decrease along the step that a trial has to reach (Armijo).
-const ENOUGH: f64 = 1e-4;
-/// Shortest part of a step that is tried.
-const SHORTEST: f64 = 1e-3;
-/// Stands in for the standard deviation of the noise (mm) where steps are compared with it and it is not known.
-const UNKNOWN_SIGMA: f64 = 1e-4;
 
 /// What a stage hands to the next.
-struct Stage {
-    z: Vec<f64>,
-    status: FitStatus,
-    reason: String,
-    evaluations: usize,
-    rescued: usize,
-    history: Vec<Iteration>,
+pub(super) struct Stage {
+    pub z: Vec<f64>,
+    pub status: FitStatus,
+    pub reason: String,
+    pub evaluations: usize,
+    pub rescued: usize,
+    pub history: Vec<Iteration>,
 }
 
 impl Stage {
@@ -349,7 +337,7 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
     Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
 }
 
-fn no_texture(fault: NotPositiveDefinite) -> FitError {
+pub(super) fn no_texture(fault: NotPositiveDefinite) -> FitError {
     FitError::Covariance { row: fault.node }
 }
 
@@ -405,11 +393,11 @@ fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Ve
 }
 
 /// The ingredients at `z`, where there must be a solution: it was reached before.
-fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -> Result<Evaluation, FitError> {
+pub(super) fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -> Result<Evaluation, FitError> {
     problem.evaluate(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
 }
 
-fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {
+pub(super) fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {
     let by_boundary = problem.by_boundary(evaluation)?;
     let n = problem.observation.instants.len();
     Ok(Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?))
@@ -433,116 +421,6 @@ fn reweight(problem: &Problem<'_>, stage: &mut Stage, options: &FitOptions) -> R
         }
         coarse = round < REWEIGHTINGS && distance(&before, &stage.z) > COARSE;
     }
-}
-
-/// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant. Gives the
-/// displacements and their largest correction (mm).
-fn estimate_boundary(
-    problem: &Problem<'_>,
-    stage: &mut Stage,
-    options: &FitOptions,
-) -> Result<(BoundaryHistory, f64), FitError> {
-    let (joint, unknowns, observation) = (problem.joint, &problem.unknowns, &problem.observation);
-    let prescribed = &joint.measured.prescribed;
-    let given = problem.prescribed_as_measured();
-    let mut corrections: Vec<Vec<f64>> = vec![vec![0.0; 2 * prescribed.len()]; observation.instants.len()];
-    let [lower, upper] = unknowns.scaled_bounds();
-    let boundary_of = |corrections: &[Vec<f64>]| {
-        let mut values = given.clone();
-        for (observed, correction) in observation.instants.iter().zip(corrections) {
-            for (u, d) in values[observed.index].iter_mut().zip(correction.as_chunks::<2>().0) {
-                *u = [u[0] + d[0], u[1] + d[1]];
-            }
-        }
-        joint.measured.boundary(values)
-    };
-    let whole = InverseCovariance::new(&problem.noise, observation.instants.len(), Vec::new()).map_err(no_texture)?;
-    let whole = Weights::Inverse(whole);
-    // The corrections are residuals of the prescribed rows.
-    let objective = |evaluation: &Evaluation| square(&whole, &problem.noise, &evaluation.residual());
-    let largest = |list: &[Vec<f64>]| list.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
-    // While sigma is not known, the normal matrix lacks its square.
-    let missing = problem.noise.sigma.map_or(UNKNOWN_SIGMA, |_| 1.0);
-    let mut boundary = boundary_of(&corrections).map_err(FitError::Boundary)?;
-    let mut evaluation = at(problem, &stage.z, &boundary)?;
-    let mut omega = objective(&evaluation);
-    let mut small_steps = 0;
-    let mut share = f64::INFINITY;
-    for _ in 0..BOUNDARY_STEPS {
-        let weights = full_weights(problem, &evaluation)?;
-        let Weights::Inverse(inverse) = &weights else { return Err(FitError::Lost) };
-        let local = evaluation.local(&weights, &problem.noise);
-        let below: Vec<f64> = lower.iter().zip(&stage.z).map(|(l, z)| (l - z).min(0.0)).collect();
-        let above: Vec<f64> = upper.iter().zip(&stage.z).map(|(u, z)| (u - z).max(0.0)).collect();
-        let region = StepRegion { lower: &below, upper: &above, radius: options.region.max_radius };
-        let Some(s) = cone_step(&local.h, &local.b, &region) else { return Err(FitError::NotFinite) };
-        share = share_of_std(&local.h, &s).map_or(f64::INFINITY, |share| share / missing);
-        // The rest after the step: what the corrections of the boundary have to explain.
-        let rest: Vec<Dense> = (evaluation.blocks.iter())
-            .map(|block| {
-                let left =
-                    |r: usize, _: usize| block[(r, 0)] - (0..s.len()).map(|k| block[(r, k + 1)] * s[k]).sum::<f64>();
-                Dense::from_fn(block.n_rows(), 1, left)
-            })
-            .collect();
-        let more = inverse.boundary_corrections(&problem.noise.precision, &rest);
-        let slope = 2.0 * (square(&weights, &problem.noise, &rest) - omega);
-        // The kink of the law at zero opening makes the full step too long now and then.
-        let mut length = 1.0;
-        let moved = loop {
-            let of = |k: usize| (stage.z[k] + length * s[k]).clamp(lower[k], upper[k]);
-            let z: Vec<f64> = (0..s.len()).map(of).collect();
-            let next = |(c, m): (&Vec<f64>, &Vec<f64>)| c.iter().zip(m).map(|(c, m)| c + length * m).collect();
-            let trial_corrections: Vec<Vec<f64>> = corrections.iter().zip(&more).map(next).collect();
-            let trial_boundary = boundary_of(&trial_corrections).map_err(FitError::Boundary)?;
-            let trial = problem.evaluate(&problem.unknowns.unscaled(&z), &trial_boundary)?;
-            stage.evaluations += 1;
-            let trial_omega = trial.as_ref().map(objective);
-            let accepted = trial_omega.is_some_and(|trial| trial <= omega + ENOUGH * length * slope);
-            let rescued = trial.as_ref().is_some_and(|trial| trial.rescued);
-            stage.rescued += usize::from(rescued);
-            stage.history.push(Iteration { z: z.clone(), omega: trial_omega, radius: length, accepted, rescued });
-            match (trial, trial_omega) {
-                (Some(trial), Some(trial_omega)) if accepted => {
-                    (stage.z, corrections, boundary, evaluation, omega) =
-                        (z, trial_corrections, trial_boundary, trial, trial_omega);
-                    break true;
-                }
-                _ if length < SHORTEST => break false,
-                _ => length *= 0.5,
-            }
-        };
-        // Nothing below: the objective has no lower neighbour that its digits tell apart.
-        small_steps = if share < BOUNDARY_SHARE { small_steps + 1 } else { 0 };
-        if small_steps > 1 || (share < BOUNDARY_SHARE && !moved) {
-            stage.reason = format!("steps are {share:.1e} of the uncertainty, boundary displacements estimated");
-            return Ok((boundary, largest(&corrections)));
-        }
-        if !moved {
-            stage.status = FitStatus::Stalled;
-            stage.reason = format!(
-                "no step along the last direction ({share:.1e} of the uncertainty) lowers the objective, boundary \
-                 displacements estimated"
-            );
-            return Ok((boundary, largest(&corrections)));
-        }
-    }
-    stage.status = FitStatus::EvaluationLimit;
-    stage.reason =
-        format!("with estimated boundary displacements the last step was still {share:.1e} of the uncertainty");
-    Ok((boundary, largest(&corrections)))
-}
-
-/// `r^T W r`.
-fn square(weights: &Weights, noise: &Noise, r: &[Dense]) -> f64 {
-    r.iter().zip(&weights.times(noise, r)).map(|(r, wr)| r.transposed_times(wr)[(0, 0)]).sum()
-}
-
-/// The largest component of the step `s` as a share of the standard uncertainty that the normal matrix `h` stands for.
-fn share_of_std(h: &Dense, s: &[f64]) -> Option<f64> {
-    let covariance = h.cholesky().ok()?.solve(&Dense::from_fn(s.len(), s.len(), |r, c| f64::from(u8::from(r == c))));
-    let share = |k: usize| s[k].abs() / covariance[(k, k)].sqrt();
-    Some((0..s.len()).map(share).fold(0.0, f64::max))
 }
 
 /// Correlation of the parameters. Without any noise (no variance at all) that which noise would give.

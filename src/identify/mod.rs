@@ -11,6 +11,7 @@ mod constants;
 mod derived;
 mod discretisation;
 mod error;
+mod estimated_boundary;
 mod fit;
 mod noise;
 mod objective;

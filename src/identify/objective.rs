@@ -58,6 +58,14 @@ impl Evaluation {
         self.blocks.iter().map(|block| Dense::from_fn(block.n_rows(), 1, |r, _| block[(r, 0)])).collect()
     }
 
+    /// The residual that a step of the scaled unknowns leaves, to first order.
+    pub fn residual_after(&self, step: &[f64]) -> Vec<Dense> {
+        let left = |block: &Dense, r: usize| {
+            block[(r, 0)] - step.iter().enumerate().map(|(k, s)| block[(r, k + 1)] * s).sum::<f64>()
+        };
+        self.blocks.iter().map(|block| Dense::from_fn(block.n_rows(), 1, |r, _| left(block, r))).collect()
+    }
+
     /// The derivatives alone: one block of columns for each instant.
     pub fn jacobian(&self) -> Vec<Dense> {
         let of = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);

@@ -55,7 +55,7 @@ impl VirtualTest {
              [measurement]\n\
              nodes = \"free\"\n\
              weights = \"covariance\"\n\
-             boundary = \"estimated\"\n\
+             boundary = \"measured\"                 # or \"estimated\": its displacements as unknowns\n\
              \n\
              [fit]\n\
              parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
