@@ -28,7 +28,7 @@ fn timed<T>(n: usize, mut run: impl FnMut() -> T) -> (T, [f64; 3]) {
 }
 
 /// All nodes, the prescribed ones among them, with noise of a common reference.
-fn all_nodes<'a>(problem: &Problem<'a>, experiment: &'a Experiment, mm: f64) -> Problem<'a> {
+fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> Problem<'a> {
     let mesh = experiment.joint().model.mesh();
     let prescribed: Vec<usize> = experiment.joint().boundary.nodes().iter().map(|&node| node as usize).collect();
     let instants = (experiment.truth().instants.iter().enumerate())
@@ -51,8 +51,12 @@ fn all_nodes<'a>(problem: &Problem<'a>, experiment: &'a Experiment, mm: f64) -> 
         sigma: Some(mm),
         source: "white".into(),
     };
-    let unknowns = problem.unknowns.clone();
-    Problem { joint: experiment.joint(), observation: Arc::new(observation), noise: Arc::new(noise), unknowns }
+    Problem {
+        joint: experiment.joint(),
+        observation: Arc::new(observation),
+        noise: Arc::new(noise),
+        unknowns: problem.unknowns,
+    }
 }
 
 fn row(what: &str, fits: &[&Fit], [median, least, most]: [f64; 3]) {
@@ -78,14 +82,15 @@ fn main() {
     let (found, times) = timed(5, || fit(&problem, &stated).expect("a fit"));
     row("the same with the effect of the element size", &[&found], times);
     let truth = experiment.law();
-    let factors = [[0.4, 0.4, 0.4], [3.0, 3.0, 3.0], [0.4, 3.0, 1.0], [3.0, 0.4, 0.4], [0.5, 2.5, 3.0], [2.0, 0.5, 2.0]];
+    let factors =
+        [[0.4, 0.4, 0.4], [3.0, 3.0, 3.0], [0.4, 3.0, 1.0], [3.0, 0.4, 0.4], [0.5, 2.5, 3.0], [2.0, 0.5, 2.0]];
     let starts = factors.map(|f| (0..3).map(|k| f[k] * truth[k]).collect()).to_vec();
     let seven = FitOptions { starts, ..paper.clone() };
     let (found, times) = timed(5, || fit(&problem, &seven).expect("a fit"));
     row("seven starts", &[&found], times);
     let (rows, times) = timed(5, || sweep(&problem, &paper, R, &PRESCRIBED_R).expect("a sweep"));
     row("sweep of 4 values of r", &rows.iter().map(|row| &row.fit).collect::<Vec<_>>(), times);
-    let full = all_nodes(&problem, &experiment, NOISE_PX * 1.93125e-3);
+    let full = all_nodes(problem, &experiment, NOISE_PX * 1.93125e-3);
     for (what, estimate_boundary) in [("boundary measured", false), ("boundary estimated", true)] {
         let options = FitOptions { weights: WeightKind::Covariance, estimate_boundary, ..paper.clone() };
         let (found, times) = timed(5, || fit(&full, &options).expect("a fit"));

@@ -412,12 +412,15 @@ struct Draws {
     omega: f64,
 }
 
+/// Errors and predicted standard deviations of the parameters, share of tractions in their bands, omega over its expected value.
+type Row = (Vec<[f64; 2]>, f64, f64);
+
 fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Draws {
     let law = adhesive([1.0; 4]);
     let (mesh, boundary) = virtual_r4().unwrap();
     let model = mechanics_common::model_of(&mesh, &boundary, Default::default());
     let tractions: Vec<Vec<Traction>> = truth().iter().map(|u| model.tractions(&law, u)).collect();
-    let rows: Vec<(Vec<[f64; 2]>, f64, f64)> = (1..=seeds)
+    let rows: Vec<Row> = (1..=seeds)
         .into_par_iter()
         .filter_map(|seed| {
             let input = with_fields(input, &noisy(sigma_px * PX, seed));
@@ -445,11 +448,9 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
         })
         .collect();
     let n = rows.len() as f64;
-    let mean = |of: &dyn Fn(&(Vec<[f64; 2]>, f64, f64)) -> f64| rows.iter().map(of).sum::<f64>() / n;
+    let mean = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / n;
     let bias = [0, 1, 2].map(|k| mean(&|row| row.0[k][0]));
-    let covered = |row: &(Vec<[f64; 2]>, f64, f64)| {
-        row.0.iter().filter(|[off, std]| off.abs() <= NORMAL_95 * std).count() as f64 / 3.0
-    };
+    let covered = |row: &Row| row.0.iter().filter(|[off, std]| off.abs() <= NORMAL_95 * std).count() as f64 / 3.0;
     let draws = Draws {
         converged: rows.len(),
         predicted: [0, 1, 2].map(|k| mean(&|row| row.0[k][1].powi(2)).sqrt()),
