@@ -35,6 +35,7 @@ table{border-collapse:collapse;width:100%;font-size:.9375rem;margin:.5rem 0;brea
 th,td{text-align:left;padding:.3rem .5rem;border-bottom:1px solid #ccc;vertical-align:top}\
 thead th{border-bottom:2px solid #333}\
 td{overflow-wrap:anywhere}\
+table.wide td{overflow-wrap:break-word}\
 td.n{font-variant-numeric:tabular-nums}\
 code{font:.8125rem ui-monospace,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}\
 @media (max-width:640px){\
@@ -43,7 +44,7 @@ table.wide tr{display:block;border-bottom:2px solid #999;padding:.35rem 0}\
 table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;border:0;padding:.1rem 0}\
 table.wide th::before,table.wide td::before{content:attr(data-name);font-weight:400;color:#555}\
 }\
-@media print{body{max-width:none;font-size:11pt;padding:0}h2{break-after:avoid}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
+@media print{body{max-width:none;font-size:11pt;padding:0}h2,h3{break-after:avoid}table.wide{font-size:9pt}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
 
 /// A report.
 #[derive(Debug, Clone, Default)]
