@@ -3,7 +3,7 @@
 use super::pixel_set::PixelSet;
 use super::pixels::{Owner, around};
 use super::q4::{Mesh, turn};
-use super::{Mask, MeshError, Zone, ZoneElements, local_coordinates, shape_functions};
+use super::{Mask, MeshError, Roi, Zone, ZoneElements, local_coordinates, shape_functions};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -86,7 +86,9 @@ impl Mesh<Px> {
                 elements: elements.iter().map(|&element| self.elements()[element].map(own)).collect(),
             };
             let mask = Mask::new(width, height, bits).map(Arc::new);
-            carried.zones.push(Zone { name: name.clone(), elements: Some(Arc::new(part)), mask, ..Zone::default() });
+            let roi = Some(bounds_within(&part.nodes, [width, height]));
+            let elements_of_zone = Some(Arc::new(part));
+            carried.zones.push(Zone { name: name.clone(), roi, elements: elements_of_zone, mask, ..Zone::default() });
             carried.elements.extend(elements);
         }
         Ok(carried)
@@ -126,6 +128,15 @@ impl Material<'_> {
     }
 }
 
+/// The rectangle of whole pixels around `nodes`, as far as it lies in an image of that size.
+fn bounds_within(nodes: &[[f64; 2]], size: [usize; 2]) -> Roi {
+    let low = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min).floor();
+    let high = |k: usize| nodes.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max).ceil() + 1.0;
+    let [width, height] = size.map(|n| n as f64);
+    let (x0, y0) = (low(0).clamp(0.0, width - 1.0), low(1).clamp(0.0, height - 1.0));
+    Roi { x0, y0, x1: high(0).clamp(x0 + 1.0, width), y1: high(1).clamp(y0 + 1.0, height) }
+}
+
 /// Whether the corners, in the sense they have in a mesh, go around a convex shape.
 fn is_convex(nodes: [u32; 4], corners: [[f64; 2]; 4]) -> bool {
     let sides = if nodes[2] == nodes[3] { 3 } else { 4 };
@@ -135,7 +146,7 @@ fn is_convex(nodes: [u32; 4], corners: [[f64; 2]; 4]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Guard, PixelMesh, Roi};
+    use crate::mesh::{Guard, PixelMesh};
 
     const SIZE: [usize; 2] = [96, 80];
 
@@ -155,7 +166,7 @@ mod tests {
             .iter()
             .map(|element| {
                 let mut n = 0;
-                laid.pixels.for_each(element, |..| n += 1);
+                laid.pixels.for_each(element, |_, _, _, _| n += 1);
                 n
             })
             .collect()
@@ -170,7 +181,7 @@ mod tests {
             let mut before = Vec::new();
             for element in &laid.pixels.elements {
                 let mut n = 0;
-                laid.pixels.for_each(element, |..| n += 1);
+                laid.pixels.for_each(element, |_, _, _, _| n += 1);
                 before.push(n);
             }
             assert_eq!(pixels_of(&carried.zones), before, "guard {guard}");
