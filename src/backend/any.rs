@@ -61,6 +61,16 @@ impl Deref for AnySolver {
 
 const FOREIGN: &str = "a backend is given only what it made itself";
 
+/// Copies share the device.
+impl Clone for AnyBackend {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Cpu(cpu) => Self::Cpu(cpu.clone()),
+            Self::Gpu(gpu) => Self::Gpu(gpu.clone()),
+        }
+    }
+}
+
 impl AnyBackend {
     /// Whether the work is done on the CPU.
     pub fn is_cpu(&self) -> bool {

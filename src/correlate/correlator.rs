@@ -4,7 +4,7 @@ use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
-use super::level::Level;
+use super::level::{Level, support};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
@@ -80,8 +80,15 @@ pub struct Correlation {
     pub poor_elements: usize,
     /// What went between host and device for the frame so far, when they are two.
     pub traffic: Option<Traffic>,
+    /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
+    /// correlation coefficients are those against this image.
+    pub reference_frame: usize,
     /// Displacement of all nodes, those not measured included: the start of the next frame.
     pub(super) full_displacement: Vec<[f64; 2]>,
+    /// Whether an element counted.
+    pub(super) counted: Vec<bool>,
+    /// The node of the last correction.
+    pub(super) worst_node: usize,
 }
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
@@ -91,7 +98,7 @@ const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
 /// A zone of which this share of elements has left the deformed image is lost.
-const LEFT_SHARE: f64 = 0.5;
+pub(super) const LEFT_SHARE: f64 = 0.5;
 /// On coarse levels: good enough for the next finer one.
 const COARSE: Limits = Limits { tolerance_px: 0.03, max_iterations: 12 };
 /// The search works on images of about this many pixels a side.
@@ -108,7 +115,8 @@ pub struct Correlator<B: Backend> {
     size: [usize; 2],
     levels: Vec<Level<B>>,
     search_map: GreyMap,
-    /// The pixels of each zone on the coarsest level.
+    /// The pixels of each zone that are summed over, on the finest and on the coarsest level.
+    zone_pixels: Vec<PixelSet>,
     search_pixels: Vec<PixelSet>,
     spread: Spread,
     noise_gain: NoiseGain,
@@ -127,17 +135,27 @@ impl<B: Backend> Correlator<B> {
     /// # Errors
     /// Options, zones or texture that do not allow a measurement; a device that fails.
     pub fn new(backend: B, reference: Arc<Image>, zones: &[Zone], options: Options) -> Result<Self, CorrelationError> {
+        let (low, high) = reference.range();
+        Self::with_offset(backend, reference, zones, options, 0.5 * (low + high))
+    }
+
+    /// As [`Correlator::new`], with the grey level that is subtracted from all images of the series.
+    pub(super) fn with_offset(
+        backend: B,
+        reference: Arc<Image>,
+        zones: &[Zone],
+        options: Options,
+        grey_offset: f32,
+    ) -> Result<Self, CorrelationError> {
         options.check()?;
         let size = [reference.width(), reference.height()];
         let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
-        let kernel = KernelOptions {
-            interpolation: options.interpolation,
-            grey_offset: 0.5 * (low + high),
-            brightness: options.brightness,
-        };
+        let kernel =
+            KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
+        let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
         let Finest { level, spread, dropped, held } =
@@ -163,6 +181,7 @@ impl<B: Backend> Correlator<B> {
             size,
             levels,
             search_map,
+            zone_pixels,
             search_pixels: laid.zone_pixels,
             spread,
             dropped,
@@ -235,6 +254,39 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let plain = level.regulariser.is_none() && self.options.brightness != Brightness::Element;
         plain.then(|| level.moments.iter().map(|moments| moments.matrix()).collect())
+    }
+
+    /// The pixels of each zone that are summed over.
+    pub(super) fn zone_pixels(&self) -> &[PixelSet] {
+        &self.zone_pixels
+    }
+
+    /// Columns and rows of the images.
+    pub(super) fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// The grey level that is subtracted from all images.
+    pub(super) fn grey_offset(&self) -> f32 {
+        self.kernel.grey_offset
+    }
+
+    /// Whether an element of the finest level holds any pixel and no node that is left out.
+    pub(super) fn in_use(&self, element: usize) -> bool {
+        self.levels[0].moments[element].n > 0.0
+    }
+
+    /// Share of the reference's mean square gradient in a zone that is none of texture but of image noise of `noise`
+    /// grey levels: `G noise^2 / g^2` with the noise gain G of the gradient, at most 1.
+    pub(super) fn noise_share(&self, zone: usize, noise: f64) -> f64 {
+        let level = &self.levels[0];
+        let (matrix, support) = (level.solver.data(), support(&level.mesh, &level.moments));
+        let nodes = || level.mesh.zone_nodes(zone).filter(|&node| level.keep[node]);
+        let trace = |node: usize| matrix.diagonal(node)[0] + matrix.diagonal(node)[2];
+        let power: f64 = nodes().map(trace).sum();
+        let support: f64 = nodes().map(|node| 2.0 * support[node]).sum();
+        let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
+        if from_noise < power { from_noise / power } else { 1.0 }
     }
 
     /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.
@@ -467,7 +519,10 @@ impl<B: Backend> Correlator<B> {
             start,
             nodes_left,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
+            reference_frame: 0,
             full_displacement,
+            counted: elements.iter().map(|e| e.n > 0.0).collect(),
+            worst_node: outcome.worst_node,
         })
     }
 
@@ -492,7 +547,7 @@ fn worst(correlation: &Correlation) -> f64 {
     correlation.zones.iter().map(|zone| zone.correlation).fold(f64::INFINITY, f64::min)
 }
 
-fn rigid(
+pub(super) fn rigid(
     mesh: &Mesh<Px>,
     displacement: &[[f64; 2]],
     measured: &[bool],

@@ -63,6 +63,19 @@ pub enum CorrelationError {
         /// Zones of the mesh.
         mesh_zones: usize,
     },
+    /// A kept state of a chain of references that belongs to another mesh.
+    #[error("the kept state has {given} {what}, the mesh {wanted}: it belongs to other zones or elements")]
+    State {
+        /// What there are too few or too many of.
+        what: &'static str,
+        /// In the state.
+        given: usize,
+        /// In the mesh.
+        wanted: usize,
+    },
+    /// The reference frame of a kept state is none with the image given.
+    #[error("the kept state does not go with the image given for its reference")]
+    Kept(#[source] Box<super::UpdateRefused>),
     /// The device failed.
     #[error("the device failed")]
     Backend(#[from] BackendError),

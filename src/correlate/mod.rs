@@ -1,6 +1,7 @@
 //! Global Q4 correlation of an image series (THEORY 2): one reference, any number of deformed images.
 
 mod border;
+mod chain;
 mod correlator;
 mod error;
 mod finest;
@@ -14,6 +15,7 @@ mod texture;
 mod uncertainty;
 
 pub use border::BareBorder;
+pub use chain::{ChainState, Keyframe, ReferenceChain, UpdateRefused};
 pub use correlator::{Correlation, Correlator, StartUsed, ZoneResult};
 pub use error::CorrelationError;
 pub use options::Options;

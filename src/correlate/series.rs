@@ -31,6 +31,16 @@ impl History {
         Self { start, fields: Vec::new(), transfer: Vec::new() }
     }
 
+    /// The history that knows these fields, the latest first, and the transfer of the latest.
+    pub(super) fn of(start: StartFrom, fields: Vec<(usize, Vec<[f64; 2]>)>, transfer: Vec<GreyTransfer>) -> Self {
+        Self { start, fields, transfer }
+    }
+
+    /// The fields it knows, the latest first, with their frame numbers.
+    pub(super) fn fields(&self) -> &[(usize, Vec<[f64; 2]>)] {
+        &self.fields
+    }
+
     /// Linear extrapolation of the last two converged fields to frame `number`, or the last one.
     pub fn predict(&self, number: usize) -> Option<Start> {
         if self.start == StartFrom::Cold {

@@ -8,7 +8,7 @@ mod rigid;
 mod strain;
 
 pub use measurement::{Measurement, Status};
-pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice};
+pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
     Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,
     PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,

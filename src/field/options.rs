@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::num::NonZeroUsize;
 use std::str::FromStr;
 use thiserror::Error;
 
@@ -157,5 +158,84 @@ impl FromStr for RegularisationKind {
                 given: word.to_owned(),
                 expected: "none, tikhonov or equilibrium-gap",
             })
+    }
+}
+
+/// When a series takes one of its own frames for the reference of those that follow.
+///
+/// In a case file `"never"`, `"residual"`, or the number of frames; as an option also `every N`.
+///
+/// ```
+/// use quadrille::field::UpdateReference;
+/// let every: UpdateReference = "every 5".parse().unwrap();
+/// assert_eq!(("5".parse(), every.to_string().as_str()), (Ok(every), "every 5"));
+/// assert_eq!(UpdateReference::default(), "never".parse().unwrap());
+/// assert!("every 0".parse::<UpdateReference>().is_err());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(try_from = "UpdateWord", into = "UpdateWord")]
+pub enum UpdateReference {
+    /// Every frame is correlated with the reference given; the default.
+    #[default]
+    Never,
+    /// When a frame does not converge, or matches the present reference much worse than the first frame after the
+    /// last update did.
+    Residual,
+    /// After this many frames.
+    Every(NonZeroUsize),
+}
+
+/// What a case file holds for it.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum UpdateWord {
+    Frames(usize),
+    Word(String),
+}
+
+impl TryFrom<UpdateWord> for UpdateReference {
+    type Error = UnknownChoice;
+
+    fn try_from(word: UpdateWord) -> Result<Self, UnknownChoice> {
+        match word {
+            UpdateWord::Frames(frames) => frames.to_string().parse(),
+            UpdateWord::Word(word) => word.parse(),
+        }
+    }
+}
+
+impl From<UpdateReference> for UpdateWord {
+    fn from(update: UpdateReference) -> Self {
+        match update {
+            UpdateReference::Every(frames) => Self::Frames(frames.get()),
+            other => Self::Word(other.to_string()),
+        }
+    }
+}
+
+impl fmt::Display for UpdateReference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            UpdateReference::Never => f.pad("never"),
+            UpdateReference::Residual => f.pad("residual"),
+            UpdateReference::Every(frames) => f.pad(&format!("every {frames}")),
+        }
+    }
+}
+
+impl FromStr for UpdateReference {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        let frames = word.strip_prefix("every ").unwrap_or(word).trim();
+        match word {
+            "never" => Ok(UpdateReference::Never),
+            "residual" => Ok(UpdateReference::Residual),
+            _ => frames.parse().map(UpdateReference::Every).map_err(|_| UnknownChoice {
+                option: "update-reference",
+                given: word.to_owned(),
+                expected: "never, residual or a number of frames from 1 on (every N)",
+            }),
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Meshes of four-node elements, in pixels or millimetres, and the pixels of their elements.
 
+mod carried;
 mod error;
 mod grid;
 mod lay;
@@ -9,6 +10,7 @@ mod polygon;
 mod q4;
 mod zone;
 
+pub use carried::CarriedZones;
 pub use error::MeshError;
 pub use grid::{Grid, local_coordinates, shape_functions};
 pub use lay::{ELEMENT_SHARE, PixelMesh};

@@ -228,7 +228,7 @@ pub(super) fn cells(grid: &Grid, [width, height]: [usize; 2]) -> impl Iterator<I
 }
 
 /// The pixels around an element.
-fn around(corners: &[[f64; 2]; 4], width: usize, height: usize) -> [usize; 4] {
+pub(super) fn around(corners: &[[f64; 2]; 4], width: usize, height: usize) -> [usize; 4] {
     let low = |k: usize| corners.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
     let high = |k: usize| corners.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
     let pixel = |v: f64, n: usize| v.clamp(0.0, n as f64) as usize;
@@ -242,7 +242,7 @@ fn around(corners: &[[f64; 2]; 4], width: usize, height: usize) -> [usize; 4] {
 
 /// Decides which pixels belong to an element of any shape, so that each belongs to one element only: a pixel
 /// on an edge goes to the element to its right or below it.
-struct Owner([Option<Edge>; 4]);
+pub(super) struct Owner([Option<Edge>; 4]);
 
 /// The line between two nodes, always taken from the smaller number to the larger: two elements that share
 /// it then compute the same bits.
@@ -254,7 +254,7 @@ struct Edge {
 }
 
 impl Owner {
-    fn new(nodes: [u32; 4], corners: [[f64; 2]; 4]) -> Self {
+    pub fn new(nodes: [u32; 4], corners: [[f64; 2]; 4]) -> Self {
         Self(std::array::from_fn(|k| {
             let next = (k + 1) % 4;
             if nodes[k] == nodes[next] {
@@ -270,7 +270,7 @@ impl Owner {
         }))
     }
 
-    fn pixel(&self, [x, y]: [f64; 2]) -> bool {
+    pub fn pixel(&self, [x, y]: [f64; 2]) -> bool {
         self.0.iter().flatten().all(|edge| {
             let side = edge.sense * (edge.way[0] * (y - edge.from[1]) - edge.way[1] * (x - edge.from[0]));
             side > 0.0 || (side == 0.0 && edge.keeps_border)

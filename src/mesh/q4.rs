@@ -122,6 +122,13 @@ impl Part {
     }
 }
 
+/// Twice the area of the corner after point `k` of a polygon: positive at every corner of a convex one whose points go
+/// from x to y.
+pub(super) fn turn(p: &[[f64; 2]], k: usize) -> f64 {
+    let (a, b, c) = (p[k], p[(k + 1) % p.len()], p[(k + 2) % p.len()]);
+    (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+}
+
 /// The elements, each turned so that its corners go from x to y; refused when they are none.
 pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, MeshError> {
     let name = || zone.to_owned();
@@ -137,12 +144,7 @@ pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, M
         }
         let at = |corners: [u32; 4]| corners.map(|node| own.nodes[node as usize]);
         let sides = if corners[2] == corners[3] { 3 } else { 4 };
-        // Twice the area of the corner at k: all of one sign in a convex shape.
-        let turn = |p: [[f64; 2]; 4], k: usize| {
-            let (a, b, c) = (p[k], p[(k + 1) % sides], p[(k + 2) % sides]);
-            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-        };
-        let convex = |p: [[f64; 2]; 4]| (0..sides).all(|k| turn(p, k) > 0.0);
+        let convex = |p: [[f64; 2]; 4]| (0..sides).all(|k| turn(&p[..sides], k) > 0.0);
         let [a, b, c, d] = *corners;
         let reversed = if sides == 3 { [a, c, b, b] } else { [a, d, c, b] };
         let right = [*corners, reversed].into_iter().find(|&corners| convex(at(corners)));
