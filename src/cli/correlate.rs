@@ -13,7 +13,7 @@ use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
-use crate::field::{Status, StrainField};
+use crate::field::{StartFrom, Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::{CaseFile, write_case};
 use crate::io::series::Frame;
@@ -91,6 +91,9 @@ pub(super) struct Ran {
 pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPool, session: &Session) -> Result<Ran> {
     let begin = Instant::now();
     let lock = Lock::take(&folder.locks(), session.shard)?;
+    if session.shard.is_none() {
+        folder.tidy();
+    }
     let there = match session.existing {
         Existing::Continue if folder.holds_run() => {
             let store = Store::open(folder.path().join(STORE));
@@ -527,7 +530,8 @@ impl Output<'_> {
                 files.push(vtu_name(number).into());
             }
         }
-        let record = FrameRecord::new(folder.path(), summary, sha256, result.as_ref(), files)?;
+        let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
+        let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
         folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
         store.mark(number, status)?;
         if plan.vtu && status.has_field() {

@@ -10,7 +10,9 @@ use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
 use crate::field::Status;
 use crate::io::store::{Store, StoreHeader};
+use crate::mesh::Mesh;
 use crate::report::summary::FrameSummary;
+use crate::units::Px;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -42,7 +44,7 @@ pub(super) struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// The record of a frame whose `files` (names in `folder`) have been written.
+    /// The record of a frame whose `files` (names in `folder`) have been written; `result` where later frames start from it.
     pub fn new(
         folder: &Path,
         summary: FrameSummary,
@@ -56,7 +58,9 @@ impl FrameRecord {
             let measured = &result.measurement.measured;
             let finite = |u: [f64; 2]| u.map(|u| u.is_finite().then_some(u));
             let all = result.full_displacement().iter().enumerate();
-            record.unmeasured = all.filter(|&(node, _)| !measured[node]).map(|(node, &u)| (node, finite(u))).collect();
+            // What is zero there is zero when it is read.
+            let told = |&(node, u): &(usize, &[f64; 2])| !measured[node] && u.map(f64::to_bits) != [0; 2];
+            record.unmeasured = all.filter(told).map(|(node, &u)| (node, finite(u))).collect();
         }
         for file in files {
             let path = folder.join(&file);
@@ -193,7 +197,7 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<Strin
             differ(&format!("content of {file}, SHA-256"), there.clone(), asked.clone());
         }
     }
-    if found.is_empty() && there.mesh != asked.mesh {
+    if found.is_empty() && !same_mesh(&there.mesh, &asked.mesh) {
         found.push("the mesh is another one".to_owned());
     }
     let more = found.len().saturating_sub(NAMED);
@@ -202,6 +206,15 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<Strin
         found.push(format!("{more} more"));
     }
     found
+}
+
+/// Whether two meshes have the same nodes, elements and zones: a grid is a free mesh once it was stored.
+fn same_mesh(a: &Mesh<Px>, b: &Mesh<Px>) -> bool {
+    a.nodes() == b.nodes()
+        && a.elements() == b.elements()
+        && a.zones() == b.zones()
+        && a.node_zone() == b.node_zone()
+        && a.element_zone() == b.element_zone()
 }
 
 /// The values of a case that decide about the fields, each with the path of its key.

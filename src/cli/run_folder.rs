@@ -17,6 +17,8 @@ const FITS: [&str; 2] = ["fit.json", "sweep.json"];
 pub(super) const FIGURES: &str = "figures";
 /// Folder of what a later start of the same run needs: locks, and a record of every frame.
 const RESTART: &str = "restart";
+/// Beginning of the name of a file that shows whether the folder can be written.
+const TRIAL: &str = ".quadrille-trial-";
 const SERIES: &str = "series.pvd";
 const INTERFACE_SERIES: &str = "interface.pvd";
 
@@ -47,7 +49,7 @@ impl RunFolder {
         };
         fs::create_dir_all(path).map_err(cannot)?;
         // Of this process alone: others may try at the same time.
-        let trial = path.join(format!(".quadrille-trial-{}", std::process::id()));
+        let trial = path.join(format!("{TRIAL}{}", std::process::id()));
         fs::write(&trial, b"").map_err(cannot)?;
         fs::remove_file(&trial).map_err(cannot)?;
         Ok(Self(path.to_owned()))
@@ -105,14 +107,20 @@ impl RunFolder {
                 }
             }
         }
-        // Stores that were never finished.
-        let part = |name: &str| name.starts_with(&format!("{STORE}.")) && name.ends_with(".part");
+        self.make_folders(csv, vtu)
+    }
+
+    /// Removes what a process that was killed has left half made, when no other can be at it.
+    pub fn tidy(&self) {
         for entry in fs::read_dir(&self.0).into_iter().flatten().flatten() {
-            if part(&entry.file_name().to_string_lossy()) {
-                fs::remove_dir_all(entry.path()).map_err(|error| failed(&entry.path(), &error))?;
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with(&format!("{STORE}.")) && name.ends_with(".part") {
+                let _ = fs::remove_dir_all(entry.path()); // it is in nobody's way
+            } else if name.starts_with(TRIAL) {
+                let _ = fs::remove_file(entry.path());
             }
         }
-        self.make_folders(csv, vtu)
     }
 
     /// Makes the folders of the files of frames.

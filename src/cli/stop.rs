@@ -1,6 +1,8 @@
-//! The wish to stop: Ctrl-C, or a signal of the system.
+//! The wish to stop: Ctrl-C, or the system's request to end.
 
 use super::Result;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag::{register, register_conditional_shutdown};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,15 +14,15 @@ pub(super) const STOPPED: u8 = 130;
 pub(super) struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Takes Ctrl-C, SIGTERM and SIGHUP over: the first is a wish, the second ends the process at once. Once in a process.
+    /// Takes Ctrl-C and SIGTERM over: the first is a wish, the second ends the process at once. SIGHUP is left alone, so
+    /// that `nohup` keeps its meaning.
     pub fn listen() -> Result<Self> {
         let stop = Self::default();
-        let asked = stop.0.clone();
-        ctrlc::set_handler(move || {
-            if asked.swap(true, Ordering::SeqCst) {
-                std::process::exit(i32::from(STOPPED));
-            }
-        })?;
+        for signal in [SIGINT, SIGTERM] {
+            // In this order: only a second signal finds the wish.
+            register_conditional_shutdown(signal, i32::from(STOPPED), stop.0.clone())?;
+            register(signal, stop.0.clone())?;
+        }
         Ok(stop)
     }
 
