@@ -25,7 +25,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Measure displacement fields: one reference image, any number of deformed ones.
-    Correlate(CorrelateArgs),
+    Correlate(Box<CorrelateArgs>),
     /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
     Status(StatusArgs),
     /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.

@@ -160,9 +160,10 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
 
     let n_frames = plan.deformed.len();
     let own: Vec<usize> = (1..=n_frames).filter(|&n| session.shard.is_none_or(|shard| shard.has(n))).collect();
-    let tables: [(bool, fn(usize) -> PathBuf); 2] =
-        [(plan.csv, |n| csv_name(n).into()), (plan.vtu, |n| vtu_name(n).into())];
-    let tables: Vec<_> = tables.into_iter().filter_map(|(wanted, name)| wanted.then_some(name)).collect();
+    let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
+        .into_iter()
+        .filter_map(|(wanted, name)| wanted.then_some(name))
+        .collect();
     let Earlier { done: earlier, damaged } = pool.install(|| Earlier::find(&store, folder.path(), &own, &tables));
     let numbers: Vec<usize> = own.iter().copied().filter(|number| !earlier.contains_key(number)).collect();
 
@@ -536,7 +537,7 @@ impl Output<'_> {
         store.mark(number, status)?;
         if plan.vtu && status.has_field() {
             self.in_series.insert(number);
-            if self.alone && self.in_series.len() % 100 == 0 {
+            if self.alone && self.in_series.len().is_multiple_of(100) {
                 folder.write_series(&self.in_series.iter().copied().collect::<Vec<_>>())?;
             }
         }

@@ -25,6 +25,9 @@ const ON_DISK_AFTER: Duration = Duration::from_secs(60);
 /// Differences that are named.
 const NAMED: usize = 3;
 
+/// Names the file of a frame in the folder of its run.
+pub(super) type Name = fn(usize) -> String;
+
 /// What is kept of a frame beside its field.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct FrameRecord {
@@ -96,9 +99,8 @@ pub(super) struct Earlier {
 }
 
 impl Earlier {
-    /// The frames of `numbers` that are done, with every one of the `tables` (functions of the number that name a file
-    /// in the folder) where there is a field. Runs on the threads of the pool it is called in.
-    pub fn find(store: &Store, folder: &Path, numbers: &[usize], tables: &[fn(usize) -> PathBuf]) -> Self {
+    /// The frames of `numbers` that are done, with every one of the `tables` where there is a field. Runs on the threads of the pool it is called in.
+    pub fn find(store: &Store, folder: &Path, numbers: &[usize], tables: &[Name]) -> Self {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
         let last = times.iter().flatten().max().copied();
@@ -110,7 +112,7 @@ impl Earlier {
             let whole = || {
                 let status = store.status(number).ok()??;
                 let record = FrameRecord::read(folder, number).filter(|record| record.summary.status == status)?;
-                let has_tables = || tables.iter().all(|table| record.bytes.contains_key(&table(number)));
+                let has_tables = || tables.iter().all(|table| record.bytes.contains_key(Path::new(&table(number))));
                 let whole = record.is_whole(folder)
                     && (!status.has_field() || has_tables())
                     && (!is_new(time) || store.check(number).is_ok());

@@ -172,7 +172,7 @@ pub(super) fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateA
     let flags = flags.into_iter().chain([output.as_os_str().to_owned()]);
     match Cli::try_parse_from(flags)?.command {
         Command::Correlate(parsed) => {
-            Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..parsed })
+            Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..*parsed })
         }
         _ => Err("the flags of a run are not those of a correlation: this is a bug in quadrille".into()),
     }
