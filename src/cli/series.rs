@@ -23,9 +23,6 @@ const UPLOADED: usize = 1;
 /// Decoding threads at most: PNG takes 17 ns per pixel, as much as the CPU's whole correlation and a hundred times
 /// that of a GPU.
 const DECODERS: usize = 8;
-/// Frames at a time on the CPU, when they do not depend on each other: while one solves on a thread, the other has pixels
-/// for the rest.
-const CPU_FRAMES: usize = 2;
 /// Fresh devices that a run may open before it stays with the CPU.
 const FRESH_DEVICES: usize = 3;
 
@@ -225,9 +222,7 @@ pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom
     let threads = pool.current_num_threads();
     let n_decoders = if correlator.backend().is_cpu() { threads / 4 } else { threads }.clamp(1, DECODERS);
     let independent = start == StartFrom::Independent;
-    let in_flight =
-        if correlator.backend().is_cpu() { threads.min(CPU_FRAMES) } else { correlator.backend().frames_in_flight() };
-    (n_decoders, if independent { in_flight } else { 1 })
+    (n_decoders, if independent { correlator.backend().frames_in_flight() } else { 1 })
 }
 
 /// Correlates the frames and hands each to `take` when it is done, until that says false: in order when each starts from
