@@ -96,7 +96,7 @@ def run_quadrille(where, size, threads, repeat):
     with tempfile.TemporaryDirectory() as out:
         command = [quadrille, "correlate", where / "000000.tif", where / "000001.tif", "--roi",
                    f"{low},{low},{high},{high}", "--element-size", str(ELEMENT), "--threads", str(threads),
-                   "--output", out, "--overwrite", "--export", "csv", "--start", "cold", "--quiet"]
+                   "--output", out, "--overwrite", "--export", "csv", "--start", "independent", "--quiet"]
         for _ in range(repeat):
             subprocess.run(command, check=True)
             summary = json.load(open(pathlib.Path(out) / "summary.json"))

@@ -182,7 +182,7 @@ fn options_that_make_no_sense_are_refused_with_what_does() {
         ("--pixel-size nan", &["pixel size is NaN mm", "positive"]),
         ("--interpolation cubik", &["'cubik'", "cubic, quintic, keys, bilinear"]),
         ("--brightness dark", &["`dark`", "zone, element or off"]),
-        ("--start warm", &["`warm`", "previous or cold"]),
+        ("--start warm", &["`warm`", "previous or independent"]),
         ("--export xls", &["'xls'", "csv, vtu, none"]),
         ("--elemnt-size 16", &["--elemnt-size", "--element-size"]),
         ("--page -1", &["--page", "'-1'"]),

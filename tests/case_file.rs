@@ -74,7 +74,7 @@ fn full() -> CaseFile {
             tolerance_px: Some(1e-4),
             max_iterations: Some(40),
             brightness: Some(Brightness::Element),
-            start: Some(StartFrom::Cold),
+            start: Some(StartFrom::Independent),
             noise: Some(2.0),
             regularisation: Some(RegularisationKind::EquilibriumGap),
             cutoff_px: Some(64.5),
@@ -223,7 +223,7 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("brightness = 'on'", "`zone`, `element`, `off`"),
         ("regularisation = 'laplace'", "`none`, `tikhonov`, `equilibrium-gap`"),
         ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
-        ("start = 'warm'", "`previous` or `cold`"),
+        ("start = 'warm'", "`previous`"),
         ("start = warm", "a text without quotes"),
         ("noise =", "no value"),
     ] {
@@ -277,14 +277,14 @@ fn choices_have_the_same_words_in_files_and_options() {
         let case = parse(&format!("correlation.brightness = '{choice}'")).unwrap();
         assert_eq!(case.correlation.brightness, Some(choice));
     }
-    for choice in [StartFrom::Previous, StartFrom::Cold] {
+    for choice in [StartFrom::Previous, StartFrom::Independent] {
         assert_eq!(choice.to_string().parse(), Ok(choice));
         let case = parse(&format!("correlation.start = '{choice}'")).unwrap();
         assert_eq!(case.correlation.start, Some(choice));
     }
     let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
     assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected zone, element or off");
-    assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or cold"));
+    assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or independent"));
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         tolerance_px = 1e-3
         max_iterations = 30
         brightness = "element"
-        start = "cold"
+        start = "independent"
         noise = 1.5
         regularisation = "none"
         strain = "hencky"

@@ -520,7 +520,7 @@ fn a_series_survives_jumps_and_a_corrupt_frame() {
         .chain([None, Some(Translation([-21.4, 14.3])), None, Some(Translation([6.0, 6.5]))])
         .collect();
     let foreign = Arc::new(render(&Texture::new(99, SPECKLE_PX).unwrap(), &REST, &options).unwrap());
-    let fields = [StartFrom::Previous, StartFrom::Cold].map(|start| {
+    let fields = [StartFrom::Previous, StartFrom::Independent].map(|start| {
         let correlator = prepared(&reference, &zones, Options { start, ..Options::default() });
         let mut tracker = Tracker::new(&correlator);
         let mut fields = Vec::new();

@@ -477,7 +477,7 @@ fn a_tracked_frame_waits_once_per_iteration_and_is_that_of_the_cpu() {
             picture(&Accuracy::new(side, side).at(k as f64 / 5.0), &options)
         })
         .collect();
-    for start in [StartFrom::Previous, StartFrom::Cold] {
+    for start in [StartFrom::Previous, StartFrom::Independent] {
         let options = tight(Options { start, ..Options::default() });
         let on_cpu = prepared(&frames[0], &inside(side, side, 16), options.clone());
         let on_gpu = prepared_on(gpu.clone(), &frames[0], &inside(side, side, 16), options);

@@ -35,7 +35,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 18] = [
+const HOMES: [Home; 19] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -61,6 +61,11 @@ const HOMES: [Home; 18] = [
         places: &["identify/cone_step.rs"],
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
+    Home {
+        what: "the crate signal-hook",
+        named_by: |s, at| s.names_crate(at, "signal_hook"),
+        places: &["cli/stop.rs"],
+    },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },
     Home { what: "the crate pollster", named_by: |s, at| s.names_crate(at, "pollster"), places: &["backend/gpu/"] },

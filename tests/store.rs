@@ -730,7 +730,7 @@ fn a_run_that_fills_the_disk_ends_with_exit_2_and_earlier_frames_stay() {
         return println!("SKIPPED: no file system can be mounted here: {said}");
     }
     assert_eq!(run.status.code(), Some(2), "{said}");
-    assert!(said.contains("disk/out/fields.zarr/") && said.contains("No space left"), "{said}");
+    assert!(said.contains("disk/out/") && said.contains("No space left"), "{said}");
     let saved = desk.files("saved/csv");
     assert!(saved.len() > 3 && saved.len() < names.len(), "{} of {} frames: {said}", saved.len(), names.len());
     assert_eq!(desk.rows("saved/csv/000001.csv").len(), 13 * 9);

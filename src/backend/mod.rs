@@ -130,7 +130,7 @@ pub struct Place {
 }
 
 /// What went between the host and a device for one frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Traffic {
     /// Batches of work handed to the device.
     pub submissions: usize,

@@ -1,6 +1,7 @@
 //! The command line, as the user types it.
 
 use super::frames::Frames;
+use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
 use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
 use crate::imaging::Interpolation;
@@ -24,7 +25,9 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Measure displacement fields: one reference image, any number of deformed ones.
-    Correlate(CorrelateArgs),
+    Correlate(Box<CorrelateArgs>),
+    /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
+    Status(StatusArgs),
     /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
     Export(ExportArgs),
     /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
@@ -78,7 +81,11 @@ pub enum Export {
     quadrille correlate --case joint.toml --element-size 24 --output out24\n  \
     Where a mask is white, the mean of several images as the reference, one frame per page:\n    \
     quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n\n\
-    Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run.")]
+    Half of a long series on each of two machines that share a disk:\n    \
+    quadrille correlate --case long.toml --shard 1/2 --output out      (and 2/2 on the other)\n\n\
+    A run that was stopped goes on when the same command is given again.\n\n\
+    Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run; 130 stopped \
+    by Ctrl-C or SIGTERM.")]
 pub struct CorrelateArgs {
     /// Deformed images: files or quoted globs, taken in natural order (img_2 before img_10). Without
     /// --reference the first one is the reference.
@@ -94,8 +101,16 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["resume", "shard"])]
     pub overwrite: bool,
+    /// Go on with the run in the output folder: do what is missing of it. This is the default; a run with other options
+    /// or images is refused.
+    #[arg(long)]
+    pub resume: bool,
+    /// Do this share of the frames only: I of N processes that write into one folder, frames I, I+N, I+2N, ... `slurm`
+    /// takes the place of the task in its array. Needs --start independent, which is then the default.
+    #[arg(long, value_name = "I/N|slurm")]
+    pub shard: Option<Shard>,
     /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
     /// several zones. Default: the whole image. This, --polygon, --mask and --mesh replace the zones of the
     /// case file.
@@ -135,8 +150,9 @@ pub struct CorrelateArgs {
     /// Brightness and contrast followed per zone, per element, or not at all. Default zone.
     #[arg(long, value_name = "zone|element|off")]
     pub brightness: Option<Brightness>,
-    /// Start each frame from the previous ones, or cold. Default previous.
-    #[arg(long, value_name = "previous|cold")]
+    /// Start each frame from the extrapolation of those before it, or search for each on its own, in any order. Default
+    /// previous, with --shard independent.
+    #[arg(long, value_name = "previous|independent")]
     pub start: Option<StartFrom>,
     /// Standard deviation of the camera noise, grey levels. Default: estimated from the residual.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -189,6 +205,35 @@ pub struct CorrelateArgs {
     /// One line for every frame.
     #[arg(long, short)]
     pub verbose: bool,
+    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    #[arg(long, value_name = "text|json", default_value = "text")]
+    pub progress: ProgressKind,
+}
+
+/// How progress is said.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressKind {
+    /// For people.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+/// Arguments of `quadrille status`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    How far a run is, while it goes on or after it was stopped:\n    \
+    quadrille status out\n  \
+    The same for another program:\n    \
+    quadrille status out --json\n\n\
+    Exit status: 0 all frames are done and converged; 1 frames are missing or did not converge; 2 there is no run.")]
+pub struct StatusArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `quadrille export` makes.

@@ -1,24 +1,31 @@
 //! `quadrille correlate`.
 
-use super::args::CorrelateArgs;
+use super::args::{CorrelateArgs, ProgressKind};
+use super::lock::Lock;
 use super::plan::{MANY, Plan};
-use super::progress::{Progress, Talk};
-use super::run_folder::{About, RunFolder};
+use super::progress::{Busy, Progress, Talk};
+use super::restart::{self, Earlier, FrameRecord};
+use super::run_folder::{About, RunFolder, csv_name, vtu_name};
 use super::series::{self, Engine};
+use super::shard::Shard;
+use super::stop::Stop;
 use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
-use crate::field::{Status, StrainField};
+use crate::field::{StartFrom, Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
-use crate::io::case::write_case;
+use crate::io::case::{CaseFile, write_case};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
+use crate::isa::Isa;
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{ReferenceSummary, Summary, counts, saturation_message, units};
+use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -26,34 +33,77 @@ use std::time::{Duration, Instant};
 const BEHIND: usize = 4;
 /// How often the summary is written while the series runs.
 const SUMMARY_EVERY: Duration = Duration::from_secs(10);
+/// Share of the time that this may take: that of a long series grows with it.
+const SUMMARY_SHARE: u32 = 50;
+
+/// What to do about results that are there already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Existing {
+    /// Go on with them when they are of the same run.
+    Continue,
+    /// Replace them.
+    Replace,
+}
+
+/// How a plan is carried out; none of it changes a result.
+#[derive(Debug)]
+pub(super) struct Session {
+    pub existing: Existing,
+    pub shard: Option<Shard>,
+    pub talk: Talk,
+    pub stop: Stop,
+}
+
+impl Session {
+    /// One that replaces what is there and ends with the process.
+    pub fn replacing(talk: Talk) -> Self {
+        Self { existing: Existing::Replace, shard: None, talk, stop: Stop::default() }
+    }
+}
 
 /// Runs the command.
 pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     let plan = Plan::new(args)?;
-    let talk = match (args.quiet, args.verbose) {
-        (true, _) => Talk::Quiet,
-        (_, true) => Talk::Verbose,
+    let talk = match (args.progress, args.quiet, args.verbose) {
+        (_, true, _) => Talk::Quiet,
+        (ProgressKind::Json, ..) => Talk::Json,
+        (_, _, true) => Talk::Verbose,
         _ => Talk::Normal,
     };
-    let folder = RunFolder::open(&args.output, args.overwrite)?;
-    let summary = run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
-    if let Some(frames) = &args.figures {
+    let existing = if args.overwrite { Existing::Replace } else { Existing::Continue };
+    let folder = RunFolder::writable(&args.output)?;
+    let session = Session { existing, shard: args.shard, talk, stop: Stop::listen()? };
+    let ran = run_series(&plan, &folder, pool(args.threads)?, &session)?;
+    if let Some(frames) = args.figures.as_ref().filter(|_| ran.complete) {
         super::figures::of_run(&args.output, frames, args.threads, args.quiet)?;
     }
-    let fine = summary.frames.iter().all(|frame| frame.status == Status::Converged);
-    Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
+    Ok(ran.outcome)
 }
 
-/// Correlates the series of `plan` into `folder`; also the heart of `quadrille demo`. Each result is shown
-/// to `look` with its frame number before it is written.
-pub(super) fn run_series(
-    plan: &Plan,
-    folder: &RunFolder,
-    pool: rayon::ThreadPool,
-    talk: Talk,
-    mut look: impl FnMut(usize, &Correlation),
-) -> Result<Summary> {
+/// What came of a series.
+pub(super) struct Ran {
+    pub outcome: Outcome,
+    /// Whether every frame of the series is done, those of other shards too.
+    pub complete: bool,
+}
+
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all.
+pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPool, session: &Session) -> Result<Ran> {
     let begin = Instant::now();
+    let lock = Lock::take(&folder.locks(), session.shard)?;
+    if session.shard.is_none() {
+        folder.tidy();
+    }
+    let there = match session.existing {
+        Existing::Continue if folder.holds_run() => {
+            let store = Store::open(folder.path().join(STORE));
+            Some(store.map_err(|error| folder.holds_another(Some(chain(&error))))?)
+        }
+        _ => None,
+    };
+    // The same bits as before, where this machine can.
+    let isa = there.as_ref().filter(|_| !plan.isa_asked).and_then(|store| isa_of(store.header()));
+    let plan = &Plan { isa: isa.unwrap_or(plan.isa), ..plan.clone() };
     // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
     quantities::load(&plan.drawn, plan.deformed.len())?;
     let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
@@ -68,11 +118,56 @@ pub(super) fn run_series(
     let correlator = engine.correlator();
     let seconds_reference = prepare.elapsed().as_secs_f64();
     quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
-    folder.clear(plan.csv, plan.vtu)?;
-    quantities::remove(folder.path())?;
-
-    let mut progress = Progress::new(talk, plan.deformed.len());
     let mesh = correlator.mesh();
+    let record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+    let header = StoreHeader {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        mesh: mesh.clone(),
+        image_size_px: [width, height],
+        reference: plan.reference.iter().map(ToString::to_string).collect(),
+        reference_sha256: sha256.clone(),
+        frames: plan.deformed.iter().map(ToString::to_string).collect(),
+        pixel_size: plan.pixel_size,
+        range_grey: correlator.grey_range(),
+        element_size_px: element_size_px(mesh, plan.options.element_size),
+        strain: plan.strain,
+        case: record.without_images(),
+    };
+    let same_run = |store: &Store| match restart::differences(store.header(), &header) {
+        differences if differences.is_empty() => Ok(()),
+        differences => Err(folder.holds_another(Some(differences.join("; ")))),
+    };
+    there.as_ref().map_or(Ok(()), same_run)?;
+    if there.is_none() && session.shard.is_none() {
+        folder.clear(plan.csv, plan.vtu)?;
+        quantities::remove(folder.path())?;
+    }
+    folder.make_folders(plan.csv, plan.vtu)?;
+    let (writer, store) = {
+        let _alone = session.shard.map(|_| lock.common()).transpose()?;
+        let writer = folder.store(&header)?;
+        let store = Store::open(writer.path())?;
+        same_run(&store)?; // another shard may have made it in the meantime
+        if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
+            writer.write_normal_matrices(&matrices)?;
+        }
+        if !folder.has_case() {
+            folder.write_case(&record.case(&BTreeMap::new()))?;
+        }
+        (writer, store)
+    };
+
+    let n_frames = plan.deformed.len();
+    let own: Vec<usize> = (1..=n_frames).filter(|&n| session.shard.is_none_or(|shard| shard.has(n))).collect();
+    let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
+        .into_iter()
+        .filter_map(|(wanted, name)| wanted.then_some(name))
+        .collect();
+    let Earlier { done: earlier, damaged } = pool.install(|| Earlier::find(&store, folder.path(), &own, &tables));
+    let numbers: Vec<usize> = own.iter().copied().filter(|number| !earlier.contains_key(number)).collect();
+
+    let mut progress = Progress::new(session.talk, own.len(), earlier.len());
     progress.say(&format!(
         "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
         plan.reference_name(),
@@ -87,7 +182,8 @@ pub(super) fn run_series(
     let about_grey =
         [GreyDepth::of(&reference_image).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
     let about_grey = about_grey.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name()));
-    notes.into_iter().chain(about_grey).chain(zone_notes).for_each(|note| progress.say(&note));
+    let notes = notes.into_iter().chain(about_grey).chain(zone_notes).chain(lock.remark.clone());
+    notes.for_each(|note| progress.say(&note));
     if !correlator.dropped().is_empty() {
         progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
     }
@@ -97,8 +193,27 @@ pub(super) fn run_series(
             plural(correlator.held().len(), "node")
         ));
     }
+    if !earlier.is_empty() {
+        let to_do = if numbers.is_empty() { "nothing is missing".into() } else { format!("{} to do", numbers.len()) };
+        progress.say(&format!("{} done before, {to_do}", plural(earlier.len(), "frame")));
+    }
+    if !damaged.is_empty() {
+        let list = super::status::ranges(&damaged);
+        progress.say(&format!(
+            "what is stored of {} is not whole and is done again: {list}",
+            plural(damaged.len(), "frame")
+        ));
+    }
     let border_notes: Vec<String> = correlator.bare_borders().iter().map(bare_border_note).collect();
     border_notes.iter().for_each(|note| progress.say(note));
+    let mut hashes: BTreeMap<usize, Option<String>> = BTreeMap::new();
+    let mut frames: Vec<FrameSummary> = Vec::with_capacity(own.len());
+    let mut in_series = BTreeSet::new();
+    for (number, (summary, sha256)) in earlier {
+        hashes.insert(number, sha256);
+        in_series.extend(summary.status.has_field().then_some(number));
+        frames.push(summary);
+    }
     let mut summary = Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -127,31 +242,9 @@ pub(super) fn run_series(
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
         nodes_held: correlator.held().iter().map(Into::into).collect(),
         messages: border_notes,
-        counts: counts(&[]),
-        frames: Vec::with_capacity(plan.deformed.len()),
+        counts: counts(&frames),
+        frames,
     };
-    let mut record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads());
-    record.images.extend(plan.reference.iter().cloned().zip(sha256.iter().cloned().map(Some)));
-    record.zone_files = zone_files;
-    folder.write_case(&record.case())?;
-    let header = StoreHeader {
-        quadrille: env!("CARGO_PKG_VERSION").into(),
-        device: correlator.backend().device(),
-        mesh: mesh.clone(),
-        image_size_px: [width, height],
-        reference: plan.reference.iter().map(ToString::to_string).collect(),
-        reference_sha256: sha256.clone(),
-        frames: plan.deformed.iter().map(ToString::to_string).collect(),
-        pixel_size: plan.pixel_size,
-        range_grey: correlator.grey_range(),
-        element_size_px: element_size_px(mesh, plan.options.element_size),
-        strain: plan.strain,
-        case: record.without_images(),
-    };
-    let store = folder.store(&header)?;
-    if let Some(matrices) = correlator.normal_matrices() {
-        store.write_normal_matrices(&matrices)?;
-    }
     let about = About::new(header)?;
     for note in engine.take_notes() {
         progress.say(&note);
@@ -164,55 +257,123 @@ pub(super) fn run_series(
         ));
     }
 
-    let frames = series::Frames { list: &plan.deformed, windows: &windows(mesh), start: plan.options.start };
+    if session.shard.is_some() {
+        let _alone = lock.common()?;
+        if !folder.has_summary() {
+            // For `quadrille status`, should the last of the shards be killed before it has written it.
+            folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
+        }
+    }
+    let windows = windows(mesh);
+    let frames = series::Frames {
+        list: &plan.deformed,
+        numbers: &numbers,
+        windows: &windows,
+        start: plan.options.start,
+        stored: &|number| restart::stored_start(&store, folder.path(), number),
+        stop: &session.stop,
+    };
+    let (n_decoders, in_flight) = series::widths(&engine, &pool, plan.options.start);
+    let mut busy = Busy::new(n_decoders, in_flight);
+    let writing_ns = &AtomicU64::new(0);
     let written = std::thread::scope(|scope| -> Result<()> {
         let (finished, to_write) = sync_channel(BEHIND);
-        let (store, about) = (&store, &about);
-        let writer = scope.spawn(move || write_all(plan, folder, store, about, &to_write));
+        let about = &about;
+        let alone = session.shard.is_none();
+        let output = Output { plan, folder, store: &writer, fields: &store, about, alone, in_series, writing_ns };
+        let writer = scope.spawn(move || output.write_all(&to_write));
         let mut last_summary = Instant::now();
+        let mut summary_every = SUMMARY_EVERY;
         let done = series::run(&engine, &pool, &frames, |done| {
-            let series::Done { source, sha256, summary: frame, result } = done;
-            let number = frame.number;
-            record.images.push((source, sha256));
-            if let Some(result) = &result {
-                look(number, result);
-            }
-            let file = frame.file.clone();
+            let series::Done { sha256, summary: frame, result } = done;
+            hashes.insert(frame.number, sha256.clone());
             engine.take_notes().into_iter().for_each(|note| {
                 progress.say(&note);
                 summary.messages.push(note);
             });
-            summary.frames.push(frame);
-            progress.frame(number, &summary.frames[number - 1]);
-            if last_summary.elapsed() > SUMMARY_EVERY {
+            busy.add(&frame, Duration::from_nanos(writing_ns.load(Ordering::Relaxed)));
+            progress.frame(&frame, &busy);
+            summary.frames.push(frame.clone());
+            if alone && last_summary.elapsed() > summary_every {
+                let writing = Instant::now();
+                write_summary(folder, &mut summary, begin)?;
+                summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * writing.elapsed());
                 last_summary = Instant::now();
-                summary.counts = counts(&summary.frames);
-                summary.seconds_total = begin.elapsed().as_secs_f64();
-                folder.write_summary(&summary)?;
             }
             // When the writer has stopped, its error says why.
-            Ok(finished.send(ToWrite { number, file, result }).is_ok())
+            Ok(finished.send(ToWrite { summary: frame, sha256, result }).is_ok())
         });
         drop(finished);
         writer.join().map_err(|_| "the writer stopped: this is a bug in quadrille")??;
         done
     });
-    summary.counts = counts(&summary.frames);
-    summary.seconds_total = begin.elapsed().as_secs_f64();
-    // Also when writing has failed: what is known is kept where it can be.
-    let closed = folder.write_case(&record.case()).and_then(|()| folder.write_summary(&summary));
-    let closed = closed.and_then(|()| Ok(store.finish(record.sha256())?));
-    written?;
-    closed?;
-    if !plan.drawn.is_empty() {
-        let numbers: Vec<usize> = (1..=summary.frames.len()).collect();
+
+    let own_converged = summary.frames.iter().filter(|frame| frame.status == Status::Converged).count();
+    let outcome = match own_converged {
+        _ if session.stop.is_asked() && summary.frames.len() < own.len() => Outcome::Stopped,
+        n if n == own.len() => Outcome::Fine,
+        _ => Outcome::Incomplete,
+    };
+    let _alone = session.shard.map(|_| lock.common()).transpose()?;
+    let complete = written.is_ok() && (1..=n_frames).all(|number| store.status_file(number).exists());
+    let own_frames = if session.shard.is_some() { summary.frames.clone() } else { Vec::new() };
+    if session.shard.is_some() && complete {
+        // The last of the shards writes what is of the whole.
+        summary.frames.clear();
+        for (number, frame) in (1..).zip(pool.install(|| restart::all_frames(folder.path(), n_frames))) {
+            let (frame, sha256) =
+                frame.ok_or(format!("frame {number}: its record is lost: give the same command again"))?;
+            summary.frames.push(frame);
+            hashes.insert(number, sha256);
+        }
+    }
+    if session.shard.is_none() || complete {
+        // Also when writing has failed: what is known is kept where it can be.
+        let closed = folder.write_case(&record.case(&hashes)).and_then(|()| write_summary(folder, &mut summary, begin));
+        let sha256 = (1..=n_frames).map(|number| hashes.get(&number).cloned().flatten()).collect();
+        let closed = closed.and_then(|()| Ok(writer.finish(sha256)?));
+        if written.is_ok() && plan.vtu {
+            let with_field = summary.frames.iter().filter(|frame| frame.status.has_field());
+            folder.write_series(&with_field.map(|frame| frame.number).collect::<Vec<_>>())?;
+        }
+        written?;
+        closed?;
+    } else {
+        written?;
+        summary.frames.sort_by_key(|frame| frame.number);
+        summary.seconds_total = begin.elapsed().as_secs_f64();
+    }
+    if !plan.drawn.is_empty() && complete {
+        let numbers: Vec<usize> = (1..=n_frames).collect();
         let store = Store::open(folder.path())?;
         let drawn = probe::write_of_store(&store, &plan.drawn, None, &numbers, folder.path(), |_, _| ())?;
         drawn.notes.iter().for_each(|note| progress.say(note));
     }
-    progress.finish(&summary.frames, summary.seconds_total);
+    if session.shard.is_some() {
+        summary.frames = own_frames;
+        summary.frames.sort_by_key(|frame| frame.number);
+    }
+    progress.finish(&summary.frames, numbers.len(), summary.seconds_total);
+    if outcome == Outcome::Stopped {
+        let (done, all) = (summary.frames.len(), own.len());
+        progress.say(&format!("stopped with {done} of {all} frames done: the same command goes on from here"));
+    }
     progress.say(&format!("results in {}", folder.path().display()));
-    Ok(summary)
+    Ok(Ran { outcome, complete })
+}
+
+/// Writes the summary of the frames so far, in order.
+fn write_summary(folder: &RunFolder, summary: &mut Summary, begin: Instant) -> Result<()> {
+    summary.frames.sort_by_key(|frame| frame.number);
+    summary.counts = counts(&summary.frames);
+    summary.seconds_total = begin.elapsed().as_secs_f64();
+    folder.write_summary(summary)
+}
+
+/// The instruction path of an earlier start, when this machine has it.
+fn isa_of(header: &StoreHeader) -> Option<Isa> {
+    let case: toml::Table = header.case.parse().ok()?;
+    Isa::named(case.get("run")?.get("isa")?.as_str()?)
 }
 
 /// Size of the elements: the one asked for, or what the mesh of a file has.
@@ -316,62 +477,92 @@ fn windows(mesh: &Mesh<Px>) -> Vec<[usize; 4]> {
 
 /// A frame on its way to the disk; without a result when it could not be read.
 struct ToWrite {
-    number: usize,
-    file: String,
+    summary: FrameSummary,
+    sha256: Option<String>,
     result: Option<Correlation>,
 }
 
-fn write_all(
-    plan: &Plan,
-    folder: &RunFolder,
-    store: &StoreWriter,
-    about: &About,
-    frames: &Receiver<ToWrite>,
-) -> Result<()> {
-    let mut in_series = Vec::new();
-    for ToWrite { number, file, result } in frames {
-        let Some(Correlation { measurement, .. }) = result else {
-            store.mark(number, Status::Unreadable)?;
-            continue;
-        };
+/// Where the frames of a run go.
+struct Output<'a> {
+    plan: &'a Plan,
+    folder: &'a RunFolder,
+    store: &'a StoreWriter,
+    /// The same store, for reading.
+    fields: &'a Store,
+    about: &'a About,
+    /// Whether this process does all frames.
+    alone: bool,
+    /// Frames with a field.
+    in_series: BTreeSet<usize>,
+    /// Time spent with writing.
+    writing_ns: &'a AtomicU64,
+}
+
+impl Output<'_> {
+    fn write_all(mut self, frames: &Receiver<ToWrite>) -> Result<()> {
+        for frame in frames {
+            let begin = Instant::now();
+            self.write(frame)?;
+            let spent = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            self.writing_ns.fetch_add(spent, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+
+    /// Writes a frame: field, tables, record, and its status last, which says that it is done.
+    fn write(&mut self, ToWrite { summary, sha256, result }: ToWrite) -> Result<()> {
+        let Self { plan, folder, store, about, .. } = self;
+        let (number, file, status) = (summary.number, summary.file.clone(), summary.status);
+        let mut files = Vec::new();
         // A diverged field is no measurement: its numbers are not spread.
-        if !measurement.status.has_field() {
-            store.mark(number, measurement.status)?;
-            continue;
-        }
-        // The length is the one that the store says, to the last digit.
-        let length_px = about.element_size_px();
-        let strain = StrainField { length_px, ..StrainField::of(&measurement, plan.strain) };
-        store.write(number, &measurement, &strain)?;
-        if plan.csv {
-            folder.write_csv(number, about, &file, &measurement, &strain)?;
-        }
-        if plan.vtu {
-            folder.write_vtu(number, about, &file, &measurement, &strain)?;
-            in_series.push(number);
-            if in_series.len() % 100 == 0 {
-                folder.write_series(&in_series)?;
+        if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| status.has_field()) {
+            // The length is the one that the store says, to the last digit.
+            let length_px = about.element_size_px();
+            let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
+            store.write_field(number, measurement, &strain)?;
+            let of_store = self.fields.field_files(number);
+            files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
+            if plan.csv {
+                folder.write_csv(number, about, &file, measurement, &strain)?;
+                files.push(csv_name(number).into());
+            }
+            if plan.vtu {
+                folder.write_vtu(number, about, &file, measurement, &strain)?;
+                files.push(vtu_name(number).into());
             }
         }
+        let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
+        let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
+        folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
+        store.mark(number, status)?;
+        if plan.vtu && status.has_field() {
+            self.in_series.insert(number);
+            if self.alone && self.in_series.len().is_multiple_of(100) {
+                folder.write_series(&self.in_series.iter().copied().collect::<Vec<_>>())?;
+            }
+        }
+        Ok(())
     }
-    if plan.vtu {
-        folder.write_series(&in_series)?;
-    }
-    Ok(())
 }
 
 /// What `run.toml` tells beside the options.
 struct Record {
-    case: crate::io::case::CaseFile,
+    case: CaseFile,
     about: toml::Table,
-    /// The references first.
-    images: Vec<(Frame, Option<String>)>,
-    n_references: usize,
-    zone_files: Vec<(PathBuf, String)>,
+    reference: Vec<(Frame, String)>,
+    deformed: Vec<Frame>,
+    zone_files: toml::value::Array,
 }
 
 impl Record {
-    fn new<B: Backend>(plan: &Plan, correlator: &Correlator<B>, [width, height]: [usize; 2], threads: usize) -> Self {
+    fn new<B: Backend>(
+        plan: &Plan,
+        correlator: &Correlator<B>,
+        [width, height]: [usize; 2],
+        threads: usize,
+        sha256: &[String],
+        zone_files: Vec<(PathBuf, String)>,
+    ) -> Self {
         let mut about = toml::Table::new();
         about.insert("quadrille".into(), env!("CARGO_PKG_VERSION").into());
         about.insert("device".into(), correlator.backend().device().into());
@@ -387,41 +578,46 @@ impl Record {
         Self {
             case: plan.resolved(width, height),
             about,
-            images: Vec::new(),
-            n_references: plan.reference.len(),
-            zone_files: Vec::new(),
+            reference: plan.reference.iter().cloned().zip(sha256.iter().cloned()).collect(),
+            deformed: plan.deformed.clone(),
+            zone_files: zone_files.iter().map(|(path, sha256)| Self::entry(path, None, Some(sha256))).collect(),
         }
+    }
+
+    fn entry(path: &Path, page: Option<usize>, sha256: Option<&str>) -> toml::Value {
+        let mut table = toml::Table::new();
+        table.insert("file".into(), absolute(path).into());
+        page.map(|page| table.insert("page".into(), (page as i64).into()));
+        // A file that could not be read has none.
+        sha256.map(|sha256| table.insert("sha256".into(), sha256.into()));
+        toml::Value::Table(table)
     }
 
     /// The case file with the record of the run but for its images: the store names them beside it.
     fn without_images(&self) -> String {
-        write_case(&crate::io::case::CaseFile { run: Some(self.about.clone()), ..self.case.clone() })
+        self.written(None)
     }
 
-    /// Of each deformed image that was come to.
-    fn sha256(&self) -> Vec<Option<String>> {
-        self.images[self.n_references..].iter().map(|(_, sha256)| sha256.clone()).collect()
+    /// The case file with the record of the run, and the deformed images that were come to, with their SHA-256.
+    fn case(&self, sha256: &BTreeMap<usize, Option<String>>) -> String {
+        let page = |frame: &Frame| frame.is_page.then_some(frame.page);
+        let references =
+            self.reference.iter().map(|(frame, sha256)| Self::entry(&frame.path, page(frame), Some(sha256)));
+        let deformed = sha256.iter().map(|(number, sha256)| {
+            let frame = &self.deformed[number - 1];
+            Self::entry(&frame.path, page(frame), sha256.as_deref())
+        });
+        self.written(Some(references.chain(deformed).collect()))
     }
 
-    /// The case file with the record of the run.
-    fn case(&self) -> String {
-        let entry = |path: &Path, page: Option<usize>, sha256: Option<&str>| {
-            let mut table = toml::Table::new();
-            table.insert("file".into(), absolute(path).into());
-            page.map(|page| table.insert("page".into(), (page as i64).into()));
-            // A file that could not be read has none.
-            sha256.map(|sha256| table.insert("sha256".into(), sha256.into()));
-            toml::Value::Table(table)
-        };
-        let image = |(frame, sha256): &(Frame, Option<String>)| {
-            entry(&frame.path, frame.is_page.then_some(frame.page), sha256.as_deref())
-        };
+    fn written(&self, images: Option<toml::value::Array>) -> String {
         let mut about = self.about.clone();
-        about.insert("image".into(), toml::Value::Array(self.images.iter().map(image).collect()));
-        if !self.zone_files.is_empty() {
-            let files = self.zone_files.iter().map(|(path, sha256)| entry(path, None, Some(sha256)));
-            about.insert("zone_file".into(), toml::Value::Array(files.collect()));
+        if let Some(images) = images {
+            about.insert("image".into(), toml::Value::Array(images));
         }
-        write_case(&crate::io::case::CaseFile { run: Some(about), ..self.case.clone() })
+        if !self.zone_files.is_empty() {
+            about.insert("zone_file".into(), toml::Value::Array(self.zone_files.clone()));
+        }
+        write_case(&CaseFile { run: Some(about), ..self.case.clone() })
     }
 }

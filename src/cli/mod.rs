@@ -9,6 +9,7 @@ mod export;
 mod figures;
 mod frames;
 mod identify;
+mod lock;
 mod metrology;
 mod paper;
 mod plan;
@@ -16,10 +17,14 @@ mod probe;
 mod progress;
 mod quantities;
 mod record;
+mod restart;
 mod run;
 mod run_folder;
 mod series;
+mod shard;
 mod simulate;
+mod status;
+mod stop;
 mod synth;
 mod virtual_test;
 mod zones;
@@ -37,11 +42,14 @@ enum Outcome {
     Fine,
     /// It ran, but some frame did not converge: exit status 1.
     Incomplete,
+    /// It was asked to stop before it was done: exit status 130.
+    Stopped,
 }
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
-/// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run.
+/// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run,
+/// 130 stopped.
 pub fn main() -> ExitCode {
     devices::quiet_drivers();
     let cli = match args::Cli::try_parse() {
@@ -57,6 +65,7 @@ pub fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
+        args::Command::Status(args) => status::run(&args),
         args::Command::Export(args) => export::run(&args),
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
@@ -75,6 +84,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::Incomplete) => ExitCode::from(1),
+        Ok(Outcome::Stopped) => ExitCode::from(stop::STOPPED),
         Err(error) => {
             eprintln!("quadrille: {}", chain(error.as_ref()));
             ExitCode::from(2)

@@ -1,7 +1,7 @@
 //! `quadrille paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
 
 use super::args::{PaperArgs, RunArgs};
-use super::correlate::run_series;
+use super::correlate::{Session, run_series};
 use super::plan::Plan;
 use super::progress::Talk;
 use super::run::correlate_args;
@@ -382,7 +382,8 @@ fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(
     };
     let correlation = root.join("correlation");
     let plan = Plan::of(&correlate_args(&run_args, &correlation)?, &case.correlation)?;
-    run_series(&plan, &RunFolder::open(&correlation, true)?, pool(args.threads)?, Talk::Quiet, |_, _| ())?;
+    let session = Session::replacing(Talk::Quiet);
+    run_series(&plan, &RunFolder::open(&correlation, true)?, pool(args.threads)?, &session)?;
     let store = Store::open(&correlation)?;
     let (mut sum, mut n, mut rows) = (0.0, 0usize, Vec::new());
     let mut frames = 0;

@@ -4,7 +4,7 @@ use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::correlate::{Options, Regularisation};
-use crate::field::{RegularisationKind, StrainDefinition};
+use crate::field::{RegularisationKind, StartFrom, StrainDefinition};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
@@ -28,6 +28,8 @@ pub(super) struct Plan {
     pub guard_px: Option<f64>,
     pub options: Options,
     pub isa: Isa,
+    /// Whether the instruction path was asked for, or found out.
+    pub isa_asked: bool,
     pub device: DeviceChoice,
     pub strain: StrainDefinition,
     pub csv: bool,
@@ -63,7 +65,10 @@ impl Plan {
             tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
             max_iterations: args.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
             brightness: args.brightness.or(given.brightness).unwrap_or(default.brightness),
-            start: args.start.or(given.start).unwrap_or(default.start),
+            start: args.start.or(given.start).unwrap_or(match args.shard {
+                Some(_) => StartFrom::Independent,
+                None => default.start,
+            }),
             noise: args.noise.or(given.noise),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
             regularisation: regularisation(args, given)?,
@@ -74,6 +79,9 @@ impl Plan {
             None => None,
         };
         let zones = wanted_zones(args, case);
+        if args.shard.is_some() && options.start == StartFrom::Previous {
+            return Err("--shard needs --start independent: the frames before are done by other processes".into());
+        }
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
@@ -111,6 +119,7 @@ impl Plan {
             guard_px: args.guard,
             options,
             isa,
+            isa_asked: args.isa.is_some(),
             device: args.device.clone(),
             strain: args.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),

@@ -4,6 +4,7 @@ use super::plural;
 use crate::field::Status;
 use crate::report::summary::FrameSummary;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use serde_json::json;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -13,6 +14,39 @@ pub(super) enum Talk {
     Quiet,
     Normal,
     Verbose,
+    /// One JSON object a line.
+    Json,
+}
+
+/// How much the stages of a run have had to do, in seconds of their threads.
+#[derive(Debug, Clone)]
+pub(super) struct Busy {
+    decode: f64,
+    correlate: f64,
+    write: f64,
+    /// Frames that are decoded, and that are correlated, at a time.
+    widths: [f64; 2],
+}
+
+impl Busy {
+    pub fn new(n_decoders: usize, in_flight: usize) -> Self {
+        Self { decode: 0.0, correlate: 0.0, write: 0.0, widths: [n_decoders as f64, in_flight as f64] }
+    }
+
+    /// Adds a frame; `writing` is that of all frames so far.
+    pub fn add(&mut self, frame: &FrameSummary, writing: Duration) {
+        self.decode += frame.seconds_decode;
+        self.correlate += frame.seconds;
+        self.write = writing.as_secs_f64();
+    }
+
+    /// The stage that the others wait for: the one that has had most to do for its width.
+    fn limiting(&self) -> &'static str {
+        let [decoders, in_flight] = self.widths;
+        let stages =
+            [("correlate", self.correlate / in_flight), ("decode", self.decode / decoders), ("write", self.write)];
+        stages.into_iter().fold(stages[0], |most, stage| if stage.1 > most.1 { stage } else { most }).0
+    }
 }
 
 /// Progress of a series: a bar on a terminal, else a plain line now and then.
@@ -21,18 +55,26 @@ pub(super) struct Progress {
     bar: ProgressBar,
     terminal: bool,
     total: usize,
+    /// Frames that were done before, that are done now, and that did not converge.
+    before: usize,
+    done: usize,
+    failed: usize,
     begin: Instant,
     last_line: Instant,
 }
 
 /// Seconds between two plain lines.
 const EVERY: Duration = Duration::from_secs(5);
+/// Seconds between two lines for programs.
+const EVERY_JSON: Duration = Duration::from_secs(1);
 
 impl Progress {
-    pub fn new(talk: Talk, total: usize) -> Self {
+    /// Of `total` frames, `before` of which are done.
+    pub fn new(talk: Talk, total: usize, before: usize) -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let bar = ProgressBar::new(total as u64);
-        if talk == Talk::Quiet || !terminal {
+        let bar = ProgressBar::new(total as u64).with_position(before as u64);
+        bar.reset_eta(); // the frames of before were not done now
+        if matches!(talk, Talk::Quiet | Talk::Json) || !terminal {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         let template = "{bar:30} {pos}/{len} frames  {rate}  {eta} left";
@@ -43,7 +85,7 @@ impl Progress {
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style.with_key("rate", rate));
         let now = Instant::now();
-        Self { talk, bar, terminal, total, begin: now, last_line: now }
+        Self { talk, bar, terminal, total, before, done: 0, failed: 0, begin: now, last_line: now }
     }
 
     /// A line about the run as a whole.
@@ -54,32 +96,54 @@ impl Progress {
     }
 
     fn print(&self, line: &str) {
-        if self.terminal {
+        if self.talk == Talk::Json {
+            eprintln!("{}", json!({ "message": line }));
+        } else if self.terminal {
             self.bar.suspend(|| eprintln!("{line}"));
         } else {
             eprintln!("{line}");
         }
     }
 
-    /// One frame is done, `done` in all.
-    pub fn frame(&mut self, done: usize, frame: &FrameSummary) {
-        self.bar.set_position(done as u64);
+    /// One more frame is done.
+    pub fn frame(&mut self, frame: &FrameSummary, busy: &Busy) {
         let fine = frame.status == Status::Converged;
+        self.done += 1;
+        self.failed += usize::from(!fine);
+        self.bar.set_position((self.before + self.done) as u64);
         if self.talk == Talk::Verbose || (!fine && self.talk == Talk::Normal) {
             self.print(&line(frame));
         }
-        if self.talk != Talk::Quiet && !self.terminal && self.last_line.elapsed() > EVERY {
-            self.last_line = Instant::now();
-            let rate = done as f64 / self.begin.elapsed().as_secs_f64();
-            let left = (self.total - done) as f64 / rate;
-            eprintln!("{done} of {} frames, {rate:.1} frames/s, {left:.0} s left", self.total);
+        let every = if self.talk == Talk::Json { EVERY_JSON } else { EVERY };
+        let (now, total) = (self.before + self.done, self.total);
+        if self.last_line.elapsed() < every && !(self.talk == Talk::Json && (self.done == 1 || now == total)) {
+            return;
+        }
+        self.last_line = Instant::now();
+        let rate = self.done as f64 / self.begin.elapsed().as_secs_f64();
+        let left = (total - now) as f64 / rate;
+        if self.talk == Talk::Json {
+            let line = json!({
+                "done": now,
+                "total": total,
+                "failed": self.failed,
+                "frames_per_second": rate,
+                "seconds_left": left,
+                "limited_by": busy.limiting(),
+                "frame": frame.number,
+                "status": frame.status.name(),
+                "residual_grey": frame.residual_grey,
+            });
+            eprintln!("{line}");
+        } else if self.talk != Talk::Quiet && !self.terminal {
+            eprintln!("{now} of {total} frames, {rate:.1} frames/s, {left:.0} s left");
         }
     }
 
-    /// The closing table.
-    pub fn finish(&self, frames: &[FrameSummary], seconds: f64) {
+    /// The closing table of all frames, `n_done` of which were done in the `seconds` of this run.
+    pub fn finish(&self, frames: &[FrameSummary], n_done: usize, seconds: f64) {
         self.bar.finish_and_clear();
-        if self.talk == Talk::Quiet {
+        if matches!(self.talk, Talk::Quiet | Talk::Json) {
             return;
         }
         const SHOWN: usize = 30;
@@ -93,7 +157,7 @@ impl Progress {
         }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
-        let rate = frames.len() as f64 / seconds;
+        let rate = n_done as f64 / seconds;
         let n_frames = plural(frames.len(), "frame");
         eprintln!("{n_frames} in {seconds:.1} s ({rate:.1} frames/s): {}", counts.join(", "));
     }

@@ -1,7 +1,7 @@
 //! `quadrille run`: from images to the report, step by step; steps that were done with the same inputs are not done again.
 
 use super::args::{Cli, Command, CorrelateArgs, RunArgs, SimulateArgs};
-use super::correlate::run_series;
+use super::correlate::{Session, run_series};
 use super::plan::Plan;
 use super::progress::Talk;
 use super::run_folder::RunFolder;
@@ -73,7 +73,7 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
         let begin = Instant::now();
         let folder = RunFolder::open(&correlation, true)?;
         let talk = if args.quiet { Talk::Quiet } else { Talk::Normal };
-        run_series(&plan, &folder, pool(args.threads)?, talk, |_, _| ())?;
+        run_series(&plan, &folder, pool(args.threads)?, &Session::replacing(talk))?;
         steps.note("correlation", &inputs, begin)?;
     }
 
@@ -172,7 +172,7 @@ pub(super) fn correlate_args(args: &RunArgs, output: &Path) -> Result<CorrelateA
     let flags = flags.into_iter().chain([output.as_os_str().to_owned()]);
     match Cli::try_parse_from(flags)?.command {
         Command::Correlate(parsed) => {
-            Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..parsed })
+            Ok(CorrelateArgs { device: args.device.clone(), threads: args.threads, ..*parsed })
         }
         _ => Err("the flags of a run are not those of a correlation: this is a bug in quadrille".into()),
     }

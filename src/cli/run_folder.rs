@@ -11,11 +11,14 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 const CASE: &str = "run.toml";
-const SUMMARY: &str = "summary.json";
 /// Results of an identification, and of a sweep.
 const FITS: [&str; 2] = ["fit.json", "sweep.json"];
 /// Folder of the pictures in that of a run.
 pub(super) const FIGURES: &str = "figures";
+/// Folder of what a later start of the same run needs: locks, and a record of every frame.
+const RESTART: &str = "restart";
+/// Beginning of the name of a file that shows whether the folder can be written.
+const TRIAL: &str = ".quadrille-trial-";
 const SERIES: &str = "series.pvd";
 const INTERFACE_SERIES: &str = "interface.pvd";
 
@@ -24,22 +27,52 @@ const INTERFACE_SERIES: &str = "interface.pvd";
 pub(super) struct RunFolder(PathBuf);
 
 impl RunFolder {
+    /// What the frames of a run came to.
+    pub const SUMMARY: &str = "summary.json";
+    /// Folder of the records of the frames.
+    pub const FRAMES: &str = "restart/frames";
+
     /// Makes the folder and checks that it can be written and holds no other run, unless `overwrite`.
     /// Nothing is removed yet.
     pub fn open(path: &Path, overwrite: bool) -> Result<Self> {
+        let folder = Self::writable(path)?;
+        if folder.holds_run() && !overwrite {
+            return Err(folder.holds_another(None));
+        }
+        Ok(folder)
+    }
+
+    /// Makes the folder and checks that it can be written.
+    pub fn writable(path: &Path) -> Result<Self> {
         let cannot = |error: std::io::Error| {
             format!("{}: cannot be written ({error}); choose another --output folder", path.display())
         };
         fs::create_dir_all(path).map_err(cannot)?;
-        let trial = path.join(".quadrille-trial");
+        // Of this process alone: others may try at the same time.
+        let trial = path.join(format!("{TRIAL}{}", std::process::id()));
         fs::write(&trial, b"").map_err(cannot)?;
         fs::remove_file(&trial).map_err(cannot)?;
-        let holds_run = [CASE, SUMMARY, STORE].iter().chain(&FITS).any(|name| path.join(name).exists());
-        if holds_run && !overwrite {
-            let path = path.display();
-            return Err(format!("{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite").into());
-        }
         Ok(Self(path.to_owned()))
+    }
+
+    /// Whether results of a run are in it.
+    pub fn holds_run(&self) -> bool {
+        [CASE, Self::SUMMARY, STORE].iter().chain(&FITS).any(|name| self.0.join(name).exists())
+    }
+
+    /// Why a run that is there is not replaced; and why it cannot be gone on with, when that was tried.
+    pub fn holds_another(&self, why: Option<String>) -> Box<dyn std::error::Error + Send + Sync> {
+        let (path, why) = (self.0.display(), why.map_or(String::new(), |why| format!(" ({why})")));
+        format!(
+            "{path}: holds the results of another run{why}; choose another --output folder, or replace them with \
+             --overwrite"
+        )
+        .into()
+    }
+
+    /// Where its locks lie.
+    pub fn locks(&self) -> PathBuf {
+        locks_in(&self.0)
     }
 
     /// The folder `path`, made when it is not there, for files that are made again from a store.
@@ -53,12 +86,14 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, INTERFACE_SERIES, SUMMARY].into_iter().chain(FITS) {
+        for name in [SERIES, INTERFACE_SERIES, Self::SUMMARY].into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;
         remove(&self.0.join(CASE))?;
-        for (kind, endings) in [("csv", &["csv"][..]), ("vtu", &["vtu"]), (FIGURES, &["png", "svg"])] {
+        let numbered =
+            [("csv", &["csv"][..]), ("vtu", &["vtu"]), (FIGURES, &["png", "svg"]), (Self::FRAMES, &["json"])];
+        for (kind, endings) in numbered {
             let Ok(entries) = fs::read_dir(self.0.join(kind)) else { continue };
             for entry in entries.flatten() {
                 let name = entry.file_name();
@@ -72,7 +107,25 @@ impl RunFolder {
                 }
             }
         }
-        for (kind, wanted) in [("csv", csv), ("vtu", vtu)] {
+        self.make_folders(csv, vtu)
+    }
+
+    /// Removes what a process that was killed has left half made, when no other can be at it.
+    pub fn tidy(&self) {
+        for entry in fs::read_dir(&self.0).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with(&format!("{STORE}.")) && name.ends_with(".part") {
+                let _ = fs::remove_dir_all(entry.path()); // it is in nobody's way
+            } else if name.starts_with(TRIAL) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+
+    /// Makes the folders of the files of frames.
+    pub fn make_folders(&self, csv: bool, vtu: bool) -> Result<()> {
+        for (kind, wanted) in [("csv", csv), ("vtu", vtu), (Self::FRAMES, true)] {
             if wanted {
                 self.make(kind)?;
             }
@@ -85,9 +138,19 @@ impl RunFolder {
         fs::create_dir_all(self.0.join(name)).map_err(|e| failed(&self.0.join(name), &e))
     }
 
-    /// Makes the store of the run.
+    /// Whether it has a `summary.json`.
+    pub fn has_summary(&self) -> bool {
+        self.0.join(Self::SUMMARY).exists()
+    }
+
+    /// Whether it has a `run.toml`.
+    pub fn has_case(&self) -> bool {
+        self.0.join(CASE).exists()
+    }
+
+    /// The store of the run, made when it is not there.
     pub fn store(&self, header: &StoreHeader) -> Result<StoreWriter> {
-        Ok(StoreWriter::create(&self.0.join(STORE), header)?)
+        Ok(StoreWriter::create_or_open(&self.0.join(STORE), header)?)
     }
 
     /// The folder.
@@ -107,7 +170,7 @@ impl RunFolder {
     }
 
     pub fn write_summary(&self, summary: &impl serde::Serialize) -> Result<()> {
-        self.write_json(SUMMARY, summary)
+        self.write_json(Self::SUMMARY, summary)
     }
 
     pub fn write_csv(
@@ -119,7 +182,7 @@ impl RunFolder {
         strain: &StrainField,
     ) -> Result<()> {
         let head = about.table_head(number, file);
-        self.write(&format!("csv/{number:06}.csv"), |out| {
+        self.write(&csv_name(number), |out| {
             csv::write_displacements(out, &head, field, Some(strain), about.header.pixel_size)
         })
     }
@@ -133,7 +196,7 @@ impl RunFolder {
         strain: &StrainField,
     ) -> Result<()> {
         let title = format!("quadrille {}, frame {number}: {file}", about.header.quadrille);
-        self.write(&format!("vtu/{number:06}.vtu"), |out| {
+        self.write(&vtu_name(number), |out| {
             vtk::write_vtu(out, &title, field, Some(strain), about.header.range_grey).map_err(std::io::Error::other)
         })
     }
@@ -211,6 +274,21 @@ impl About {
             },
         ]
     }
+}
+
+/// Where the locks of the run in `folder` lie.
+pub(super) fn locks_in(folder: &Path) -> PathBuf {
+    folder.join(RESTART)
+}
+
+/// Name of the table of frame `number`.
+pub(super) fn csv_name(number: usize) -> String {
+    format!("csv/{number:06}.csv")
+}
+
+/// Name of the grid of frame `number`.
+pub(super) fn vtu_name(number: usize) -> String {
+    format!("vtu/{number:06}.vtu")
 }
 
 fn remove(path: &Path) -> Result<()> {

@@ -1,16 +1,16 @@
-//! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over in order.
+//! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
+use super::stop::Stop;
 use super::{Result, chain};
 use crate::backend::choice::Device;
 use crate::backend::{AnyBackend, AnyFrame, Backend, BackendError};
-use crate::correlate::{Correlation, CorrelationError, Correlator, History, Options, Start};
-use crate::field::StartFrom;
+use crate::correlate::{Correlation, CorrelationError, Correlator, History, Options, Start, StartUsed};
+use crate::field::{StartFrom, Status};
 use crate::imaging::{Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::mesh::Zone;
 use crate::report::summary::FrameSummary;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -161,9 +161,33 @@ impl Engine {
 #[derive(Clone, Copy)]
 pub(super) struct Frames<'a> {
     pub list: &'a [Frame],
+    /// Those that are to be done, from 1, rising.
+    pub numbers: &'a [usize],
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
     pub start: StartFrom,
+    /// Of a frame that was done before: where tracking goes on after it, when it converged.
+    pub stored: &'a (dyn Fn(usize) -> Result<Option<Start>> + Sync),
+    /// Once it is asked to stop, frames that are on the device are finished and no other is begun.
+    pub stop: &'a Stop,
+}
+
+impl Frames<'_> {
+    /// Lets `history` know the frames between `after` and `before` that were done before.
+    fn catch_up(&self, history: &mut History, after: usize, before: usize) -> Result<()> {
+        if self.start == StartFrom::Independent {
+            return Ok(());
+        }
+        let mut found = Vec::new();
+        for number in (after + 1..before).rev() {
+            found.extend((self.stored)(number)?.map(|start| (number, start)));
+            if found.len() == History::FIELDS {
+                break;
+            }
+        }
+        found.into_iter().rev().for_each(|(number, start)| history.note_field(number, start));
+        Ok(())
+    }
 }
 
 /// A frame that was read, or not.
@@ -185,27 +209,31 @@ struct Picture {
 
 /// A frame that is done.
 pub(super) struct Done {
-    pub source: Frame,
     pub sha256: Option<String>,
     pub summary: FrameSummary,
     /// None when it could not be read.
     pub result: Option<Correlation>,
 }
 
-/// Correlates all frames and hands them to `take` in order, until that says false.
+/// Decoding threads and frames correlated at a time.
+pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom) -> (usize, usize) {
+    let correlator = engine.correlator();
+    // A graphics device leaves the cores to the decoders; the CPU shares them.
+    let threads = pool.current_num_threads();
+    let n_decoders = if correlator.backend().is_cpu() { threads / 4 } else { threads }.clamp(1, DECODERS);
+    let independent = start == StartFrom::Independent;
+    (n_decoders, if independent { correlator.backend().frames_in_flight() } else { 1 })
+}
+
+/// Correlates the frames and hands each to `take` when it is done, until that says false: in order when each starts from
+/// the one before.
 pub(super) fn run(
     engine: &Engine,
     pool: &rayon::ThreadPool,
     frames: &Frames<'_>,
     mut take: impl FnMut(Done) -> Result<bool>,
 ) -> Result<()> {
-    let correlator = engine.correlator();
-    let on_cpu = correlator.backend().is_cpu();
-    // A graphics device leaves the cores to the decoders; the CPU shares them.
-    let threads = pool.current_num_threads();
-    let n_decoders = if on_cpu { threads / 4 } else { threads }.clamp(1, DECODERS);
-    let in_flight = if frames.start == StartFrom::Cold { correlator.backend().frames_in_flight() } else { 1 };
-    drop(correlator);
+    let (n_decoders, in_flight) = widths(engine, pool, frames.start);
     std::thread::scope(|scope| {
         let decoders: Vec<Receiver<Decoded>> = (0..n_decoders)
             .map(|first| {
@@ -220,29 +248,27 @@ pub(super) fn run(
         let (out, results) = sync_channel(in_flight);
         for _ in 0..in_flight {
             let (uploaded, out) = (uploaded.clone(), out.clone());
-            scope.spawn(move || correlate(engine, pool, frames.start, &uploaded, &out));
+            scope.spawn(move || correlate(engine, pool, frames, &uploaded, &out));
         }
         // From here on the workers alone hold both: when they stop, everybody does.
         drop((uploaded, out));
-        let mut waiting: BTreeMap<usize, Result<Done>> = BTreeMap::new();
-        let mut next = 1;
-        for (number, done) in results {
-            waiting.insert(number, done);
-            while let Some(done) = waiting.remove(&next) {
-                next += 1;
-                if !take(done?)? {
-                    return Ok(());
-                }
+        for done in results {
+            if !take(done?)? {
+                return Ok(());
             }
         }
         Ok(())
     })
 }
 
-/// Reads every `step`-th frame from `first` on.
+/// Reads every `step`-th of the frames to be done from the `first` on.
 fn decode(frames: &Frames<'_>, first: usize, step: usize, out: &SyncSender<Decoded>) {
     let mut stack = None;
-    for (at, frame) in frames.list.iter().enumerate().skip(first).step_by(step) {
+    for &number in frames.numbers.iter().skip(first).step_by(step) {
+        if frames.stop.is_asked() {
+            return;
+        }
+        let frame = &frames.list[number - 1];
         let begin = Instant::now();
         let loaded = read_frame(frame, &mut stack);
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
@@ -253,7 +279,7 @@ fn decode(frames: &Frames<'_>, first: usize, step: usize, out: &SyncSender<Decod
             uploaded: None,
         });
         let seconds = begin.elapsed().as_secs_f64();
-        if out.send(Decoded { number: at + 1, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
+        if out.send(Decoded { number, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
             return; // nobody wants more
         }
     }
@@ -290,17 +316,20 @@ fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decode
 fn correlate(
     engine: &Engine,
     pool: &rayon::ThreadPool,
-    start: StartFrom,
+    frames: &Frames<'_>,
     uploaded: &Mutex<Receiver<Decoded>>,
-    out: &SyncSender<(usize, Result<Done>)>,
+    out: &SyncSender<Result<Done>>,
 ) {
-    let mut history = History::new(start);
-    loop {
+    let mut history = History::new(frames.start);
+    let mut last = 0;
+    while !frames.stop.is_asked() {
         let next = uploaded.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(decoded) = next else { return };
         let number = decoded.number;
-        let done = pool.install(|| one_frame(engine, &mut history, decoded));
-        if out.send((number, done)).is_err() {
+        let known = frames.catch_up(&mut history, last, number);
+        last = number;
+        let done = known.and_then(|()| pool.install(|| one_frame(engine, &mut history, decoded)));
+        if out.send(done).is_err() {
             return; // nobody wants more
         }
     }
@@ -310,30 +339,43 @@ fn correlate(
 fn one_frame(engine: &Engine, history: &mut History, decoded: Decoded) -> Result<Done> {
     let Decoded { number, frame: source, loaded, saturation, seconds: seconds_decode } = decoded;
     let file = source.to_string();
-    let Picture { image, sha256, notes, uploaded } = match loaded {
+    let Picture { image, sha256, mut notes, uploaded } = match loaded {
         Ok(picture) => picture,
         Err(error) => {
             let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
-            return Ok(Done { source, sha256: None, summary, result: None });
+            return Ok(Done { sha256: None, summary, result: None });
         }
     };
     let begin = Instant::now();
     let sha256 = Some(sha256);
-    match engine.correlate(number, &image, uploaded, history.predict(number).as_ref()) {
+    let start = history.predict(number);
+    match engine.correlate(number, &image, uploaded, start.as_ref()) {
         Ok((result, correlator)) => {
+            notes.extend(start.and_then(|_| about_tracking(&result)).map(str::to_owned));
             history.note(number, &result);
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.backend().device();
             summary.device = (device != engine.name).then_some(device);
             let summary = summary.with_saturation(saturation);
-            Ok(Done { source, sha256, summary, result: Some(result) })
+            Ok(Done { sha256, summary, result: Some(result) })
         }
         Err(error) if error.is_of_the_frame() => {
             let message = format!("{file}: {}", chain(&error));
             let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
-            Ok(Done { source, sha256, summary, result: None })
+            Ok(Done { sha256, summary, result: None })
         }
         Err(error) => Err(error.into()),
+    }
+}
+
+/// What to say of a frame that was predicted from those before.
+fn about_tracking(result: &Correlation) -> Option<&'static str> {
+    match (result.measurement.status, result.start) {
+        (Status::Converged, StartUsed::Cold) => {
+            Some("the start from the frames before failed; searched for without them")
+        }
+        (Status::Converged, _) => None,
+        _ => Some("neither the start from the frames before nor a search without them converged"),
     }
 }

@@ -16,11 +16,11 @@ use crate::imaging::Image;
 use crate::linalg::{ElementMatrix, Spread};
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Where a frame's iteration started.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StartUsed {
     /// At the prediction, on the finest level.
@@ -126,6 +126,13 @@ pub struct Correlator<B: Backend> {
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
+}
+
+impl Correlation {
+    /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
+    pub fn full_displacement(&self) -> &[[f64; 2]] {
+        &self.full_displacement
+    }
 }
 
 impl<B: Backend> Correlator<B> {

@@ -26,7 +26,10 @@ pub struct History {
 }
 
 impl History {
-    /// A history that knows no frame yet; with [`StartFrom::Cold`] nothing is ever predicted.
+    /// Fields that a prediction is made of.
+    pub const FIELDS: usize = 2;
+
+    /// A history that knows no frame yet; with [`StartFrom::Independent`] nothing is ever predicted.
     pub fn new(start: StartFrom) -> Self {
         Self { start, fields: Vec::new(), transfer: Vec::new() }
     }
@@ -43,7 +46,7 @@ impl History {
 
     /// Linear extrapolation of the last two converged fields to frame `number`, or the last one.
     pub fn predict(&self, number: usize) -> Option<Start> {
-        if self.start == StartFrom::Cold {
+        if self.start == StartFrom::Independent {
             return None;
         }
         let (last_number, last) = self.fields.first()?;
@@ -62,10 +65,16 @@ impl History {
     /// Remembers frame `number` (numbers must rise), if it converged.
     pub fn note(&mut self, number: usize, correlation: &Correlation) {
         if correlation.measurement.status == Status::Converged {
-            self.transfer = correlation.zones.iter().map(|zone| zone.transfer).collect();
-            self.fields.insert(0, (number, correlation.full_displacement.clone()));
-            self.fields.truncate(2);
+            let transfer = correlation.zones.iter().map(|zone| zone.transfer).collect();
+            self.note_field(number, Start { displacement: correlation.full_displacement.clone(), transfer });
         }
+    }
+
+    /// Remembers the field of frame `number` (numbers must rise), which converged: of one that was done before.
+    pub fn note_field(&mut self, number: usize, Start { displacement, transfer }: Start) {
+        self.transfer = transfer;
+        self.fields.insert(0, (number, displacement));
+        self.fields.truncate(Self::FIELDS);
     }
 }
 
@@ -87,7 +96,7 @@ impl<'a, B: Backend> Tracker<'a, B> {
         self.correlator
     }
 
-    /// Correlates frame `number` (numbers must rise). With [`StartFrom::Cold`] nothing is remembered.
+    /// Correlates frame `number` (numbers must rise). With [`StartFrom::Independent`] nothing is remembered.
     ///
     /// # Errors
     /// When the image has another size than the reference, or the device fails. A frame that does not

@@ -69,7 +69,7 @@ impl FromStr for Brightness {
 ///
 /// ```
 /// use quadrille::field::StartFrom;
-/// assert_eq!("cold".parse(), Ok(StartFrom::Cold));
+/// assert_eq!("independent".parse(), Ok(StartFrom::Independent));
 /// assert!("warm".parse::<StartFrom>().is_err());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -78,8 +78,10 @@ pub enum StartFrom {
     /// The field of the frame before; the default.
     #[default]
     Previous,
-    /// Nothing known: each frame is searched for on its own.
-    Cold,
+    /// Nothing known: each frame is searched for on its own, so that frames can be done in any order. Called `cold`
+    /// as well.
+    #[serde(alias = "cold")]
+    Independent,
 }
 
 impl StartFrom {
@@ -87,7 +89,7 @@ impl StartFrom {
     pub fn name(self) -> &'static str {
         match self {
             StartFrom::Previous => "previous",
-            StartFrom::Cold => "cold",
+            StartFrom::Independent => "independent",
         }
     }
 }
@@ -102,11 +104,11 @@ impl FromStr for StartFrom {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [StartFrom::Previous, StartFrom::Cold].into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
-            option: "start",
-            given: word.to_owned(),
-            expected: "previous or cold",
-        })
+        match word {
+            "previous" => Ok(StartFrom::Previous),
+            "independent" | "cold" => Ok(StartFrom::Independent),
+            _ => Err(UnknownChoice { option: "start", given: word.to_owned(), expected: "previous or independent" }),
+        }
     }
 }
 

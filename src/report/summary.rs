@@ -4,7 +4,7 @@ use crate::backend::{Backend, Traffic};
 use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 
 /// Everything that `summary.json` holds. Lengths are in px of the reference image (y down), grey levels
@@ -110,7 +110,7 @@ impl From<&TextureFault> for NodeWithoutTexture {
 }
 
 /// One frame.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FrameSummary {
     /// Deformed frames count from 1, in series order.
     pub number: usize,
@@ -118,8 +118,8 @@ pub struct FrameSummary {
     pub file: String,
     /// How it ended.
     pub status: Status,
-    /// What to know about it: why it could not be read, or what its file is like.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    /// What to know about it: why it could not be read, what its file is like, or that tracking lost it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub messages: Vec<String>,
     /// Gauss-Newton iterations on the finest level.
     pub iterations: usize,
@@ -144,7 +144,7 @@ pub struct FrameSummary {
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
     /// Where the iteration started.
     pub start: Option<StartUsed>,
@@ -156,12 +156,12 @@ pub struct FrameSummary {
     #[serde(flatten)]
     pub traffic: Option<Traffic>,
     /// The device that did the frame, when it is not that of the run.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
 }
 
 /// A rigid motion: translation of `centre`, and rotation about it (positive from x to y, y down).
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RigidSummary {
     /// Mean of the reference positions.
     pub centre_px: [f64; 2],
@@ -182,22 +182,32 @@ impl From<RigidMotion> for RigidSummary {
 }
 
 /// One zone of one frame.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ZoneSummary {
     /// Its name.
     pub name: String,
     /// Rigid motion of its measured nodes.
     pub rigid_motion: Option<RigidSummary>,
     /// Correlation coefficient of the reference and the deformed image brought back.
+    #[serde(deserialize_with = "number")]
     pub correlation: f64,
     /// Root mean square of the residual.
+    #[serde(deserialize_with = "number")]
     pub residual_grey: f64,
     /// Noise of one image that the uncertainty is made with.
+    #[serde(deserialize_with = "number")]
     pub noise_grey: f64,
     /// Factor that brings the deformed image to the reference's contrast, `1 + c`.
+    #[serde(deserialize_with = "number")]
     pub gain: f64,
     /// Grey levels added after that, `d`.
+    #[serde(deserialize_with = "number")]
     pub offset_grey: f64,
+}
+
+/// A number; JSON has no NaN, of a zone that does not match `null` stands for it.
+fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
 impl FrameSummary {

@@ -99,7 +99,8 @@ impl Desk {
         found
     }
 
-    /// The files under `folder`, those of stores too.
+    /// The files under `folder`, those of stores too, but for what only a later start of the same run reads: locks and
+    /// records, which tell of processes and times.
     pub fn all_files(&self, folder: &str) -> Vec<String> {
         fn walk(folder: &Path, root: &Path, found: &mut Vec<String>) {
             for entry in std::fs::read_dir(folder).into_iter().flatten() {
@@ -113,6 +114,7 @@ impl Desk {
         }
         let mut found = Vec::new();
         walk(&self.path(folder), &self.path(folder), &mut found);
+        found.retain(|name| !name.starts_with("restart/") && !name.contains("/restart/"));
         found.sort();
         found
     }

@@ -121,6 +121,26 @@ impl Store {
         }
     }
 
+    /// The file whose presence says that frame `number` (from 1) is done.
+    pub fn status_file(&self, number: usize) -> PathBuf {
+        self.folder.file(&self.status.chunk_key(&[number as u64 - 1]))
+    }
+
+    /// The files that hold the field of frame `number` (from 1), which are there when it has one.
+    pub fn field_files(&self, number: usize) -> Vec<PathBuf> {
+        let file = |variable| self.folder.file(&self.array(variable).chunk_key(&place_of(number, variable)));
+        Variable::ALL.map(file).to_vec()
+    }
+
+    /// Reads every chunk of frame `number` (from 1) and checks it.
+    ///
+    /// # Errors
+    /// As [`Store::frame`].
+    pub fn check(&self, number: usize) -> Result<(), StoreError> {
+        self.frame(number)?;
+        self.strain(number).map(drop)
+    }
+
     /// Frame `number` (from 1); `None` when it has no field: not done, unreadable or diverged.
     ///
     /// # Errors
@@ -230,7 +250,7 @@ impl Store {
 }
 
 /// Place of the chunk of a frame.
-fn place_of(number: usize, variable: Variable) -> Vec<u64> {
+pub(super) fn place_of(number: usize, variable: Variable) -> Vec<u64> {
     let mut at = vec![number as u64 - 1, 0];
     if !variable.components().is_empty() {
         at.push(0);

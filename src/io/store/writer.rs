@@ -1,17 +1,19 @@
 //! Writing a store.
 
 use super::attributes::Attributes;
-use super::folder::Folder;
+use super::folder::{Folder, PART};
 use super::layout::{Form, NORMAL_MATRICES, Variable, codec_options};
+use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
 use crate::linalg::ElementMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+use std::time::{SystemTime, UNIX_EPOCH};
 use zarrs::array::{Array, ArrayError, IntoArrayBytes};
 use zarrs::storage::StorageError;
 
@@ -50,16 +52,79 @@ pub struct StoreWriter {
 }
 
 impl StoreWriter {
-    /// Makes the store `path`, without any frame. A store of an earlier run at that place is removed.
+    /// Makes the store `path`, without any frame. A store of an earlier run at that place is removed. It is made under
+    /// another name and renamed, so that it is there whole or not at all.
     ///
     /// # Errors
     /// Something else that stands there, and what the file system refuses.
     pub fn create(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
         remove_store(path)?;
-        fs::create_dir_all(path).map_err(|error| StoreError::write(path.to_owned(), error))?;
+        let part = Self::prepare(path, header)?;
+        // What is not of the store stays where it was.
+        let moved = || -> io::Result<()> {
+            for entry in fs::read_dir(path).into_iter().flatten() {
+                let name = entry?.file_name();
+                fs::rename(path.join(&name), part.join(&name))?;
+            }
+            let _ = fs::remove_dir(path);
+            fs::rename(&part, path)
+        };
+        moved().map_err(|error| StoreError::write(path.to_owned(), error))?;
+        Self::open(path)
+    }
+
+    /// Makes the store `path` unless one is there already, also when another process makes it at the same moment; and
+    /// opens it to go on writing. Whether it is the one that `header` describes is for the caller to see.
+    ///
+    /// # Errors
+    /// Something else that stands there, and what the file system refuses.
+    pub fn create_or_open(path: &Path, header: &StoreHeader) -> Result<Self, StoreError> {
+        if !path.join("zarr.json").exists() {
+            let part = Self::prepare(path, header)?;
+            if let Err(error) = fs::rename(&part, path) {
+                let _ = fs::remove_dir_all(&part);
+                if !path.join("zarr.json").exists() {
+                    return Err(StoreError::write(path.to_owned(), error));
+                }
+            }
+        }
+        Self::open(path)
+    }
+
+    /// Opens the store `path` to go on writing.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let group = path.join("zarr.json");
+        let text = fs::read(&group).map_err(|error| StoreError::reading(group, &error))?;
+        let attributes = Attributes::parse(&text, path)?;
+        let mesh = Store::open(path)?.mesh().clone();
         let folder = Arc::new(Folder::new(path));
+        let (n_frames, n_nodes, n_elements) = (attributes.frames.len(), mesh.n_nodes(), mesh.n_elements());
+        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).open(&folder);
+        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
+        let status = Form::status(n_frames).open(&folder)?;
+        Ok(Self { folder, attributes: Mutex::new(attributes), n_frames, mesh, status, variables })
+    }
+
+    /// A whole store beside `path`, on the disk, for renaming.
+    fn prepare(path: &Path, header: &StoreHeader) -> Result<PathBuf, StoreError> {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut part = path.as_os_str().to_owned();
+        part.push(format!(".{}-{:x}{PART}", std::process::id(), since.as_nanos()));
+        let part = PathBuf::from(part);
+        Self::fill(&part, header).inspect_err(|_| {
+            let _ = fs::remove_dir_all(&part); // what is left of it helps nobody
+        })?;
+        Ok(part)
+    }
+
+    /// Writes everything of a store but its frames into the folder `path`.
+    fn fill(path: &Path, header: &StoreHeader) -> Result<(), StoreError> {
+        fs::create_dir_all(path).map_err(|error| StoreError::write(path.to_owned(), error))?;
+        let folder = Arc::new(Folder::durable(path));
         let attributes = Attributes::of(header);
-        // Before the arrays: an unfinished store is then known as one, and can be replaced.
         write_group(&folder, &attributes)?;
         let mesh = header.mesh.clone();
         let (n_frames, n_nodes, n_elements) = (header.frames.len(), mesh.n_nodes(), mesh.n_elements());
@@ -79,9 +144,8 @@ impl StoreWriter {
             array.store_chunk_opt(&[0], mesh.element_zone(), &options)
         })?;
         let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).create(&folder);
-        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
-        let status = Form::status(n_frames).create(&folder)?;
-        Ok(Self { folder, attributes: Mutex::new(attributes), n_frames, mesh, status, variables })
+        Variable::ALL.into_iter().try_for_each(|v| variable(v).map(drop))?;
+        Form::status(n_frames).create(&folder).map(drop)
     }
 
     /// Writes frame `number` (from 1) with its strains; the status last. Of a frame that diverged or was not
@@ -92,12 +156,32 @@ impl StoreWriter {
     /// frame then counts as not done.
     pub fn write(&self, number: usize, measurement: &Measurement<Px>, strain: &StrainField) -> Result<(), StoreError> {
         if measurement.status.has_field() {
-            self.check_sizes(number, measurement, strain)?;
-            for (variable, array) in Variable::ALL.into_iter().zip(&self.variables) {
-                self.write_variable(number, variable, array, measurement, strain)?;
-            }
+            self.write_field(number, measurement, strain)?;
         }
         self.mark(number, measurement.status)
+    }
+
+    /// Writes the field of frame `number` (from 1) with its strains, but not its status: until
+    /// [`mark`](Self::mark) has written that, the frame counts as not done.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_field(
+        &self,
+        number: usize,
+        measurement: &Measurement<Px>,
+        strain: &StrainField,
+    ) -> Result<(), StoreError> {
+        self.check_sizes(number, measurement, strain)?;
+        for (variable, array) in Variable::ALL.into_iter().zip(&self.variables) {
+            self.write_variable(number, variable, array, measurement, strain)?;
+        }
+        Ok(())
+    }
+
+    /// The folder of the store.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
     }
 
     /// Writes the status of frame `number` (from 1) alone: of one that has no field.
@@ -166,8 +250,7 @@ impl StoreWriter {
         measurement: &Measurement<Px>,
         strain: &StrainField,
     ) -> Result<(), StoreError> {
-        let frame = number as u64 - 1;
-        let at = if variable.components().is_empty() { vec![frame, 0] } else { vec![frame, 0, 0] };
+        let at = place_of(number, variable);
         let kept = |pairs: &[[f64; 2]]| -> Vec<[f64; 2]> {
             let known = pairs.iter().zip(&measurement.measured);
             known.map(|(&pair, &measured)| if measured { pair } else { [f64::NAN; 2] }).collect()

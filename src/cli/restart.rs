@@ -1,0 +1,239 @@
+//! Going on where a run was stopped: what is kept of every frame beside the store, and which frames are done.
+//!
+//! A frame is done when its status is in the store and its record in `restart/frames/NNNNNN.json`, and all files that
+//! the record names have the length they were written with. The frames that were finished last are read whole as well:
+//! of these a machine that went down may have lost what was not yet on the disk.
+
+use super::Result;
+use super::run_folder::RunFolder;
+use crate::backend::GreyTransfer;
+use crate::correlate::{Correlation, Start};
+use crate::field::Status;
+use crate::io::store::{Store, StoreHeader};
+use crate::mesh::Mesh;
+use crate::report::summary::FrameSummary;
+use crate::units::Px;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// Frames that were finished this long before the last one are on the disk: systems write within half of it.
+const ON_DISK_AFTER: Duration = Duration::from_secs(60);
+/// Differences that are named.
+const NAMED: usize = 3;
+
+/// Names the file of a frame in the folder of its run.
+pub(super) type Name = fn(usize) -> String;
+
+/// What is kept of a frame beside its field.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct FrameRecord {
+    pub summary: FrameSummary,
+    /// Of its file; none when that could not be read.
+    pub sha256: Option<String>,
+    /// Gain and offset of each zone: where the next frame starts.
+    #[serde(default)]
+    transfer: Vec<[f64; 2]>,
+    /// Displacement, px, of the nodes that were not measured, from which the next frame starts as well. A number that
+    /// is none is null.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    unmeasured: Vec<(usize, [Option<f64>; 2])>,
+    /// Length of each file of the frame, by its name in the folder of the run.
+    #[serde(default)]
+    bytes: BTreeMap<PathBuf, u64>,
+}
+
+impl FrameRecord {
+    /// The record of a frame whose `files` (names in `folder`) have been written; `result` where later frames start from it.
+    pub fn new(
+        folder: &Path,
+        summary: FrameSummary,
+        sha256: Option<String>,
+        result: Option<&Correlation>,
+        files: impl IntoIterator<Item = PathBuf>,
+    ) -> Result<Self> {
+        let mut record = Self { summary, sha256, transfer: Vec::new(), unmeasured: Vec::new(), bytes: BTreeMap::new() };
+        if let Some(result) = result.filter(|result| result.measurement.status == Status::Converged) {
+            record.transfer = result.zones.iter().map(|zone| [zone.transfer.gain, zone.transfer.offset]).collect();
+            let measured = &result.measurement.measured;
+            let finite = |u: [f64; 2]| u.map(|u| u.is_finite().then_some(u));
+            let all = result.full_displacement().iter().enumerate();
+            // What is zero there is zero when it is read.
+            let told = |&(node, u): &(usize, &[f64; 2])| !measured[node] && u.map(f64::to_bits) != [0; 2];
+            record.unmeasured = all.filter(told).map(|(node, &u)| (node, finite(u))).collect();
+        }
+        for file in files {
+            let path = folder.join(&file);
+            let about = fs::metadata(&path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+            record.bytes.insert(file, about.len());
+        }
+        Ok(record)
+    }
+
+    /// Where the record of frame `number` lies in the folder of the run.
+    pub fn name(number: usize) -> String {
+        format!("{}/{number:06}.json", RunFolder::FRAMES)
+    }
+
+    fn read(folder: &Path, number: usize) -> Option<Self> {
+        let text = fs::read(folder.join(Self::name(number))).ok()?;
+        serde_json::from_slice::<Self>(&text).ok().filter(|record| record.summary.number == number)
+    }
+
+    /// Whether its files are as long as they were written.
+    fn is_whole(&self, folder: &Path) -> bool {
+        self.bytes.iter().all(|(file, &bytes)| fs::metadata(folder.join(file)).is_ok_and(|about| about.len() == bytes))
+    }
+}
+
+/// What was found of an earlier start of the same run.
+#[derive(Debug, Default)]
+pub(super) struct Earlier {
+    /// The frames that are done, by number.
+    pub done: BTreeMap<usize, (FrameSummary, Option<String>)>,
+    /// Frames with a status that are not whole.
+    pub damaged: Vec<usize>,
+}
+
+impl Earlier {
+    /// The frames of `numbers` that are done, with every one of the `tables` where there is a field. Runs on the threads of the pool it is called in.
+    pub fn find(store: &Store, folder: &Path, numbers: &[usize], tables: &[Name]) -> Self {
+        let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
+        let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
+        let last = times.iter().flatten().max().copied();
+        let is_new = |time: &SystemTime| {
+            last.is_some_and(|last| last.duration_since(*time).is_ok_and(|before| before < ON_DISK_AFTER))
+        };
+        let look = |(&number, time): (&usize, &Option<SystemTime>)| {
+            let time = time.as_ref()?;
+            let whole = || {
+                let status = store.status(number).ok()??;
+                let record = FrameRecord::read(folder, number).filter(|record| record.summary.status == status)?;
+                let has_tables = || tables.iter().all(|table| record.bytes.contains_key(Path::new(&table(number))));
+                let whole = record.is_whole(folder)
+                    && (!status.has_field() || has_tables())
+                    && (!is_new(time) || store.check(number).is_ok());
+                whole.then_some((record.summary, record.sha256))
+            };
+            Some((number, whole()))
+        };
+        let found: Vec<_> = numbers.par_iter().zip(&times).filter_map(look).collect();
+        let mut earlier = Self::default();
+        for (number, frame) in found {
+            match frame {
+                // A file that could not be read may be there now.
+                Some((summary, _)) if summary.status == Status::Unreadable => {}
+                Some(frame) => drop(earlier.done.insert(number, frame)),
+                None => earlier.damaged.push(number),
+            }
+        }
+        earlier
+    }
+}
+
+/// Where tracking goes on after frame `number`, which was done before: none when that did not converge.
+pub(super) fn stored_start(store: &Store, folder: &Path, number: usize) -> Result<Option<Start>> {
+    if store.status(number)? != Some(Status::Converged) {
+        return Ok(None);
+    }
+    let lost = || format!("frame {number}: its record is lost: run the same command again");
+    let record = FrameRecord::read(folder, number).ok_or_else(lost)?;
+    let mut displacement = store.frame(number)?.ok_or_else(lost)?.measurement.displacement;
+    for (node, u) in record.unmeasured {
+        *displacement.get_mut(node).ok_or_else(lost)? = u.map(|u| u.unwrap_or(f64::NAN));
+    }
+    let transfer = record.transfer.into_iter().map(|[gain, offset]| GreyTransfer { gain, offset }).collect();
+    Ok(Some(Start { displacement, transfer }))
+}
+
+/// Every frame of the series with its SHA-256; none of those that are not done.
+pub(super) fn all_frames(folder: &Path, n_frames: usize) -> Vec<Option<(FrameSummary, Option<String>)>> {
+    let numbers: Vec<usize> = (1..=n_frames).collect();
+    let read = |&number: &usize| FrameRecord::read(folder, number).map(|record| (record.summary, record.sha256));
+    numbers.par_iter().map(read).collect()
+}
+
+/// What the run in a store has different from the one asked for, in words; nothing when it can go on.
+pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut differ = |name: &str, there: String, asked: String| {
+        if there != asked {
+            found.push(format!("{name}: {there} in the store, {asked} asked"));
+        }
+    };
+    let version = |text: &str| {
+        let mut parts = text.split('.');
+        let (major, minor) = (parts.next().unwrap_or("").to_owned(), parts.next().unwrap_or("").to_owned());
+        // Before 1.0 the second number counts what breaks.
+        if major == "0" { format!("{major}.{minor}") } else { major }
+    };
+    differ("version of quadrille", version(&there.quadrille), version(&asked.quadrille));
+    let tables = [there, asked].map(|header| leaves(&header.case));
+    let keys: std::collections::BTreeSet<&String> = tables.iter().flat_map(|table| table.keys()).collect();
+    for key in keys {
+        let [there, asked] = tables.each_ref().map(|table| table.get(key));
+        let name = key.strip_prefix("correlation.").unwrap_or(key);
+        match (there, asked) {
+            (Some(toml::Value::Array(there)), Some(toml::Value::Array(asked)))
+                if there.len() > 1 || asked.len() > 1 =>
+            {
+                let first = there.iter().zip(asked).position(|(there, asked)| there != asked);
+                match first {
+                    Some(k) => differ(name, there[k].to_string(), asked[k].to_string()),
+                    None => differ(name, format!("{} entries", there.len()), format!("{} entries", asked.len())),
+                }
+            }
+            _ => {
+                let [there, asked] = [there, asked].map(|value| value.map_or("none".to_owned(), ToString::to_string));
+                differ(name, there, asked);
+            }
+        }
+    }
+    let count = |header: &StoreHeader| format!("{} frames", header.frames.len());
+    differ("series", count(there), count(asked));
+    for ((file, there), asked) in asked.reference.iter().zip(&there.reference_sha256).zip(&asked.reference_sha256) {
+        if there != asked {
+            differ(&format!("content of {file}, SHA-256"), there.clone(), asked.clone());
+        }
+    }
+    if found.is_empty() && !same_mesh(&there.mesh, &asked.mesh) {
+        found.push("the mesh is another one".to_owned());
+    }
+    let more = found.len().saturating_sub(NAMED);
+    found.truncate(NAMED);
+    if more > 0 {
+        found.push(format!("{more} more"));
+    }
+    found
+}
+
+/// Whether two meshes have the same nodes, elements and zones: a grid is a free mesh once it was stored.
+fn same_mesh(a: &Mesh<Px>, b: &Mesh<Px>) -> bool {
+    a.nodes() == b.nodes()
+        && a.elements() == b.elements()
+        && a.zones() == b.zones()
+        && a.node_zone() == b.node_zone()
+        && a.element_zone() == b.element_zone()
+}
+
+/// The values of a case that decide about the fields, each with the path of its key.
+fn leaves(case: &str) -> BTreeMap<String, toml::Value> {
+    fn walk(value: toml::Value, key: String, found: &mut BTreeMap<String, toml::Value>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (name, value) in table {
+                    walk(value, if key.is_empty() { name } else { format!("{key}.{name}") }, found);
+                }
+            }
+            value => drop(found.insert(key, value)),
+        }
+    }
+    let mut found = BTreeMap::new();
+    walk(toml::Value::Table(case.parse().unwrap_or_default()), String::new(), &mut found);
+    let aside = |key: &str| key == "run.quadrille" || key == "run.threads" || key.starts_with("run.units.");
+    found.retain(|key, _| !aside(key));
+    found
+}

@@ -1,0 +1,184 @@
+//! `quadrille status`: how far a run is.
+
+use super::args::StatusArgs;
+use super::lock::{Holder, holders};
+use super::run_folder::{RunFolder, locks_in};
+use super::{Outcome, Result, plural, restart};
+use crate::field::Status;
+use crate::io::store::Store;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+/// Frames that the rate is taken over.
+const RATE_OVER: usize = 100;
+
+/// How far a run is.
+#[derive(Debug, Serialize)]
+struct Standing {
+    /// Whether every frame is done.
+    complete: bool,
+    frames: usize,
+    /// With any status.
+    done: usize,
+    converged: usize,
+    /// Those that are done and did not converge, by status.
+    failed: BTreeMap<&'static str, Vec<[usize; 2]>>,
+    /// Not done yet, in ranges with both ends.
+    missing: Vec<[usize; 2]>,
+    /// Over the last frames that were done; none before two of them are.
+    frames_per_second: Option<f64>,
+    /// At that rate, while somebody works on it.
+    seconds_left: Option<f64>,
+    /// Versions of this program and of the one that made the store.
+    quadrille: &'static str,
+    quadrille_of_store: String,
+    device: String,
+    /// Who works on it.
+    workers: Vec<Holder>,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &StatusArgs) -> Result<Outcome> {
+    let store = Store::open(&args.run)?;
+    // Also where the store itself was named.
+    let folder = store.path().parent().unwrap_or(&args.run).to_owned();
+    let standing = Standing::of(&store, &locks_in(&folder));
+    if standing.complete && standing.workers.is_empty() {
+        complete_summary(&folder, store.n_frames())?;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&standing)?);
+    } else {
+        standing.print(&args.run);
+    }
+    let fine = standing.converged == standing.frames;
+    Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+impl Standing {
+    fn of(store: &Store, locks: &Path) -> Self {
+        let n = store.n_frames();
+        let (mut missing, mut converged) = (Vec::new(), 0);
+        let mut failed: BTreeMap<&'static str, Vec<usize>> = BTreeMap::new();
+        let mut times: Vec<SystemTime> = Vec::new();
+        for number in 1..=n {
+            // A mark that is damaged counts as none: the frame will be done again.
+            match store.status(number).unwrap_or(None) {
+                None => missing.push(number),
+                Some(status) => {
+                    if status == Status::Converged {
+                        converged += 1;
+                    } else {
+                        failed.entry(status.name()).or_default().push(number);
+                    }
+                    times.extend(fs::metadata(store.status_file(number)).and_then(|about| about.modified()));
+                }
+            }
+        }
+        times.sort_unstable();
+        let last = &times[times.len().saturating_sub(RATE_OVER)..];
+        let span = || last.last()?.duration_since(*last.first()?).ok().filter(|span| !span.is_zero());
+        let frames_per_second = span().map(|span| (last.len() - 1) as f64 / span.as_secs_f64());
+        let workers = holders(locks);
+        let header = store.header();
+        Self {
+            complete: missing.is_empty(),
+            frames: n,
+            done: n - missing.len(),
+            converged,
+            failed: failed.into_iter().map(|(status, numbers)| (status, runs(&numbers))).collect(),
+            frames_per_second,
+            seconds_left: frames_per_second.filter(|_| !workers.is_empty()).map(|rate| missing.len() as f64 / rate),
+            missing: runs(&missing),
+            quadrille: env!("CARGO_PKG_VERSION"),
+            quadrille_of_store: header.quadrille.clone(),
+            device: header.device.clone(),
+            workers,
+        }
+    }
+
+    fn print(&self, run: &Path) {
+        println!(
+            "{}: {} of {} done, {} converged",
+            run.display(),
+            self.done,
+            plural(self.frames, "frame"),
+            self.converged
+        );
+        for (status, frames) in &self.failed {
+            println!("{}: {}", status.replace('_', " "), in_words(frames));
+        }
+        if !self.missing.is_empty() {
+            println!("missing: {}", in_words(&self.missing));
+        }
+        if let Some(rate) = self.frames_per_second {
+            let left = self.seconds_left.map_or(String::new(), |left| format!(", {left:.0} s left"));
+            println!("{rate:.2} frames/s{left}");
+        }
+        println!("quadrille {}, {}", self.quadrille_of_store, self.device);
+        for worker in &self.workers {
+            println!("in work: {worker}");
+        }
+        if self.workers.is_empty() && !self.missing.is_empty() {
+            println!("nobody works on it: the same `quadrille correlate` command goes on");
+        }
+    }
+}
+
+/// Makes the summary whole where the last of several shards could not: when it lists fewer frames than are done.
+fn complete_summary(folder: &Path, n_frames: usize) -> Result<()> {
+    let Ok(text) = fs::read(folder.join(RunFolder::SUMMARY)) else { return Ok(()) };
+    let Ok(mut summary) = serde_json::from_slice::<serde_json::Value>(&text) else { return Ok(()) };
+    if summary["frames"].as_array().is_none_or(|frames| frames.len() == n_frames) {
+        return Ok(());
+    }
+    let frames: Option<Vec<_>> = restart::all_frames(folder, n_frames).into_iter().collect();
+    let Some(frames) = frames else { return Ok(()) };
+    let frames: Vec<_> = frames.into_iter().map(|(frame, _)| frame).collect();
+    summary["counts"] = serde_json::to_value(crate::report::summary::counts(&frames))?;
+    summary["frames"] = serde_json::to_value(&frames)?;
+    RunFolder::writable(folder)?.write_summary(&summary)
+}
+
+/// Rising numbers as ranges with both ends.
+fn runs(numbers: &[usize]) -> Vec<[usize; 2]> {
+    let mut found: Vec<[usize; 2]> = Vec::new();
+    for &number in numbers {
+        match found.last_mut() {
+            Some([_, last]) if *last + 1 == number => *last = number,
+            _ => found.push([number, number]),
+        }
+    }
+    found
+}
+
+fn in_words(ranges: &[[usize; 2]]) -> String {
+    const SHOWN: usize = 20;
+    let words = |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first}-{last}") };
+    let mut text: Vec<String> = ranges.iter().take(SHOWN).map(words).collect();
+    if ranges.len() > SHOWN {
+        text.push(format!("and {} more ranges", ranges.len() - SHOWN));
+    }
+    text.join(", ")
+}
+
+/// Rising numbers in words: `1-3, 7`.
+pub(super) fn ranges(numbers: &[usize]) -> String {
+    in_words(&runs(numbers))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_told_in_ranges() {
+        assert_eq!(ranges(&[]), "");
+        assert_eq!(ranges(&[1, 2, 3, 7, 9, 10]), "1-3, 7, 9-10");
+        let many: Vec<usize> = (0..50).map(|k| 2 * k + 1).collect();
+        assert!(ranges(&many).ends_with("39, and 30 more ranges"), "{}", ranges(&many));
+    }
+}
