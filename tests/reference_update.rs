@@ -187,7 +187,7 @@ fn a_surface_that_turns_into_another_drags_the_field_along_and_the_uncertainty_d
 fn without_updates_the_bits_are_those_of_a_tracker() {
     const SIDE: usize = 256;
     let (reference, frames) = series(&Translation([6.0, -3.0]), 4, &eight_bit(SIDE, SIDE));
-    for start in [StartFrom::Previous, StartFrom::Cold] {
+    for start in [StartFrom::Previous, StartFrom::Independent] {
         let options = Options { start, ..Options::default() };
         let correlator = Arc::new(prepared(&reference, &inside(SIDE, SIDE, 16), options));
         let mut tracker = Tracker::new(&correlator);
@@ -528,7 +528,7 @@ fn a_run_that_is_taken_up_again_gives_the_same_bits() {
         (StartFrom::Previous, NEVER),
         (StartFrom::Previous, RESIDUAL),
         (StartFrom::Previous, every(3)),
-        (StartFrom::Cold, every(2)),
+        (StartFrom::Independent, every(2)),
     ] {
         let original = Arc::new(prepared(&reference, &zones, Options { start, ..Options::default() }));
         let mut chain = ReferenceChain::new(original.clone(), update);

@@ -8,6 +8,7 @@ use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Displacement fields of tested materials from image series, by global Q4 image correlation.
@@ -28,6 +29,8 @@ pub enum Command {
     Correlate(Box<CorrelateArgs>),
     /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
     Status(StatusArgs),
+    /// Write the scripts that spread a series over a Slurm cluster.
+    Slurm(SlurmArgs),
     /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
     Export(ExportArgs),
     /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
@@ -217,6 +220,58 @@ pub enum ProgressKind {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+/// Arguments of `quadrille slurm`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Eight tasks with four cores each; the printed commands submit them:\n    \
+    quadrille slurm long.toml --output /shared/out --array 8 --cpus 4 --time 08:00:00\n  \
+    At once:\n    \
+    quadrille slurm long.toml --output /shared/out --array 8 | sh\n  \
+    One GPU for each of two tasks:\n    \
+    quadrille slurm long.toml --output /shared/out --array 2 --gpu --partition gpu\n\n\
+    A task that failed or ran out of time is submitted again: what is done is not done again.")]
+pub struct SlurmArgs {
+    /// Case file of `quadrille correlate`; it and the images have to be reachable from the nodes.
+    #[arg(value_name = "CASE")]
+    pub case: PathBuf,
+    /// Folder for the results, on a file system that all nodes share.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Tasks of the array: so many shares of the series.
+    #[arg(long, value_name = "N")]
+    pub array: NonZeroUsize,
+    /// One GPU for each task. Default: the CPU.
+    #[arg(long)]
+    pub gpu: bool,
+    /// Cores of each task.
+    #[arg(long, value_name = "N", default_value = "4")]
+    pub cpus: NonZeroUsize,
+    /// Time of each task, as Slurm takes it. A task that runs out of it goes on when it is submitted again.
+    #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00")]
+    pub time: String,
+    /// Memory of each task, as Slurm takes it, such as 8G. Default: that of the cluster.
+    #[arg(long, value_name = "SIZE")]
+    pub memory: Option<String>,
+    /// Partition of the cluster.
+    #[arg(long, value_name = "NAME")]
+    pub partition: Option<String>,
+    /// Account that is charged.
+    #[arg(long, value_name = "NAME")]
+    pub account: Option<String>,
+    /// What the job after the array exports: csv, vtu, npz, mat. Default: nothing, the store holds everything.
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub export: Vec<Target>,
+    /// Folder for the scripts. Default: the current one.
+    #[arg(long, value_name = "DIR")]
+    pub scripts: Option<PathBuf>,
+    /// The program on the nodes. Default: the path of this one.
+    #[arg(long, value_name = "PATH")]
+    pub program: Option<String>,
+    /// Replace scripts that are there.
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 /// Arguments of `quadrille status`.

@@ -23,6 +23,7 @@ mod run_folder;
 mod series;
 mod shard;
 mod simulate;
+mod slurm;
 mod status;
 mod stop;
 mod synth;
@@ -66,6 +67,7 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
         args::Command::Status(args) => status::run(&args),
+        args::Command::Slurm(args) => slurm::run(&args),
         args::Command::Export(args) => export::run(&args),
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
