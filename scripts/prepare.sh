@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm it installs Slurm and nothing else.
+# tells by its exit code whether the driver is there; with --slurm or --chromium it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -91,8 +91,13 @@ if [ "${1:-}" = --has-vulkan ]; then # asked by scripts/test.sh; installs nothin
     installed mesa-vulkan-drivers && installed libvulkan1
     exit
 fi
-if [ "${1:-}" = --slurm ]; then # asked by .ci/run: a cluster of one node, for tests/slurm.rs; not forced upon a user's machine
+# Asked by .ci/run, not forced upon a user's machine: a cluster of one node for tests/slurm.rs, a browser for tests/run.rs.
+if [ "${1:-}" = --slurm ]; then
     install slurm-wlm munge && say "Slurm: there"
+    exit
+fi
+if [ "${1:-}" = --chromium ]; then
+    install chromium && say "Chromium: there"
     exit
 fi
 vulkan

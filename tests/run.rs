@@ -114,6 +114,56 @@ fn the_report_tells_everything_and_needs_nothing_else() {
     assert!(html.len() < 6_000_000, "{} bytes: too much for a phone", html.len());
 }
 
+/// A page that shows `report.html` in a frame as wide as a phone or a window, and counts what is clipped, not loaded or
+/// too small to read.
+const LOOK: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="report.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = () => {
+  const d = f.contentDocument, w = f.clientWidth, bad = [];
+  let n = 0;
+  if (d.documentElement.scrollWidth > w) bad.push('page of ' + d.documentElement.scrollWidth);
+  for (const e of d.querySelectorAll('body *')) {
+    n++;
+    const b = e.getBoundingClientRect(), s = d.defaultView.getComputedStyle(e);
+    if (b.width > 0 && (b.right > w + 1 || b.left < -1)) bad.push(e.tagName + ' from ' + b.left + ' to ' + b.right);
+    if (e.tagName === 'IMG' && e.naturalWidth === 0) bad.push('no picture: ' + e.alt);
+    if (e.children.length === 0 && e.textContent.trim() && parseFloat(s.fontSize) < 11) bad.push('letters of ' + s.fontSize);
+  }
+  r.textContent = 'elements ' + n + ', faults ' + bad.length + ': ' + bad.slice(0, 5).join('; ');
+};
+</script>"#;
+
+#[test]
+fn nothing_of_the_report_is_clipped_or_illegible_in_a_browser_400_px_wide_or_1280() {
+    let named = std::env::var("QUADRILLE_CHROMIUM").ok();
+    let program = named.clone().filter(|name| name != "require").unwrap_or_else(|| "chromium".into());
+    if Command::new(&program).arg("--version").output().is_err() {
+        assert!(named.is_none(), "QUADRILLE_CHROMIUM is set, and {program} does not start");
+        println!("skipped: no {program} (Debian's package chromium)");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(made().join("run/report.html"), folder.path().join("report.html")).unwrap();
+    for width in ["400", "1280"] {
+        let page = folder.path().join("look.html");
+        std::fs::write(&page, LOOK.replace("WIDTH", width)).unwrap();
+        let seen = Command::new(&program)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"])
+            .args(["--disable-component-update", "--disable-sync", "--disable-quic", "--allow-file-access-from-files"])
+            .args(["--window-size=1400,1000", "--virtual-time-budget=20000", "--dump-dom"])
+            .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+            .arg(format!("file://{}", page.display()))
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&seen.stdout).into_owned();
+        let found = text.split("<pre id=\"r\">").nth(1).and_then(|rest| rest.split("</pre>").next()).unwrap_or(&text);
+        println!("{width} px: {found}");
+        assert!(found.contains("faults 0:"), "{width} px: {found}\n{}", String::from_utf8_lossy(&seen.stderr));
+        let n: usize = found.trim_start_matches("elements ").split(',').next().unwrap().parse().unwrap();
+        assert!(n > 100, "{n} elements");
+    }
+}
+
 #[test]
 fn steps_are_done_again_only_when_their_inputs_change() {
     let folder = tempfile::tempdir().unwrap();
