@@ -181,6 +181,11 @@ pub(super) struct Stage {
 }
 
 impl Stage {
+    fn of(end: End) -> Self {
+        let (rescued, End { z, status, reason, evaluations, history, .. }) = (end.rescued(), end);
+        Self { z, status, reason, evaluations, rescued, history }
+    }
+
     fn add(&mut self, end: End) {
         self.rescued += end.rescued();
         self.evaluations += end.evaluations;
@@ -218,10 +223,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     if first.local.is_none() {
         return Err(FitError::NoStart { start: describe(unknowns, &unknowns.start()), reason: first.reason });
     }
-    let nothing = (FitStatus::Stalled, String::new());
-    let (status, reason) = nothing;
-    let mut stage = Stage { z: Vec::new(), status, reason, evaluations: 0, rescued: 0, history: Vec::new() };
-    stage.add(first);
+    let mut stage = Stage::of(first);
 
     let mut boundary = measured.clone();
     let mut largest_correction = None;
