@@ -97,7 +97,7 @@ if [ "${1:-}" = --slurm ]; then
     exit
 fi
 if [ "${1:-}" = --chromium ]; then
-    install chromium && say "Chromium: there"
+    install chromium fonts-dejavu-core && say "Chromium: there"
     exit
 fi
 vulkan
