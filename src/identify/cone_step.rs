@@ -15,6 +15,12 @@ pub struct StepRegion<'a> {
     pub radius: f64,
 }
 
+/// How far each unknown may go down and up from `z` within its bounds: the components of [`StepRegion`].
+pub(super) fn room([lower, upper]: [&[f64]; 2], z: &[f64]) -> [Vec<f64>; 2] {
+    let below = lower.iter().zip(z).map(|(l, z)| (l - z).min(0.0)).collect();
+    [below, upper.iter().zip(z).map(|(u, z)| (u - z).max(0.0)).collect()]
+}
+
 impl StepRegion<'_> {
     fn holds(&self, step: &[f64]) -> bool {
         let inside = |(s, (l, u)): (&f64, (&f64, &f64))| s >= l && s <= u;

@@ -2,7 +2,7 @@
 //! of the boundary makes through plasticity.
 
 use super::FitError;
-use super::cone_step::{StepRegion, cone_step};
+use super::cone_step::{StepRegion, cone_step, room};
 use super::fit::{FitOptions, Stage, at, full_weights, no_texture};
 use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
@@ -45,13 +45,25 @@ struct Search<'a> {
     bounds: [Vec<f64>; 2],
 }
 
+/// Where the search ended, with what was computed there.
+pub(super) struct Estimated {
+    /// The prescribed displacements.
+    pub boundary: BoundaryHistory,
+    /// Their largest correction, mm.
+    pub largest_correction: f64,
+    /// The objective's ingredients.
+    pub evaluation: Evaluation,
+    /// The full weights.
+    pub weights: Weights,
+}
+
 /// Gauss-Newton on parameters and prescribed displacements together, the latter eliminated instant by instant, with a line
-/// search on the objective of both. Gives the displacements and their largest correction (mm).
+/// search on the objective of both.
 pub(super) fn estimate_boundary(
     problem: &Problem<'_>,
     stage: &mut Stage,
     options: &FitOptions,
-) -> Result<(BoundaryHistory, f64), FitError> {
+) -> Result<Estimated, FitError> {
     let n_instants = problem.observation.instants.len();
     let whole = InverseCovariance::new(&problem.noise, n_instants, Vec::new()).map_err(no_texture)?;
     let search = Search {
@@ -67,7 +79,7 @@ pub(super) fn estimate_boundary(
     let mut point = search.begin(stage.z.clone(), vec![vec![0.0; n]; n_instants])?;
     let mut trail: Vec<Vec<f64>> = Vec::new();
     let (mut small, mut share) = (0, f64::INFINITY);
-    let (status, reason) = loop {
+    let (status, reason, weights) = loop {
         let weights = full_weights(problem, &point.evaluation)?;
         let Weights::Inverse(inverse) = &weights else { return Err(FitError::Lost) };
         let local = point.evaluation.local(&weights, &problem.noise);
@@ -78,13 +90,14 @@ pub(super) fn estimate_boundary(
             small = if share < SHARE { small + 1 } else { 0 };
         }
         if small > 1 {
-            break (FitStatus::Converged, format!("two steps moved by {share:.1e} of the uncertainty"));
+            break (FitStatus::Converged, format!("two steps moved by {share:.1e} of the uncertainty"), weights);
         }
         if trail.len() >= STEPS {
-            break (FitStatus::EvaluationLimit, format!("two steps still moved by {share:.1e} of the uncertainty"));
+            let reason = format!("two steps still moved by {share:.1e} of the uncertainty");
+            break (FitStatus::EvaluationLimit, reason, weights);
         }
         trail.push(point.z.clone());
-        let [below, above] = search.room(&point.z);
+        let [below, above] = room(search.bounds.each_ref().map(Vec::as_slice), &point.z);
         let region = StepRegion { lower: &below, upper: &above, radius: options.region.max_radius };
         let Some(step) = cone_step(&local.h, &local.b, &region) else { return Err(FitError::NotFinite) };
         // The rest after the step is what the corrections of the boundary have to explain.
@@ -97,14 +110,15 @@ pub(super) fn estimate_boundary(
                 // No lower neighbour: the end, where the step is nothing beside the uncertainty.
                 let share = share_of(&local.h, &step);
                 let status = if share < SHARE { FitStatus::Converged } else { FitStatus::Stalled };
-                break (status, format!("no step along the last direction ({share:.1e} of the uncertainty) goes down"));
+                let reason = format!("no step along the last direction ({share:.1e} of the uncertainty) goes down");
+                break (status, reason, weights);
             }
         }
     };
     stage.z = point.z;
     (stage.status, stage.reason) = (status, format!("{reason}, boundary displacements estimated"));
-    let largest = point.corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
-    Ok((point.boundary, largest))
+    let largest_correction = point.corrections.iter().flatten().fold(0.0_f64, |most, d| most.max(d.abs()));
+    Ok(Estimated { boundary: point.boundary, largest_correction, evaluation: point.evaluation, weights })
 }
 
 impl Search<'_> {
@@ -128,13 +142,6 @@ impl Search<'_> {
         let evaluation = at(self.problem, &z, &boundary)?;
         let omega = self.omega(&evaluation);
         Ok(Point { z, corrections, boundary, evaluation, omega })
-    }
-
-    /// How far each unknown may go down and up.
-    fn room(&self, z: &[f64]) -> [Vec<f64>; 2] {
-        let [lower, upper] = &self.bounds;
-        let below = lower.iter().zip(z).map(|(l, z)| (l - z).min(0.0)).collect();
-        [below, upper.iter().zip(z).map(|(u, z)| (u - z).max(0.0)).collect()]
     }
 
     /// The first of the points at the whole step, its half, its quarter, ... that is low enough; every trial is noted.

@@ -226,19 +226,18 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let mut stage = Stage::of(first);
 
     let mut boundary = measured.clone();
-    let mut largest_correction = None;
+    let (mut largest_correction, mut known) = (None, None);
     if weighted_again && stage.status == FitStatus::Converged {
         if options.estimate_boundary {
-            let (corrected, largest) = estimate_boundary(problem, &mut stage, options)?;
-            largest_correction = Some(largest);
-            boundary = corrected;
-            weights = full_weights(problem, &at(problem, &stage.z, &boundary)?)?;
+            let end = estimate_boundary(problem, &mut stage, options)?;
+            (boundary, weights) = (end.boundary, end.weights);
+            (largest_correction, known) = (Some(end.largest_correction), Some(end.evaluation));
         } else {
             weights = reweight(problem, &mut stage, options)?;
         }
     }
 
-    let evaluation = at(problem, &stage.z, &boundary)?;
+    let evaluation = known.map_or_else(|| at(problem, &stage.z, &boundary), Ok)?;
     let local = evaluation.local(&weights, &problem.noise);
     let statistics = Statistics::new(problem, &evaluation, &weights)?;
     let x = evaluation.x.clone();

@@ -1,6 +1,6 @@
 //! Gauss-Newton in a trust region with bounds (THEORY 6), on scaled unknowns.
 
-use super::cone_step::{StepRegion, cone_step, length};
+use super::cone_step::{StepRegion, cone_step, length, room};
 use crate::linalg::Dense;
 
 /// What the objective is about a point, in scaled unknowns `z`: `omega(z + s) ~ omega - 2 b^T s + s^T H s`.
@@ -187,8 +187,7 @@ pub fn minimise(
     };
     let mut secant = Secant::new(z.len());
     let (status, reason) = loop {
-        let below: Vec<f64> = lower.iter().zip(&z).map(|(l, z)| (l - z).min(0.0)).collect();
-        let above: Vec<f64> = upper.iter().zip(&z).map(|(u, z)| (u - z).max(0.0)).collect();
+        let [below, above] = room([lower, upper], &z);
         let h = secant.model(&local.h);
         let Some(step) = cone_step(&h, &local.b, &StepRegion { lower: &below, upper: &above, radius }) else {
             break (FitStatus::Stalled, "the derivatives are not finite".to_owned());
