@@ -4,8 +4,9 @@ mod mechanics_common;
 
 use mechanics_common::{adhesive, virtual_r4};
 use quadrille::identify::{
-    Band, Case, Fit, FitStatus, InverseCovariance, LARGEST_CONDITION, NORMAL_95, Noise, Precision, StepRegion,
-    WeightKind, Weights, bands, cone_step, fit, largest_without_rigid_motion, latin_hypercube, profile, sweep,
+    Band, Case, Fit, FitStatus, InverseCovariance, LARGEST_CONDITION, Local, NORMAL_95, Noise, Precision, StepRegion,
+    TrustRegionOptions, WeightKind, Weights, bands, cone_step, first_order, fit, largest_without_rigid_motion,
+    latin_hypercube, minimise, profile, sweep,
 };
 use quadrille::io::joint::{BoundaryInput, JointInput, MeasurementInput, read_joint};
 use quadrille::linalg::Dense;
@@ -250,6 +251,64 @@ fn uncertain_constants_widen_the_intervals_by_what_a_refit_with_another_constant
         let sum = statistics.covariance[(k, k)] + linear * linear + 1e-4;
         assert!((variance / sum - 1.0).abs() < 1e-9);
     }
+}
+
+#[test]
+fn the_effect_of_the_element_size_is_what_a_refit_on_a_finer_mesh_moves() {
+    let Some(mut input) = reference_input("weights = \"paper\"\nboundary = \"exact\"\nnoise_mm = 1e-5") else { return };
+    let found = fitted(&input);
+    input.case.mesh.refine = Some(2);
+    let finer = fitted(&input);
+    for (p, fine) in found.parameters.iter().zip(&finer.parameters) {
+        let (told, moved) = (p.discretisation.unwrap(), fine.value - p.value);
+        // First order: the change is up to 2 %, its second order some per cent of it.
+        assert!(moved.abs() > 1e-3 * p.value, "{}: {moved}", p.parameter.name);
+        assert!((told - moved).abs() < 0.1 * moved.abs(), "{}: {told} told, {moved} found", p.parameter.name);
+        // Included: one more standard uncertainty.
+        let half = NORMAL_95 * p.std.unwrap().hypot(told);
+        let [low, high] = p.interval95.unwrap();
+        assert!((high - p.value - half).abs() < 1e-12 && (p.value - low - half).abs() < 1e-12, "{p:?}");
+        // Elements half as large leave about a quarter of it.
+        assert!(fine.discretisation.unwrap().abs() < 0.5 * told.abs(), "{}: {fine:?}", p.parameter.name);
+    }
+}
+
+/// Data without noise, the effect of the element size in the intervals.
+fn reference_input(measurement: &str) -> Option<JointInput> {
+    mechanics_common::reference_folder()?;
+    input(truth(), measurement, &format!("{THREE}\ndiscretisation = \"included\""), false)
+}
+
+#[test]
+fn one_step_from_nearby_is_the_fit_to_second_order() {
+    let Some(input) = reference_input("weights = \"paper\"\nboundary = \"exact\"") else { return };
+    let joint = joint_of(&input);
+    let case = case_of(&joint, &input);
+    let error = |off: f64| {
+        let x = [TRUTH[0] * (1.0 + off), TRUTH[1] * (1.0 - off), TRUTH[2] * (1.0 + off)];
+        let end = first_order(&case.problem, WeightKind::Paper, &x).unwrap();
+        end.iter().zip(TRUTH).map(|(end, truth)| (end / truth - 1.0).abs()).fold(0.0, f64::max)
+    };
+    let [far, near] = [0.04, 0.02].map(error);
+    println!("off by 4 %: {far:.2e}; by 2 %: {near:.2e}");
+    assert!(far < 0.01 && (3.0..5.5).contains(&(far / near)), "{far} and {near}");
+}
+
+#[test]
+fn where_a_large_residual_stays_the_minimum_is_found_in_few_evaluations() {
+    // r = (z + 1, l z^2 + z - 1) of Dennis and Schnabel (1983, section 10.2): with l = -0.9 plain Gauss-Newton gains a factor of
+    // 0.9 a step about z = 0, which makes two hundred steps to 1e-9.
+    let evaluate = |z: &[f64]| {
+        let (z, l) = (z[0], -0.9);
+        let (r, j) = ([z + 1.0, l * z * z + z - 1.0], [1.0, 2.0 * l * z + 1.0]);
+        let b = -(0..2).map(|k| j[k] * r[k]).sum::<f64>();
+        let h = Dense::from_fn(1, 1, |_, _| j[0] * j[0] + j[1] * j[1]);
+        Some(Local { omega: r[0] * r[0] + r[1] * r[1], b: vec![b], h, rescued: false })
+    };
+    let end = minimise(&[0.3], [&[-5.0], &[5.0]], &TrustRegionOptions::default(), evaluate);
+    println!("{} evaluations, z = {:e}", end.evaluations, end.z[0]);
+    assert_eq!(end.status, FitStatus::Converged, "{}", end.reason);
+    assert!(end.z[0].abs() < 1e-8 && end.evaluations < 20, "{end:?}");
 }
 
 #[test]
@@ -521,6 +580,7 @@ fn covariance_weights_have_smaller_uncertainties_that_hold_and_an_estimated_boun
     let estimated = format!("{measurement}\nboundary = \"estimated\"");
     let Some(input) = near(&estimated, "") else { return };
     let with_boundary = draws(&input, 0.05, 2, true);
+    assert_eq!((full.converged, with_boundary.converged), (4, 2));
     for draws in [&full, &with_boundary] {
         for k in 0..3 {
             // Few draws: their scatter is known to 40 %; a bias or a wrong weight shows all the same.

@@ -88,6 +88,8 @@ fn a_case_gives_fit_json_with_tables_and_figures_and_any_number_of_threads_the_s
         // Data without noise: Gauss-Newton ends at the round-off of the tables.
         assert!((p["value"].as_f64().unwrap() / truth - 1.0).abs() < 1e-9, "{name}: {p}");
         assert!(p["std"].is_number() && p["interval95"].as_array().unwrap().len() == 2 && p["at_bound"] == false);
+        // Of a table it is stated, and the interval is that of the noise.
+        assert!(p["discretisation"].as_f64().unwrap() != 0.0 && one["discretisation"] == "stated");
     }
     assert!((one["derived"]["phi_t"]["value"].as_f64().unwrap() - 4.0).abs() < 1e-8);
     assert_eq!(one["status"], "converged");
@@ -194,6 +196,11 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("[fit.start]", "latin_hypercube = 3\n[fit.start]"), measured, &["latin_hypercube", "[fit.lower]"]);
     refused(&case("[fit.start]", "starts = [[1.0]]\n[fit.start]"), measured, &["starts", "1 values for 3"]);
     refused(&case("[fit.start]", "profile = \"r\"\n[fit.start]"), measured, &["profile", "\"r\""]);
+    refused(
+        &case("[fit.start]", "discretisation = \"maybe\"\n[fit.start]"),
+        measured,
+        &["\"maybe\"", "included", "off"],
+    );
     refused(&case("[fit.start]", "speed = 3\n[fit.start]"), measured, &["speed", "line"]);
     refused(&case("n = 7.0", "n = 7.0\nE_GPa_std = 1"), measured, &["E_GPa_std", "E_MPa_std"]);
     refused(
