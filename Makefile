@@ -19,7 +19,7 @@ paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh
 
-study: ## Identification over many seeds and draws, for the tables of docs/identification.md (half an hour); in out/study
+study: ## Identification over many seeds and draws, for the tables of docs/identification.md (about 40 minutes); in out/study
 	$(CARGO) test --release --locked --test identify -- --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study

@@ -114,7 +114,6 @@ fn times(h: &Dense, step: &[f64]) -> Vec<f64> {
 
 /// What Gauss-Newton leaves out of the second derivatives, learned from the gradients along the way: the structured secant
 /// update of Dennis, Gay and Welsch (ACM TOMS 7, 1981, 348-368) with the condition of Biggs (J. Inst. Maths Applics 19, 1977, 1-12).
-/// Under noise, where the residual stays large, it saves most of the evaluations.
 struct Secant {
     s: Dense,
     in_use: bool,
