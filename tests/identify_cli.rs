@@ -103,6 +103,7 @@ fn a_case_gives_fit_json_with_tables_and_figures_and_any_number_of_threads_the_s
     }
     let last = one["history"].as_array().unwrap().last().unwrap();
     assert!(last["X"].as_array().unwrap().len() == 3 && last["omega"].is_number() && last["radius"].is_number());
+    assert_eq!(last["stage"], 1);
     for name in [
         "solution.csv",
         "tractions.csv",

@@ -43,6 +43,8 @@ struct Search<'a> {
     /// The weights of all rows, the prescribed ones among them.
     whole: Weights,
     bounds: [Vec<f64>; 2],
+    /// Number of this stage.
+    number: usize,
 }
 
 /// Where the search ended, with what was computed there.
@@ -71,6 +73,7 @@ pub(super) fn estimate_boundary(
         given: problem.prescribed_as_measured(),
         whole: Weights::Inverse(whole),
         bounds: problem.unknowns.scaled_bounds(),
+        number: stage.next_number(),
     };
     // While sigma is not known, the normal matrix lacks its square.
     let missing = problem.noise.sigma.map_or(UNKNOWN_SIGMA, |_| 1.0);
@@ -167,7 +170,8 @@ impl Search<'_> {
             let rescued = evaluation.as_ref().is_some_and(|evaluation| evaluation.rescued);
             stage.evaluations += 1;
             stage.rescued += usize::from(rescued);
-            stage.history.push(Iteration { z: z.clone(), omega, radius: length, accepted, rescued });
+            let number = self.number;
+            stage.history.push(Iteration { stage: number, z: z.clone(), omega, radius: length, accepted, rescued });
             if let (Some(evaluation), Some(omega), true) = (evaluation, omega, accepted) {
                 return Ok(Some(Point { z, corrections, boundary, evaluation, omega }));
             }

@@ -186,7 +186,14 @@ impl Stage {
         Self { z, status, reason, evaluations, rescued, history }
     }
 
-    fn add(&mut self, end: End) {
+    /// Number of the stage that comes after those in the history.
+    pub fn next_number(&self) -> usize {
+        self.history.last().map_or(1, |iteration| iteration.stage + 1)
+    }
+
+    fn add(&mut self, mut end: End) {
+        let number = self.next_number();
+        end.history.iter_mut().for_each(|iteration| iteration.stage = number);
         self.rescued += end.rescued();
         self.evaluations += end.evaluations;
         (self.z, self.status, self.reason) = (end.z, end.status, end.reason);

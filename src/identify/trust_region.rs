@@ -63,6 +63,8 @@ impl FitStatus {
 /// One accepted point, or one step that was tried and refused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Iteration {
+    /// The run of the minimiser that it belongs to, from 1: objectives of different stages have different weights.
+    pub stage: usize,
     /// The point, in scaled unknowns.
     pub z: Vec<f64>,
     /// The objective; `None` where the forward model failed.
@@ -173,7 +175,7 @@ pub fn minimise(
     let mut history = Vec::new();
     let mut note = |z: &[f64], local: Option<&Local>, radius: f64, accepted: bool| {
         let (omega, rescued) = (local.map(|l| l.omega), local.is_some_and(|l| l.rescued));
-        history.push(Iteration { z: z.to_vec(), omega, radius, accepted, rescued });
+        history.push(Iteration { stage: 1, z: z.to_vec(), omega, radius, accepted, rescued });
     };
     let first = evaluate(&z);
     note(&z, first.as_ref(), radius, first.is_some());

@@ -8,6 +8,7 @@ use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
 use crate::units::{PixelSize, Px};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// What a report is made of.
 #[derive(Debug)]
@@ -719,10 +720,12 @@ impl IdentificationReport<'_> {
     }
 
     fn history(&self) -> Result<Option<Section>, ReportError> {
-        let Some(history) = self.fit.and_then(|fit| fit["history"].as_array()).filter(|history| !history.is_empty())
-        else {
+        let entries = self.fit.and_then(|fit| fit["history"].as_array()).into_iter().flatten();
+        // Trials that were refused are in fit.json; the fit did not go on from them.
+        let history: Vec<&Value> = entries.filter(|entry| entry["accepted"] == true).collect();
+        if history.is_empty() {
             return Ok(None);
-        };
+        }
         let names = self.fitted();
         let step: Vec<f64> = (0..history.len()).map(|k| k as f64).collect();
         let omega: Vec<f64> = history.iter().map(|entry| entry["omega"].as_f64().unwrap_or(f64::NAN)).collect();
@@ -737,18 +740,13 @@ impl IdentificationReport<'_> {
             series,
             notes: Vec::new(),
         };
-        // A trust region never goes uphill: where omega rises, a stage with other weights begins.
-        let mut stages: Vec<Vec<usize>> = Vec::new();
-        for k in 0..omega.len() {
-            let rises = k > 0 && omega[k] > 2.0 * omega[k - 1];
-            match stages.last_mut() {
-                Some(stage) if !rises => stage.push(k),
-                _ => stages.push(vec![k]),
-            }
+        let mut stages: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+        for (k, entry) in history.iter().enumerate() {
+            stages.entry(entry["stage"].as_u64().unwrap_or(1)).or_default().push(k);
         }
         let n_stages = stages.len();
-        let stages: Vec<Series> = (1..)
-            .zip(stages)
+        let stages: Vec<Series> = stages
+            .into_iter()
             .map(|(number, stage)| {
                 let last = stage.last().map_or(1.0, |&k| omega[k]);
                 let name = if n_stages > 1 { format!("stage {number}") } else { String::new() };

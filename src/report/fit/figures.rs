@@ -1,7 +1,7 @@
 //! Figures of an identification.
 
 use super::FitReport;
-use crate::identify::NORMAL_95;
+use crate::identify::{Iteration, NORMAL_95};
 use crate::report::{Axis, Picture, Plot, ReportError, Series, Style};
 
 impl FitReport<'_> {
@@ -68,21 +68,35 @@ impl FitReport<'_> {
         Ok(())
     }
 
-    /// The objective over the evaluations.
+    /// The objective over the evaluations, stage by stage: each has weights of its own.
     fn history(&self) -> Result<Picture, ReportError> {
-        let points = |accepted: bool| -> (Vec<f64>, Vec<f64>) {
-            let list = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted == accepted);
-            list.filter_map(|(k, i)| Some((k as f64, i.omega.filter(|omega| *omega > 0.0)?))).unzip()
-        };
-        let ((x, y), (xr, yr)) = (points(true), points(false));
-        let mut series = vec![Series::new("accepted", Style::LineAndMarkers, x, y)];
-        if !xr.is_empty() {
-            series.push(Series::new("refused", Style::Markers, xr, yr));
+        let history = &self.fit.history;
+        let n_stages = history.last().map_or(0, |i| i.stage);
+        let mut series = Vec::new();
+        let (mut x_refused, mut y_refused) = (Vec::new(), Vec::new());
+        for stage in 1..=n_stages {
+            let of_stage = || history.iter().enumerate().filter(|(_, i)| i.stage == stage);
+            let positive = |i: &Iteration| i.omega.filter(|omega| *omega > 0.0);
+            let last = of_stage().filter(|(_, i)| i.accepted).filter_map(|(_, i)| positive(i)).last();
+            let Some(last) = last else { continue };
+            let points = |accepted: bool| -> (Vec<f64>, Vec<f64>) {
+                let list = of_stage().filter(|(_, i)| i.accepted == accepted);
+                list.filter_map(|(k, i)| Some((k as f64, positive(i)? / last))).unzip()
+            };
+            let (x, y) = points(true);
+            let name = if n_stages > 1 { format!("stage {stage}") } else { "accepted".into() };
+            series.push(Series::new(name, Style::LineAndMarkers, x, y));
+            let (x, y) = points(false);
+            x_refused.extend(x);
+            y_refused.extend(y);
+        }
+        if !x_refused.is_empty() {
+            series.push(Series::new("refused", Style::Markers, x_refused, y_refused));
         }
         Plot {
             title: "Objective against evaluation".into(),
             x: Axis::linear("evaluation"),
-            y: Axis::log("omega"),
+            y: Axis::log("omega / last of its stage"),
             series,
             notes: vec![format!("{}: {}", self.fit.status.name(), self.fit.reason)],
         }

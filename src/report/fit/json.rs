@@ -139,6 +139,8 @@ pub struct QuantityJson {
 /// One evaluation.
 #[derive(Debug, Clone, Serialize)]
 pub struct IterationJson {
+    /// The run of the minimiser that it belongs to, from 1: each has weights of its own.
+    pub stage: usize,
     /// The parameters.
     #[serde(rename = "X")]
     pub x: Vec<f64>,
@@ -313,6 +315,7 @@ impl FitReport<'_> {
             })
             .collect();
         let iteration = |i: &Iteration| IterationJson {
+            stage: i.stage,
             x: i.z.clone(),
             omega: i.omega,
             radius: i.radius,

@@ -20,13 +20,13 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_history<W: Write>(&self, out: W) -> io::Result<()> {
-        let mut columns = names(&["evaluation", "accepted", "rescued"]);
+        let mut columns = names(&["evaluation", "stage", "accepted", "rescued"]);
         columns.extend(self.fit.parameters.iter().map(|p| p.parameter.key()));
         columns.extend(names(&["omega", "radius"]));
         let rows = (1u64..).zip(&self.fit.history).map(|(k, i)| {
             let mut values = i.z.clone();
             values.extend([i.omega.unwrap_or(f64::NAN), i.radius]);
-            (vec![k, u64::from(i.accepted), u64::from(i.rescued)], values)
+            (vec![k, i.stage as u64, u64::from(i.accepted), u64::from(i.rescued)], values)
         });
         write_table(out, &notes("every evaluation of the objective"), &columns, rows)
     }
