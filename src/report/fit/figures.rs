@@ -77,7 +77,7 @@ impl FitReport<'_> {
         for stage in 1..=n_stages {
             let of_stage = || history.iter().enumerate().filter(|(_, i)| i.stage == stage);
             let positive = |i: &Iteration| i.omega.filter(|omega| *omega > 0.0);
-            let last = of_stage().filter(|(_, i)| i.accepted).filter_map(|(_, i)| positive(i)).last();
+            let last = of_stage().rev().filter(|(_, i)| i.accepted).find_map(|(_, i)| positive(i));
             let Some(last) = last else { continue };
             let points = |accepted: bool| -> (Vec<f64>, Vec<f64>) {
                 let list = of_stage().filter(|(_, i)| i.accepted == accepted);
