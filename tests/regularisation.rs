@@ -667,7 +667,7 @@ fn dissection_is_a_permutation_that_fills_in_less_than_one_line_at_a_time() {
     let mut sum = equilibrium_gap(40.0).penalty(&mesh, &[1.0]).unwrap();
     sum.add(&ideal_matrix(&mesh, 8), 1.0);
     let [two_lines, one_line] = [dissection(sum.pattern(), mesh.nodes(), 0..mesh.n_nodes()), nested_dissection(nx, nx)]
-        .map(|order| Cholesky::new(&sum, &order).unwrap().n_values());
+        .map(|order| Cholesky::new(&sum, &order).unwrap().bytes());
     // A line of nodes does not separate what is coupled over two.
     assert!(3 * two_lines < 2 * one_line, "{two_lines} values, {one_line}");
     // All nodes at one place: nothing to cut by, but it ends.

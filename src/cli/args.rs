@@ -724,9 +724,15 @@ pub struct MetrologyArgs {
     All devices, small to large images, with a plot:\n    \
     quadrille bench --size 512,1024,2048,4096 --output bench\n  \
     The CPU against the first graphics device, as data:\n    \
-    quadrille bench --device cpu,0 --json > bench.json\n\n\
+    quadrille bench --device cpu,0 --json > bench.json\n  \
+    A series from its files to its store, uncompressed and PNG:\n    \
+    quadrille bench series --size 1024,2048\n\n\
     What the figures mean, and how far they can be trusted: docs/performance.md.")]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct BenchArgs {
+    /// Something else than single passes and images in memory.
+    #[command(subcommand)]
+    pub what: Option<BenchWhat>,
     /// Devices to measure: cpu, gpu, the number of an adapter, or part of its name. Default: all of this machine.
     #[arg(long, value_name = "cpu|gpu|NAME|INDEX", value_delimiter = ',')]
     pub device: Vec<DeviceChoice>,
@@ -751,6 +757,58 @@ pub struct BenchArgs {
     /// Folder for bench.json and the plot of time against image size (PNG, SVG); an earlier one is replaced.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+}
+
+/// What else `quadrille bench` measures.
+#[derive(Debug, Subcommand)]
+pub enum BenchWhat {
+    /// A whole series, from image files to the store: frames per second, the share of each stage, and how close that is to
+    /// what decoding and correlation alone allow.
+    Series(BenchSeriesArgs),
+}
+
+/// A format of image files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FileFormat {
+    /// TIFF without compression.
+    Tiff,
+    /// PNG.
+    Png,
+}
+
+/// Arguments of `quadrille bench series`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille bench series --size 1024,2048 --frames 100 --device cpu --threads 2\n\n\
+    Makes the images, reads each once (so that they come from the page cache), measures decoding alone and\n\
+    correlation alone, then runs `correlate` on the files: 8 bit, noise of one grey level, sinusoids, 0.5 % stretch and\n\
+    0.2 degrees that grow over the series, default options, --export none.")]
+pub struct BenchSeriesArgs {
+    /// Sides of the square images, px.
+    #[arg(long, value_name = "PX", value_delimiter = ',', default_values_t = [1024, 2048])]
+    pub size: Vec<usize>,
+    /// Formats of the files.
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["tiff", "png"])]
+    pub format: Vec<FileFormat>,
+    /// Frames of the series.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub frames: usize,
+    /// Side of the square elements, px (4 to 128).
+    #[arg(long, value_name = "PX", default_value_t = 16)]
+    pub element_size: usize,
+    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
+    pub device: String,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Where images and results go for the time being: say a folder of the disk to be measured. Default: the system's
+    /// folder for temporary files.
+    #[arg(long, value_name = "DIR")]
+    pub folder: Option<PathBuf>,
 }
 
 /// Arguments of `quadrille simulate`.

@@ -1,8 +1,8 @@
 //! `quadrille bench`: what correlation costs on the devices of this machine.
 
-use super::args::BenchArgs;
+use super::args::{BenchArgs, BenchWhat};
 use super::run_folder::RunFolder;
-use super::{Outcome, Result, plural, pool, without_doubles};
+use super::{Outcome, Result, bench_series, plural, pool, without_doubles};
 use crate::backend::choice::choose;
 use crate::backend::gpu::{GpuAdapter, adapters};
 use crate::bench::{Device, Plan, Record, SizeCost};
@@ -10,6 +10,9 @@ use crate::report::{Axis, Plot, Series, Style};
 
 /// Runs the command.
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
+    if let Some(BenchWhat::Series(args)) = &args.what {
+        return bench_series::run(args);
+    }
     let plan = plan(args)?;
     let pool = pool(args.threads)?;
     let devices = devices(args)?;
@@ -33,19 +36,29 @@ pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
 
 fn plan(args: &BenchArgs) -> Result<Plan> {
     let sizes = without_doubles(&args.size);
-    if let Some(size) = sizes.iter().find(|size| !(64..=32_768).contains(*size)) {
+    check_element_size(args.element_size)?;
+    sizes.iter().try_for_each(|&size| check_size(size, args.element_size, 4))?;
+    Ok(Plan { sizes_px: sizes, element_size_px: args.element_size, runs: args.runs.max(1), frames: args.frames.max(1) })
+}
+
+pub(super) fn check_element_size(element: usize) -> Result<()> {
+    if (4..=128).contains(&element) {
+        Ok(())
+    } else {
+        Err(format!("--element-size {element} is outside 4 to 128 px").into())
+    }
+}
+
+/// Whether an image of this side has room for `n` elements in a row.
+pub(super) fn check_size(size: usize, element: usize, n: usize) -> Result<()> {
+    if !(64..=32_768).contains(&size) {
         return Err(format!("--size {size} is outside 64 to 32768 px").into());
     }
-    if !(4..=128).contains(&args.element_size) {
-        return Err(format!("--element-size {} is outside 4 to 128 px", args.element_size).into());
+    if size < n * element {
+        let least = n * element;
+        return Err(format!("--size {size} has no room for elements of {element} px: {least} px at least").into());
     }
-    if let Some(size) = sizes.iter().find(|size| **size < 4 * args.element_size) {
-        let element = args.element_size;
-        return Err(
-            format!("--size {size} has no room for elements of {element} px: {} px at least", 4 * element).into()
-        );
-    }
-    Ok(Plan { sizes_px: sizes, element_size_px: args.element_size, runs: args.runs.max(1), frames: args.frames.max(1) })
+    Ok(())
 }
 
 /// The devices that were asked for: all there are unless some are named.
@@ -62,7 +75,7 @@ fn devices(args: &BenchArgs) -> Result<Vec<Device>> {
     args.device.iter().map(|choice| Ok(choose(choice, &found)?.map_or(Device::Cpu, adapter))).collect()
 }
 
-fn machine() -> String {
+pub(super) fn machine() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

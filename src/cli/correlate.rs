@@ -85,6 +85,10 @@ pub(super) struct Ran {
     pub outcome: Outcome,
     /// Whether every frame of the series is done, those of other shards too.
     pub complete: bool,
+    /// Its own frames, done now or before.
+    pub summary: Summary,
+    /// What the stages have had to do.
+    pub busy: Busy,
 }
 
 /// Correlates the series of `plan` into `folder`: what is missing of it, or all.
@@ -359,7 +363,7 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         progress.say(&format!("stopped with {done} of {all} frames done: the same command goes on from here"));
     }
     progress.say(&format!("results in {}", folder.path().display()));
-    Ok(Ran { outcome, complete })
+    Ok(Ran { outcome, complete, summary, busy })
 }
 
 /// Writes the summary of the frames so far, in order.

@@ -2,6 +2,7 @@
 
 mod args;
 mod bench;
+mod bench_series;
 mod correlate;
 mod demo;
 mod devices;

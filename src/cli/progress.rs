@@ -40,11 +40,20 @@ impl Busy {
         self.write = writing.as_secs_f64();
     }
 
-    /// The stage that the others wait for: the one that has had most to do for its width.
-    fn limiting(&self) -> &'static str {
+    /// The seconds of each stage, for each of the frames that it does at a time.
+    fn stages(&self) -> [(&'static str, f64); 3] {
         let [decoders, in_flight] = self.widths;
-        let stages =
-            [("correlate", self.correlate / in_flight), ("decode", self.decode / decoders), ("write", self.write)];
+        [("correlate", self.correlate / in_flight), ("decode", self.decode / decoders), ("write", self.write)]
+    }
+
+    /// How busy each stage was in a run of `seconds`, percent.
+    pub fn percent_of(&self, seconds: f64) -> [(&'static str, f64); 3] {
+        self.stages().map(|(name, busy)| (name, 100.0 * busy / seconds))
+    }
+
+    /// The stage that the others wait for: the one that has had most to do for its width.
+    pub fn limiting(&self) -> &'static str {
+        let stages = self.stages();
         stages.into_iter().fold(stages[0], |most, stage| if stage.1 > most.1 { stage } else { most }).0
     }
 }

@@ -9,6 +9,7 @@ use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::traits::RealField;
 use faer::{Conj, MatMut, Par, Side};
 use thiserror::Error;
 
@@ -21,12 +22,12 @@ pub struct NotPositiveDefinite {
 }
 
 /// The factor `L L^T` of a symmetric positive definite matrix; solves any number of right-hand sides.
-pub struct Cholesky {
+pub struct Cholesky<T = f64> {
     symbolic: SymbolicCholesky<u32>,
-    values: Vec<f64>,
+    values: Vec<T>,
 }
 
-impl std::fmt::Debug for Cholesky {
+impl<T> std::fmt::Debug for Cholesky<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Cholesky {{ {} unknowns, {} values }}", self.symbolic.nrows(), self.values.len())
     }
@@ -94,16 +95,24 @@ impl Cholesky {
         Ok(Self { symbolic, values: factor })
     }
 
-    /// Number of stored values of the factor (8 bytes each).
-    pub fn n_values(&self) -> usize {
-        self.values.len()
+    /// The same factor with values of single precision: half the memory to read in every solution, which is what a
+    /// solution takes its time for.
+    pub fn single(self) -> Cholesky<f32> {
+        Cholesky { symbolic: self.symbolic, values: self.values.iter().map(|&value| value as f32).collect() }
+    }
+}
+
+impl<T: RealField> Cholesky<T> {
+    /// Memory of the values, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.values.as_slice())
     }
 
     /// Solves for one right-hand side, in place.
-    pub fn solve(&self, rhs: &mut [[f64; 2]]) {
+    pub fn solve(&self, rhs: &mut [[T; 2]]) {
         let n = 2 * rhs.len();
         let factor = LltRef::new(&self.symbolic, &self.values);
-        let mut memory = MemBuffer::new(factor.solve_in_place_scratch::<f64>(1, Par::Seq));
+        let mut memory = MemBuffer::new(factor.solve_in_place_scratch::<T>(1, Par::Seq));
         let rhs = MatMut::from_column_major_slice_mut(rhs.as_flattened_mut(), n, 1);
         factor.solve_in_place_with_conj(Conj::No, rhs, Par::Seq, MemStack::new(&mut memory));
     }

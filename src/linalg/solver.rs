@@ -31,8 +31,17 @@ pub enum SolverChoice {
 pub struct Solver {
     matrix: BlockMatrix,
     jacobi: BlockJacobi,
-    factor: Option<Cholesky>,
+    factor: Option<Factor>,
     regularised: Option<Regularised>,
+}
+
+/// A factor of the matrix.
+#[derive(Debug)]
+enum Factor {
+    /// Of a sum with a penalty on long waves, whose condition takes all digits.
+    Double(Cholesky),
+    /// Of data alone: exact to 1e-5 or so, a thousand times what an outer iteration needs.
+    Single(Cholesky<f32>),
 }
 
 /// The two parts of a regularised matrix.
@@ -76,7 +85,7 @@ impl Solver {
 
     /// The same with a factor of its matrix, made by [`Solver::factor`].
     pub fn with_factor(self, factor: Option<Cholesky>) -> Self {
-        Self { factor, ..self }
+        Self { factor: factor.map(|factor| Factor::Single(factor.single())), ..self }
     }
 
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
@@ -100,9 +109,8 @@ impl Solver {
     ) -> Result<Self, NotPositiveDefinite> {
         let mut sum = BlockMatrix::clone(&penalty);
         sum.add(&data, 1.0);
-        let factor = Some(Cholesky::new(&sum, order)?);
-        let solver = Self::iterative(sum).with_factor(factor);
-        Ok(Self { regularised: Some(Regularised { data, penalty }), ..solver })
+        let factor = Some(Factor::Double(Cholesky::new(&sum, order)?));
+        Ok(Self { factor, regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) })
     }
 
     /// The matrix of the data alone: the part of [`Solver::matrix`] that is not penalty.
@@ -140,7 +148,11 @@ impl Solver {
 
     /// Memory of the factor, bytes; 0 without one.
     pub fn factor_bytes(&self) -> usize {
-        self.factor.as_ref().map_or(0, |factor| 8 * factor.n_values())
+        match &self.factor {
+            Some(Factor::Double(factor)) => factor.bytes(),
+            Some(Factor::Single(factor)) => factor.bytes(),
+            None => 0,
+        }
     }
 
     /// `direct` or `iterative`.
@@ -159,13 +171,22 @@ impl Solver {
         self.jacobi.solve(&self.matrix, &rhs, reduction, most).1.iterations
     }
 
-    /// Solves for `rhs`: exactly with a factor, else to 1 % (enough inside an outer iteration).
+    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 %; any of
+    /// these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
         match &self.factor {
-            Some(factor) => {
+            Some(Factor::Double(factor)) => {
                 factor.solve(&mut rhs);
                 rhs
+            }
+            Some(Factor::Single(factor)) => {
+                // Scaled, so that neither a tiny nor a huge right-hand side leaves the range of single precision.
+                let largest = rhs.as_flattened().iter().fold(0.0f64, |largest, b| largest.max(b.abs()));
+                let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+                let mut single: Vec<[f32; 2]> = rhs.iter().map(|b| b.map(|b| (b / scale) as f32)).collect();
+                factor.solve(&mut single);
+                single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
             }
             None => self.jacobi.solve(&self.matrix, &rhs, REDUCTION, MAX_ITERATIONS).0,
         }

@@ -135,10 +135,6 @@ impl CpuLevel {
 
     /// Evaluates residual and sums of all elements at the field's displacement.
     fn evaluate(&self, isa: Isa, deformed: &Plane, field: &mut CpuField) {
-        let displacement = &field.displacement;
-        field.corners.par_iter_mut().with_min_len(1024).zip(self.mesh.elements()).for_each(|(corners, nodes)| {
-            *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
-        });
         if !self.own_transfer() {
             for (at, zone) in self.mesh.element_zone().iter().enumerate() {
                 let GreyTransfer { gain, offset } = field.transfer[*zone as usize];
@@ -165,12 +161,15 @@ impl CpuLevel {
         field: &mut CpuField,
         spline: S,
     ) {
-        let corners = &field.corners;
+        let displacement = &field.displacement;
         let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
-        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).enumerate();
-        pieces.for_each_init(Scratch::default, |scratch, (piece, ((sums, transfer), out))| {
+        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE)).enumerate();
+        pieces.for_each_init(Scratch::default, |scratch, (piece, (((sums, transfer), out), corners))| {
             let first = piece * PIECE;
-            let corners = &corners[first..first + sums.len()];
+            for (corners, nodes) in corners.iter_mut().zip(&self.mesh.elements()[first..]) {
+                *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
+            }
+            let corners = &*corners;
             if self.own_transfer() {
                 residual::residual_sums_own_transfer::<S, K, L>(
                     isa, pass, first, corners, transfer, sums, scratch, spline,

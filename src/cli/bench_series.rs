@@ -1,0 +1,267 @@
+//! `quadrille bench series`: what a whole series costs, from image files to the store.
+
+use super::args::{BenchSeriesArgs, Cli, Command, FileFormat};
+use super::correlate::{Ran, Session, run_series};
+use super::plan::Plan;
+use super::progress::Talk;
+use super::run_folder::RunFolder;
+use super::{Outcome, Result, bench, plural, pool, without_doubles};
+use crate::backend::Backend;
+use crate::correlate::{Correlator, Tracker};
+use crate::field::Status;
+use crate::io::images::{read_image, write_image};
+use crate::mesh::{Roi, Zone};
+use crate::synth::{Accuracy, RenderOptions, Series, Texture};
+use clap::Parser;
+use serde::Serialize;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Standard deviation of the noise, grey levels: a camera of 8 bit in good light.
+const NOISE: f32 = 1.0;
+/// Elements that are left out at each side of the image.
+const MARGIN: usize = 2;
+
+/// What one series has cost.
+#[derive(Debug, Serialize)]
+struct Cost {
+    size_px: usize,
+    format: &'static str,
+    frames: usize,
+    n_nodes: usize,
+    device: String,
+    /// From the start of the command to its end, the preparation of the reference included.
+    frames_per_second: f64,
+    /// Without that preparation: what a long series comes to.
+    frames_per_second_of_a_long_series: f64,
+    /// Each alone, on all threads; correlation with the images in memory.
+    decode_alone_per_second: f64,
+    correlate_alone_per_second: f64,
+    /// Rate of a long series over `1/(1/decode + 1/correlate)`.
+    share_of_bound: f64,
+    iterations_mean: f64,
+    seconds_reference: f64,
+    /// How busy the threads of each stage were, percent of the time of the run; these go on at the same time.
+    stage_percent: Vec<(&'static str, f64)>,
+    limited_by: &'static str,
+}
+
+/// What was measured, and on what.
+#[derive(Debug, Serialize)]
+struct Measured {
+    quadrille: &'static str,
+    machine: String,
+    threads: usize,
+    element_size_px: usize,
+    noise_grey: f32,
+    series: Vec<Cost>,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
+    bench::check_element_size(args.element_size)?;
+    if args.frames < 3 {
+        return Err(format!("--frames {} is no series: 3 at least", args.frames).into());
+    }
+    let sizes = without_doubles(&args.size);
+    sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * MARGIN + 2))?;
+    let threads = pool(args.threads)?.current_num_threads();
+    let folder = match &args.folder {
+        Some(folder) => tempfile::tempdir_in(folder).map_err(|error| format!("{}: {error}", folder.display()))?,
+        None => tempfile::tempdir()?,
+    };
+    let mut measured = Measured {
+        quadrille: env!("CARGO_PKG_VERSION"),
+        machine: bench::machine(),
+        threads,
+        element_size_px: args.element_size,
+        noise_grey: NOISE,
+        series: Vec::new(),
+    };
+    for size in sizes {
+        for format in without_doubles(&args.format) {
+            let bench = Bench { args, size, format, threads, folder: folder.path() };
+            let files = bench.make()?;
+            measured.series.push(bench.measure(&files)?);
+            std::fs::remove_dir_all(bench.images())?;
+        }
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&measured)?);
+    } else {
+        print!("{measured}");
+    }
+    Ok(Outcome::Fine)
+}
+
+/// One series.
+struct Bench<'a> {
+    args: &'a BenchSeriesArgs,
+    size: usize,
+    format: FileFormat,
+    threads: usize,
+    folder: &'a Path,
+}
+
+impl Bench<'_> {
+    fn name(&self) -> &'static str {
+        match self.format {
+            FileFormat::Tiff => "tiff",
+            FileFormat::Png => "png",
+        }
+    }
+
+    fn images(&self) -> PathBuf {
+        self.folder.join("images")
+    }
+
+    /// Writes the images, the reference first.
+    fn make(&self) -> Result<Vec<PathBuf>> {
+        let Self { args, size, .. } = *self;
+        eprintln!("{} of {size} x {size} px as {}", plural(args.frames + 1, "image"), self.name());
+        let ending = if self.format == FileFormat::Png { "png" } else { "tif" };
+        std::fs::create_dir_all(self.images())?;
+        let options = RenderOptions { noise: NOISE, ..RenderOptions::new(size, size) };
+        let motion = Accuracy::new(size, size);
+        let series = Series { texture: Texture::new(1, 4.5)?, motion, n_frames: args.frames, options };
+        (0..=args.frames)
+            .map(|frame| {
+                let path = self.images().join(format!("{frame:06}.{ending}"));
+                write_image(&path, &series.image(frame)?)?;
+                Ok(path)
+            })
+            .collect()
+    }
+
+    fn roi(&self) -> Roi {
+        let margin = (MARGIN * self.args.element_size) as f64;
+        let far = self.size as f64 - margin;
+        Roi { x0: margin, y0: margin, x1: far, y1: far }
+    }
+
+    fn measure(&self, files: &[PathBuf]) -> Result<Cost> {
+        let size = self.size;
+        self.decode(files)?; // they are in the page cache from here on
+        let decode_s = self.decode(files)?;
+        let plan = self.plan(files)?;
+        let (correlate_s, device) = self.correlate(files, &plan)?;
+        let (Ran { summary, busy, .. }, seconds) = self.run(&plan)?;
+        let frames = &summary.frames;
+        if let Some(frame) = frames.iter().find(|frame| frame.status != Status::Converged) {
+            return Err(format!(
+                "frame {} of {size} x {size} px did not converge: choose other elements",
+                frame.number
+            ))?;
+        }
+        let n = frames.len() as f64;
+        let long = n / (seconds - summary.seconds_reference);
+        Ok(Cost {
+            size_px: size,
+            format: self.name(),
+            frames: frames.len(),
+            n_nodes: summary.n_nodes,
+            device,
+            frames_per_second: n / seconds,
+            frames_per_second_of_a_long_series: long,
+            decode_alone_per_second: n / decode_s,
+            correlate_alone_per_second: n / correlate_s,
+            share_of_bound: long * (decode_s + correlate_s) / n,
+            iterations_mean: frames.iter().map(|frame| frame.iterations as f64).sum::<f64>() / n,
+            seconds_reference: summary.seconds_reference,
+            stage_percent: busy.percent_of(seconds).to_vec(),
+            limited_by: busy.limiting(),
+        })
+    }
+
+    /// Seconds to read all frames on all threads.
+    fn decode(&self, files: &[PathBuf]) -> Result<f64> {
+        let begin = Instant::now();
+        let read = |first: usize| {
+            files[1..].iter().skip(first).step_by(self.threads).try_for_each(|file| read_image(file, 0).map(drop))
+        };
+        std::thread::scope(|scope| -> Result<()> {
+            let threads: Vec<_> = (0..self.threads).map(|first| scope.spawn(move || read(first))).collect();
+            threads.into_iter().try_for_each(|thread| Ok(thread.join().map_err(|_| "a decoder stopped")??))
+        })?;
+        Ok(begin.elapsed().as_secs_f64())
+    }
+
+    fn results(&self) -> PathBuf {
+        self.folder.join("results")
+    }
+
+    /// What `quadrille correlate` makes of its command line.
+    fn plan(&self, files: &[PathBuf]) -> Result<Plan> {
+        let Roi { x0, y0, x1, y1 } = self.roi();
+        let line = ["quadrille", "correlate", "--export", "none", "--device", &self.args.device];
+        let options = ["--element-size", &self.args.element_size.to_string(), "--roi", &format!("{x0},{y0},{x1},{y1}")];
+        let line = line.into_iter().chain(options).map(OsString::from);
+        let line = line.chain(["--output".into(), self.results().into()]).chain(files.iter().map(Into::into));
+        match Cli::try_parse_from(line)?.command {
+            Command::Correlate(args) => Plan::new(&args),
+            _ => Err("another command was understood: this is a bug in quadrille".into()),
+        }
+    }
+
+    /// Seconds to correlate all frames on all threads, each in memory when its turn comes; and the device.
+    fn correlate(&self, files: &[PathBuf], plan: &Plan) -> Result<(f64, String)> {
+        let image = |file: &PathBuf| -> Result<_> { Ok(Arc::new(read_image(file, 0)?.image)) };
+        let (reference, zones) = (image(&files[0])?, [Zone::rectangle("all", self.roi())]);
+        pool(Some(self.threads))?.install(|| {
+            let correlator = Correlator::new(plan.device()?.open()?, reference, &zones, plan.options.clone())?;
+            let mut tracker = Tracker::new(&correlator);
+            let mut seconds = 0.0;
+            for (number, file) in (1..).zip(&files[1..]) {
+                let image = image(file)?;
+                let begin = Instant::now();
+                tracker.correlate(number, image)?;
+                seconds += begin.elapsed().as_secs_f64();
+            }
+            Ok((seconds, correlator.backend().device()))
+        })
+    }
+
+    /// Runs the plan, and the seconds that it took.
+    fn run(&self, plan: &Plan) -> Result<(Ran, f64)> {
+        let begin = Instant::now();
+        let folder = RunFolder::writable(&self.results())?;
+        let ran = run_series(plan, &folder, pool(Some(self.threads))?, &Session::replacing(Talk::Quiet))?;
+        let seconds = begin.elapsed().as_secs_f64();
+        std::fs::remove_dir_all(self.results())?;
+        Ok((ran, seconds))
+    }
+}
+
+impl std::fmt::Display for Measured {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { quadrille, machine, threads, element_size_px, noise_grey, series } = self;
+        writeln!(f, "quadrille {quadrille}, {machine}, {}", plural(*threads, "thread"))?;
+        writeln!(
+            f,
+            "8 bit, noise of {noise_grey} grey level, files in the page cache, elements of {element_size_px} px on the \
+             image less {MARGIN} of them at each side; default options, only the store is written"
+        )?;
+        for cost in series {
+            let Cost { size_px, format, frames, n_nodes, device, .. } = cost;
+            writeln!(f, "\n{size_px} x {size_px} px, {format}, {frames} frames, {n_nodes} nodes, {device}")?;
+            writeln!(
+                f,
+                "  frames/s               {:8.1}   with the preparation of the reference ({:.2} s): {:.1}",
+                cost.frames_per_second_of_a_long_series, cost.seconds_reference, cost.frames_per_second
+            )?;
+            writeln!(f, "  decoding alone         {:8.1}", cost.decode_alone_per_second)?;
+            writeln!(
+                f,
+                "  correlation alone      {:8.1}   {:.1} iterations",
+                cost.correlate_alone_per_second, cost.iterations_mean
+            )?;
+            writeln!(f, "  of 1/(1/d + 1/c)       {:8.0} %", 100.0 * cost.share_of_bound)?;
+            let stages: Vec<String> =
+                cost.stage_percent.iter().map(|(stage, percent)| format!("{stage} {percent:.0} %")).collect();
+            writeln!(f, "  busy                   {}; limited by: {}", stages.join(", "), cost.limited_by)?;
+        }
+        Ok(())
+    }
+}
