@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs quadrille, pyxel-dic and pyvale on the same image pairs, one after the other in one run.
 
-    scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--json FILE]
+    scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--series 20] [--json FILE]
 
 Installs pyxel-dic and pyvale from PyPI into .venv-peers (once), builds quadrille when it is not there, makes
 the pairs with `quadrille synth` (8 bit, exact field known), and prints a table: wall time of a cold pair, its
@@ -15,6 +15,12 @@ pyxel-dic: mesh, integration points,
 MultiscaleInit and Correlate (global Q4, as quadrille). pyvale: calculate_2d with subsets of 17 px every 16 px,
 its Gaussian prefilter off, its result file included (it has no other output). The median over the repetitions
 counts; the first one, which compiles or warms up, does not.
+
+With --series N in place of the pairs a series of N frames whose motion grows evenly to that of the pair, with noise of
+one grey level, from the files to the results, once: quadrille the whole command with the start of the process;
+pyxel-dic with its matrix and factor kept and each frame started from the one before, images read by Pillow; pyvale
+with the list of files, its result files included. Both others without the start of Python and its imports. The error
+is that of the last frame.
 
 Error: root mean square over both components of measured less exact displacement, at the points of the
 element corners (quadrille, pyxel-dic) or subset centres (pyvale) 32 px and more from the border, and of the field between them (bilinear).
@@ -70,12 +76,18 @@ def benched():
     return found
 
 
-def pair_of(quadrille, folder, size):
-    """Reference and deformed image of the accuracy field: sinusoids, 0.5 % stretch, 0.2 degrees."""
-    where = folder / f"pair{size}"
-    subprocess.run([quadrille, "synth", "accuracy", "--size", f"{size}x{size}", "--grid", "4", "--output", where],
-                   check=True, capture_output=True)
+def images_of(quadrille, folder, size, frames):
+    """Reference and deformed images of the accuracy field: sinusoids, 0.5 % stretch, 0.2 degrees; noise in a series."""
+    where = folder / f"images{size}"
+    noise = ["--noise", "1"] if frames > 1 else []
+    subprocess.run([quadrille, "synth", "accuracy", "--size", f"{size}x{size}", "--frames", str(frames), *noise,
+                    "--grid", "4", "--output", where], check=True, capture_output=True)
     return where
+
+
+def files_of(where):
+    """The files of a series, the reference first."""
+    return sorted(where.glob("??????.tif"))
 
 
 def columns(file, *names):
@@ -172,17 +184,98 @@ def run_pyvale(where, size, threads, repeat):
     return times, points, field, memory, importlib.metadata.version("pyvale")
 
 
+# --- the same for a series: seconds, and points and field of the last frame ---------------------------------
+
+
+def series_quadrille(where, size, threads):
+    import numpy as np
+
+    quadrille = ROOT / "target" / "release" / "quadrille"
+    low, high = ELEMENT, size - ELEMENT
+    files = files_of(where)
+    with tempfile.TemporaryDirectory() as out:
+        begin = time.perf_counter()
+        subprocess.run([quadrille, "correlate", *files, "--roi", f"{low},{low},{high},{high}", "--element-size",
+                        str(ELEMENT), "--threads", str(threads), "--output", out, "--export", "none", "--quiet"], check=True)
+        seconds = time.perf_counter() - begin
+        subprocess.run([quadrille, "export", out, "--to", "csv", "--frames", str(len(files) - 1)],
+                       check=True, capture_output=True)
+        x, y, u, v = columns(pathlib.Path(out) / "csv" / f"{len(files) - 1:06}.csv", "x_px", "y_px", "ux_px", "uy_px")
+        version = json.load(open(pathlib.Path(out) / "summary.json"))["quadrille"]
+    return seconds, np.c_[x, y], np.c_[u, v], resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, version
+
+
+def series_pyxel(where, size, threads):
+    import contextlib
+    import io
+
+    import numpy as np
+    import pyxel
+    from PIL import Image
+
+    def load_as_float(file):
+        image = pyxel.Image("")
+        image.pix = np.array(Image.open(file)).astype(np.float64)
+        return image
+
+    files = files_of(where)
+    begin = time.perf_counter()
+    with contextlib.redirect_stdout(io.StringIO()):
+        f = load_as_float(files[0])
+        low, high = ELEMENT, size - ELEMENT
+        mesh, camera = pyxel.MeshFromROI(np.array([[low, low], [high, high]]), ELEMENT, typel=3)
+        mesh.Connectivity()
+        mesh.DICIntegration(camera)
+        engine = pyxel.DICEngine()
+        hessian = engine.ComputeLHS(f, mesh, camera)
+        found = None
+        for file in files[1:]:
+            g = load_as_float(file)
+            if found is None:
+                found = pyxel.MultiscaleInit(f, g, mesh, camera, scales=[3, 2, 1], disp=False)
+            found, _ = pyxel.Correlate(f, g, mesh, camera, dic=engine, H=hessian, U0=found, disp=False)
+    seconds = time.perf_counter() - begin
+    u, v = camera.P(mesh.n[:, 0], mesh.n[:, 1])
+    nodes = np.c_[u, v]
+    moved = mesh.n + found[mesh.conn]
+    u, v = camera.P(moved[:, 0], moved[:, 1])
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return seconds, nodes, np.c_[u, v] - nodes, memory, importlib.metadata.version("pyxel-dic")
+
+
+def series_pyvale(where, size, threads):
+    import numpy as np
+    import pyvale.dic
+
+    mask = np.zeros((size, size), dtype=bool)
+    mask[ELEMENT : size - ELEMENT, ELEMENT : size - ELEMENT] = True
+    files = files_of(where)
+    with tempfile.TemporaryDirectory() as out:
+        begin = time.perf_counter()
+        pyvale.dic.calculate_2d(files[0], files[1:], mask, [size // 2, size // 2], subset_size=17, subset_step=ELEMENT,
+                                num_threads=threads, image_filter_kernel=1, output_basepath=out, print_level=0)
+        seconds = time.perf_counter() - begin
+        x, y, u, v = columns(sorted(pathlib.Path(out).glob("*.csv"))[-1], "subset_x", "subset_y", "disp_u", "disp_v")
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return seconds, np.c_[x, y], np.c_[u, v], memory, importlib.metadata.version("pyvale")
+
+
 CODES = {"quadrille": run_quadrille, "pyxel-dic": run_pyxel, "pyvale": run_pyvale}
+SERIES = {"quadrille": series_quadrille, "pyxel-dic": series_pyxel, "pyvale": series_pyvale}
 
 
-def one(code, where, size, threads, repeat):
+def one(code, where, size, threads, repeat, series):
     """Runs one code and scores it; this is the inner process."""
     import numpy as np
     from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
 
     where = pathlib.Path(where)
-    times, points, field, memory, version = CODES[code](where, size, threads, repeat + 1)
-    x, y, u, v = columns(where / "exact" / "000001.csv", "x_px", "y_px", "ux_px", "uy_px")
+    if series:
+        seconds, points, field, memory, version = SERIES[code](where, size, threads)
+        times = [None, seconds]
+    else:
+        times, points, field, memory, version = CODES[code](where, size, threads, repeat + 1)
+    x, y, u, v = columns(sorted((where / "exact").glob("*.csv"))[-1], "x_px", "y_px", "ux_px", "uy_px")
     at, truth = np.c_[x, y], np.c_[u, v]
     xs, ys = np.unique(at[:, 0]), np.unique(at[:, 1])
     order = np.lexsort((at[:, 0], at[:, 1]))
@@ -219,25 +312,27 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--json", type=pathlib.Path)
+    parser.add_argument("--series", type=int, default=0, metavar="N")
     parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
         code, where, size, threads, repeat = arguments.one
-        return one(code, where, int(size), int(threads), int(repeat))
+        return one(code, where, int(size), int(threads), int(repeat), arguments.series)
 
     python, quadrille = install(), program()
     threads = str(arguments.threads)
     environment = dict(os.environ)
     environment.update({name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")})
     results = []
-    own_times = benched()
+    own_times = {} if arguments.series else benched()
     with tempfile.TemporaryDirectory() as folder:
         for size in (int(size) for size in arguments.sizes.split(",")):
-            where = pair_of(quadrille, pathlib.Path(folder), size)
+            where = images_of(quadrille, pathlib.Path(folder), size, arguments.series or 1)
             for code in CODES:
                 # pyxel's time grows with the third power of the side: fewer repetitions there.
                 repeat = arguments.repeat if code != "pyxel-dic" else max(1, min(arguments.repeat, 3 * 512 // size))
-                inner = [python, __file__, "--one", code, where, str(size), threads, str(repeat)]
+                inner = [python, __file__, "--series", str(arguments.series), "--one", code, where, str(size), threads,
+                         str(repeat)]
                 ran = subprocess.run(inner, env=environment, capture_output=True, text=True)
                 line = next((l for l in ran.stdout.splitlines() if l.startswith("RESULT")), None)
                 if line is None:
@@ -250,7 +345,8 @@ def main():
                 result["median_seconds"] = statistics.median(result["seconds"])
                 results.append(result)
                 print(f"{code} at {size}: {result['median_seconds']:.4g} s", file=sys.stderr)
-    print(f"cold pair, 8 bit, {ELEMENT} px elements or steps, {threads} threads, {time.strftime('%Y-%m-%d')}, "
+    what = f"series of {arguments.series} frames from files" if arguments.series else "cold pair"
+    print(f"{what}, 8 bit, {ELEMENT} px elements or steps, {threads} threads, {time.strftime('%Y-%m-%d')}, "
           f"{os.cpu_count()} cores")
     print("| image | code | version | s, median (min to max) | times quadrille | node rms px | field rms px | MiB |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")

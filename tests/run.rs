@@ -190,6 +190,17 @@ fn steps_are_done_again_only_when_their_inputs_change() {
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(said.matches("done before").count(), 2, "{said}");
     assert_eq!(before, [text(out.join("steps.json")), text(out.join("fit.json"))]);
+    // As a correlation that was stopped leaves it: the frame that is missing is done, the others stay.
+    let store = out.join("correlation/fields.zarr");
+    std::fs::remove_file(store.join("status/c.6")).unwrap();
+    let written =
+        |frame: usize| store.join(format!("displacement_px/c.{frame}.0.0")).metadata().unwrap().modified().unwrap();
+    let times = [written(5), written(6)];
+    let (code, said) = run(&case, &out);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("18 frames done before, 1 to do"), "{said}");
+    assert!(written(5) == times[0] && written(6) > times[1], "frame 6 stays, frame 7 is written again");
+    assert_eq!(before[1], text(out.join("fit.json")));
     // Another start of the fit: the measurement stays.
     std::fs::write(&case, text(&case).replace("delta_t = 0.07", "delta_t = 0.06")).unwrap();
     let (code, said) = run(&case, &out);

@@ -1,7 +1,7 @@
 //! `quadrille run`: from images to the report, step by step; steps that were done with the same inputs are not done again.
 
 use super::args::{Cli, Command, CorrelateArgs, RunArgs, SimulateArgs};
-use super::correlate::{Session, run_series};
+use super::correlate::{Existing, Session, run_series};
 use super::plan::Plan;
 use super::progress::Talk;
 use super::run_folder::RunFolder;
@@ -69,11 +69,11 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
     if steps.done("correlation", &inputs) && complete() {
         say("correlation: done before with the same images and options, taken from there");
     } else {
-        steps.forget("correlation")?;
+        let existing = if steps.begin("correlation", &inputs)? { Existing::Continue } else { Existing::Replace };
         let begin = Instant::now();
         let folder = RunFolder::open(&correlation, true)?;
         let talk = if args.quiet { Talk::Quiet } else { Talk::Normal };
-        run_series(&plan, &folder, pool(args.threads)?, &Session::replacing(talk))?;
+        run_series(&plan, &folder, pool(args.threads)?, &Session { existing, ..Session::replacing(talk) })?;
         steps.note("correlation", &inputs, begin)?;
     }
 
@@ -241,6 +241,14 @@ impl Steps {
     fn forget(&mut self, step: &str) -> Result<()> {
         self.done.remove(step);
         self.write()
+    }
+
+    /// Notes that a step is begun, and tells whether it has been before with the same inputs: what is there of it is good.
+    fn begin(&mut self, step: &str, inputs: &str) -> Result<bool> {
+        let before = self.done.get(step).is_some_and(|entry| entry["inputs"] == inputs || entry["begun"] == inputs);
+        self.done.insert(step.to_owned(), json!({ "begun": inputs }));
+        self.write()?;
+        Ok(before)
     }
 
     fn note(&mut self, step: &str, inputs: &str, begin: Instant) -> Result<()> {

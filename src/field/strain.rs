@@ -229,7 +229,7 @@ impl StrainField {
                 continue;
             }
             let u = nodes.map(|node| measurement.displacement[node]);
-            let gradient = |at: [f64; 2]| geometry.gradients(at).map(|by| gradient_of(&by, &u));
+            let gradient = |at: [f64; 2]| geometry.gradient_of(&u, at);
             *strain = gradient([0.5; 2]).and_then(|gradient| definition.of_gradient(gradient));
             for (corner, at) in geometry.corners() {
                 let Some(gradient) = gradient(at) else { continue };
@@ -247,11 +247,6 @@ impl StrainField {
         });
         Self { definition, nodes: nodes.collect(), elements, length_px: mesh.element_size() }
     }
-}
-
-/// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` from the gradients of the shape functions and the nodal values.
-fn gradient_of(by: &[[f64; 2]; 4], u: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
-    [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| by[i][k] * u[i][c]).sum()))
 }
 
 /// The shape of one element: a quadrilateral, or a triangle whose last two nodes are one.
@@ -286,28 +281,52 @@ impl ElementGeometry {
             .map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// Derivatives of (x, y) by (xi, eta), and of the shape functions.
-    fn map(&self, [xi, eta]: [f64; 2]) -> ([[f64; 2]; 2], [[f64; 2]; 4]) {
-        let by_local = [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]];
-        let jacobian = [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| self.at[i][c] * by_local[i][k]).sum()));
-        (jacobian, by_local)
+    /// Derivatives of the shape functions by (xi, eta).
+    fn by_local([xi, eta]: [f64; 2]) -> [[f64; 2]; 4] {
+        [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]]
+    }
+
+    /// Derivatives by (xi, eta) of what has these `values` at the corners.
+    fn derivatives(values: &[[f64; 2]; 4], by_local: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
+        [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| values[i][c] * by_local[i][k]).sum()))
+    }
+
+    /// Derivatives of (x, y) by (xi, eta), and their determinant.
+    fn map(&self, by_local: &[[f64; 2]; 4]) -> ([[f64; 2]; 2], f64) {
+        let by = Self::derivatives(&self.at, by_local);
+        (by, by[0][0] * by[1][1] - by[0][1] * by[1][0])
+    }
+
+    /// Whether a determinant is too small for a gradient. Relative to the area: units do not matter. NaN is flat as
+    /// well.
+    fn is_flat(&self, determinant: f64) -> bool {
+        determinant.is_nan() || determinant.abs() <= 1e-9 * self.area
+    }
+
+    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates (0..1) of the field with the values `u` at the
+    /// corners; `None` where the element is flat.
+    fn gradient_of(&self, u: &[[f64; 2]; 4], at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+        let by_local = Self::by_local(at);
+        let ([[xx, xe], [yx, ye]], determinant) = self.map(&by_local);
+        if self.is_flat(determinant) {
+            return None;
+        }
+        let inverse = 1.0 / determinant;
+        let u = Self::derivatives(u, &by_local);
+        Some(u.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) * inverse, (by_eta * xx - by_xi * xe) * inverse]))
     }
 
     /// Determinant of the map from local coordinates (0..1).
     pub fn jacobian(&self, at: [f64; 2]) -> f64 {
-        let ([[xx, xe], [yx, ye]], _) = self.map(at);
-        xx * ye - xe * yx
+        self.map(&Self::by_local(at)).1
     }
 
     /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
     pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
-        let ([[xx, xe], [yx, ye]], by_local) = self.map(at);
-        let det = xx * ye - xe * yx;
-        // Relative to the area: units do not matter. NaN is flat as well.
-        if det.is_nan() || det.abs() <= 1e-9 * self.area {
-            return None;
-        }
-        Some(by_local.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det]))
+        let by_local = Self::by_local(at);
+        let ([[xx, xe], [yx, ye]], det) = self.map(&by_local);
+        let by = |[by_xi, by_eta]: [f64; 2]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det];
+        (!self.is_flat(det)).then(|| by_local.map(by))
     }
 }
 
