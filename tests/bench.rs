@@ -90,3 +90,33 @@ fn what_cannot_be_measured_is_refused_with_what_can() {
         desk.run(line).refused(&words);
     }
 }
+
+#[test]
+fn a_series_from_its_files_is_measured_against_its_parts() {
+    let desk = Desk::new();
+    let line = "bench series --size 192 --frames 6 --runs 2 --device cpu --threads 2 --folder . --json";
+    let measured: Value = serde_json::from_str(&desk.run(line).printed()).unwrap();
+    let series = measured["series"].as_array().unwrap();
+    let formats: Vec<&str> = series.iter().map(|cost| cost["format"].as_str().unwrap()).collect();
+    assert_eq!(formats, ["tiff", "png"]);
+    for cost in series {
+        assert_eq!((&cost["frames"], &cost["size_px"]), (&6.into(), &192.into()));
+        // Whole elements of 16 px on 192 - 4 x 16 px.
+        assert_eq!(cost["n_nodes"], 81);
+        let median = |name: &str| {
+            let [fastest, median, slowest] =
+                ["fastest", "median", "slowest"].map(|which| number(&cost[name][which], name));
+            assert!(0.0 < fastest && fastest <= median && median <= slowest, "{name}: {fastest} {median} {slowest}");
+            median
+        };
+        let parts = median("decode_alone_s") + median("correlate_alone_s");
+        let share = number(&cost["share_of_bound"], "share_of_bound");
+        assert!((share * median("frame_s") / parts - 1.0).abs() < 1e-9, "{cost}");
+        for stage in cost["stage_percent"].as_array().unwrap() {
+            assert!(number(&stage[1], "stage") <= 100.0, "{stage}");
+        }
+    }
+    assert!(desk.files(".").is_empty(), "nothing is left behind: {:?}", desk.files("."));
+    desk.run("bench series --size 64").refused(&["--size 64", "96 px at least"]);
+    desk.run("bench series --frames 2").refused(&["--frames 2"]);
+}

@@ -793,6 +793,9 @@ pub struct BenchSeriesArgs {
     /// Frames of the series.
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub frames: usize,
+    /// Repetitions of each measurement, by turns.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub runs: usize,
     /// Side of the square elements, px (4 to 128).
     #[arg(long, value_name = "PX", default_value_t = 16)]
     pub element_size: usize,

@@ -7,6 +7,7 @@ use super::progress::Talk;
 use super::run_folder::RunFolder;
 use super::{Outcome, Result, bench, plural, pool, without_doubles};
 use crate::backend::Backend;
+use crate::bench::Spread;
 use crate::correlate::{Correlator, Tracker};
 use crate::field::Status;
 use crate::io::images::{read_image, write_image};
@@ -32,18 +33,18 @@ struct Cost {
     frames: usize,
     n_nodes: usize,
     device: String,
-    /// From the start of the command to its end, the preparation of the reference included.
+    /// Of the median run.
     frames_per_second: f64,
-    /// Without that preparation: what a long series comes to.
-    frames_per_second_of_a_long_series: f64,
+    /// Seconds per frame without the preparation of the reference: what a long series comes to.
+    frame_s: Spread,
     /// Each alone, on all threads; correlation with the images in memory.
-    decode_alone_per_second: f64,
-    correlate_alone_per_second: f64,
-    /// Rate of a long series over `1/(1/decode + 1/correlate)`.
+    decode_alone_s: Spread,
+    correlate_alone_s: Spread,
+    /// Rate of the series over `1/(1/decode + 1/correlate)`, of the medians.
     share_of_bound: f64,
     iterations_mean: f64,
     seconds_reference: f64,
-    /// How busy the threads of each stage were, percent of the time of the run; these go on at the same time.
+    /// How busy the threads of each stage were, percent of the time of the last run; these go on at the same time.
     stage_percent: Vec<(&'static str, f64)>,
     limited_by: &'static str,
 }
@@ -56,6 +57,7 @@ struct Measured {
     threads: usize,
     element_size_px: usize,
     noise_grey: f32,
+    runs: usize,
     series: Vec<Cost>,
 }
 
@@ -78,6 +80,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
         threads,
         element_size_px: args.element_size,
         noise_grey: NOISE,
+        runs: args.runs.max(1),
         series: Vec::new(),
     };
     for size in sizes {
@@ -144,10 +147,20 @@ impl Bench<'_> {
     fn measure(&self, files: &[PathBuf]) -> Result<Cost> {
         let size = self.size;
         self.decode(files)?; // they are in the page cache from here on
-        let decode_s = self.decode(files)?;
         let plan = self.plan(files)?;
-        let (correlate_s, device) = self.correlate(files, &plan)?;
-        let (Ran { summary, busy, .. }, seconds) = self.run(&plan)?;
+        let n = (files.len() - 1) as f64;
+        let (mut decode, mut correlate, mut series) = (Vec::new(), Vec::new(), Vec::new());
+        // By turns: what slows the machine down for a while slows all of them down.
+        let (device, Ran { summary, busy, .. }, seconds) = loop {
+            decode.push(self.decode(files)? / n);
+            let (correlate_s, device) = self.correlate(files, &plan)?;
+            correlate.push(correlate_s / n);
+            let (ran, seconds) = self.run(&plan)?;
+            series.push((seconds - ran.summary.seconds_reference) / n);
+            if series.len() >= self.args.runs.max(1) {
+                break (device, ran, seconds);
+            }
+        };
         let frames = &summary.frames;
         if let Some(frame) = frames.iter().find(|frame| frame.status != Status::Converged) {
             return Err(format!(
@@ -155,19 +168,18 @@ impl Bench<'_> {
                 frame.number
             ))?;
         }
-        let n = frames.len() as f64;
-        let long = n / (seconds - summary.seconds_reference);
+        let [decode, correlate, series] = [decode, correlate, series].map(Spread::of);
         Ok(Cost {
             size_px: size,
             format: self.name(),
             frames: frames.len(),
             n_nodes: summary.n_nodes,
             device,
-            frames_per_second: n / seconds,
-            frames_per_second_of_a_long_series: long,
-            decode_alone_per_second: n / decode_s,
-            correlate_alone_per_second: n / correlate_s,
-            share_of_bound: long * (decode_s + correlate_s) / n,
+            frames_per_second: 1.0 / series.median,
+            frame_s: series,
+            decode_alone_s: decode,
+            correlate_alone_s: correlate,
+            share_of_bound: (decode.median + correlate.median) / series.median,
             iterations_mean: frames.iter().map(|frame| frame.iterations as f64).sum::<f64>() / n,
             seconds_reference: summary.seconds_reference,
             stage_percent: busy.percent_of(seconds).to_vec(),
@@ -234,33 +246,32 @@ impl Bench<'_> {
     }
 }
 
+/// Frames per second: those of the median, the slowest and the fastest run.
+fn rates(seconds: Spread) -> String {
+    format!("{:8.1} ({:.1}-{:.1})", 1.0 / seconds.median, 1.0 / seconds.slowest, 1.0 / seconds.fastest)
+}
+
 impl std::fmt::Display for Measured {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { quadrille, machine, threads, element_size_px, noise_grey, series } = self;
+        let Self { quadrille, machine, threads, element_size_px, noise_grey, runs, series } = self;
         writeln!(f, "quadrille {quadrille}, {machine}, {}", plural(*threads, "thread"))?;
         writeln!(
             f,
             "8 bit, noise of {noise_grey} grey level, files in the page cache, elements of {element_size_px} px on the \
-             image less {MARGIN} of them at each side; default options, only the store is written"
+             image less {MARGIN} of them at each side; default options, only the store is written; median (slowest-fastest) of {runs}"
         )?;
         for cost in series {
             let Cost { size_px, format, frames, n_nodes, device, .. } = cost;
             writeln!(f, "\n{size_px} x {size_px} px, {format}, {frames} frames, {n_nodes} nodes, {device}")?;
-            writeln!(
-                f,
-                "  frames/s               {:8.1}   with the preparation of the reference ({:.2} s): {:.1}",
-                cost.frames_per_second_of_a_long_series, cost.seconds_reference, cost.frames_per_second
-            )?;
-            writeln!(f, "  decoding alone         {:8.1}", cost.decode_alone_per_second)?;
-            writeln!(
-                f,
-                "  correlation alone      {:8.1}   {:.1} iterations",
-                cost.correlate_alone_per_second, cost.iterations_mean
-            )?;
-            writeln!(f, "  of 1/(1/d + 1/c)       {:8.0} %", 100.0 * cost.share_of_bound)?;
+            let once = format!("and once {:.2} s for the reference", cost.seconds_reference);
+            writeln!(f, "  frames/s             {}   {once}", rates(cost.frame_s))?;
+            writeln!(f, "  decoding alone       {}", rates(cost.decode_alone_s))?;
+            let iterations = format!("{:.1} iterations", cost.iterations_mean);
+            writeln!(f, "  correlation alone    {}   {iterations}", rates(cost.correlate_alone_s))?;
+            writeln!(f, "  of 1/(1/d + 1/c)     {:8.0} %", 100.0 * cost.share_of_bound)?;
             let stages: Vec<String> =
                 cost.stage_percent.iter().map(|(stage, percent)| format!("{stage} {percent:.0} %")).collect();
-            writeln!(f, "  busy                   {}; limited by: {}", stages.join(", "), cost.limited_by)?;
+            writeln!(f, "  busy                 {}; limited by: {}", stages.join(", "), cost.limited_by)?;
         }
         Ok(())
     }
