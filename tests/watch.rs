@@ -249,18 +249,19 @@ fn what_cannot_be_watched_is_refused_and_changes_nothing() {
         (line.replace("--timeout 0.5", "--timeout soon"), "'soon' is no number"),
         (line.replace("--timeout 0.5", "--timeout 0.1"), "no file can settle"),
         (line.replace("shots", "nowhere"), "nowhere: there is no such folder"),
-        (line.replace("shots ", ""), "DIR"),
+        (line.replace("shots ", ""), "SHOTS"),
     ] {
         desk.run(&line).refused(&[wanted]);
         assert_same(&before, &results(&desk, "out"), &line);
     }
     let begin = Instant::now();
-    let child = watch(&desk, "--overwrite");
+    let child = watch(&desk, "");
     let who = format!("process {} on ", child.id());
     while !desk.run("status out").stdout.contains(&who) {
         assert!(begin.elapsed() < Duration::from_secs(30), "it does not begin");
     }
     desk.run(&line).refused(&["out: is being worked on", &who, "watching"]);
     signal(&child, "INT");
-    assert_ne!(end(child).0, Some(2));
+    assert_eq!(end(child).0, Some(0));
+    assert_same(&before, &results(&desk, "out"), "with another at the door");
 }

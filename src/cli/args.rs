@@ -220,7 +220,7 @@ pub struct CorrelateArgs {
 #[derive(Debug, Args)]
 #[command(
     mut_arg("deformed", |arg| {
-        arg.value_name("DIR")
+        arg.value_name("SHOTS")
             .required(true)
             .num_args(1)
             .action(ArgAction::Set)
@@ -250,9 +250,6 @@ pub struct CorrelateArgs {
     none came; 2 nothing could be run; 130 Ctrl-C or SIGTERM left frames that were taken undone."
 )]
 pub struct WatchArgs {
-    /// What is shared with `quadrille correlate`.
-    #[command(flatten)]
-    pub correlate: CorrelateArgs,
     /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png, bmp,
     /// jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
     #[arg(long, value_name = "GLOB")]
@@ -263,6 +260,9 @@ pub struct WatchArgs {
     /// End when no file has come or changed for so long. Default: go on until Ctrl-C.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
+    /// What is shared with `quadrille correlate`.
+    #[command(flatten)]
+    pub correlate: CorrelateArgs,
 }
 
 /// A time above zero.
