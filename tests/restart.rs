@@ -3,6 +3,7 @@
 
 mod program;
 
+use program::process::{assert_same, end, results, signal, start, wait_for_frames};
 use program::{Desk, INSIDE, Ran, moved};
 use quadrille::field::Status;
 use quadrille::io::store::Store;
@@ -12,8 +13,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
-use std::io::Read;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
 /// Frames of the series of most tests.
@@ -36,78 +36,6 @@ fn desk() -> Desk {
 
 /// The arguments of most runs.
 const LINE: &str = "--element-size 8 --threads 2 --roi 0,0,128,96";
-
-/// Starts the program on the desk.
-fn start(desk: &Desk, line: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_quadrille"))
-        .args(line.split_whitespace())
-        .env("QUADRILLE_DEVICE", "cpu")
-        .current_dir(desk.path(""))
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
-}
-
-/// Its exit status and what it said.
-fn end(mut child: Child) -> (Option<i32>, String) {
-    let mut said = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    (child.wait().unwrap().code(), said)
-}
-
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status().unwrap().success());
-}
-
-/// Waits until `n` frames are done.
-#[track_caller]
-fn wait_for_frames(desk: &Desk, folder: &str, n: usize) {
-    let begin = Instant::now();
-    let done = || fs::read_dir(desk.path(&format!("{folder}/fields.zarr/status"))).map_or(0, |entries| entries.count());
-    while done() < n + 1 {
-        assert!(begin.elapsed() < Duration::from_secs(60), "{} frames after a minute", done());
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn without_times(value: &mut Value) {
-    match value {
-        Value::Object(map) => {
-            map.retain(|key, _| !key.starts_with("seconds"));
-            map.values_mut().for_each(without_times);
-        }
-        Value::Array(items) => items.iter_mut().for_each(without_times),
-        _ => {}
-    }
-}
-
-/// All results of a run, but for times.
-fn results(desk: &Desk, folder: &str) -> BTreeMap<String, Vec<u8>> {
-    let mut all: BTreeMap<String, Vec<u8>> = desk
-        .all_files(folder)
-        .into_iter()
-        .map(|name| (name.clone(), desk.bytes(&format!("{folder}/{name}"))))
-        .collect();
-    let mut summary = desk.json(&format!("{folder}/summary.json"));
-    without_times(&mut summary);
-    all.insert("summary.json".into(), format!("{summary:#}").into_bytes());
-    all
-}
-
-#[track_caller]
-fn assert_same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>, what: &str) {
-    let names = |all: &BTreeMap<String, Vec<u8>>| all.keys().cloned().collect::<Vec<_>>();
-    assert_eq!(names(a), names(b), "{what}: other files");
-    for (name, bytes) in a {
-        if &b[name] != bytes {
-            let texts = [bytes, &b[name]].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
-            let line = texts[0].lines().zip(texts[1].lines()).find(|(a, b)| a != b);
-            panic!("{what}: {name} differs: {line:?}");
-        }
-    }
-}
 
 /// A run without any interruption, to compare with. Two frames of the series have no field.
 #[track_caller]
@@ -307,8 +235,10 @@ fn other_options_and_images_are_refused_with_the_difference_and_change_nothing()
         desk.correlate(&line(flags)).refused(&["out: ", "another run", wanted, "--overwrite"]);
         assert_same(&before, &results(&desk, "out"), flags);
     }
-    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png"))
-        .refused(&["2 frames in the store, 3 frames asked"]);
+    // A series may be extended at its end.
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png")).refused(&["2 frames in the store, 1 frames asked"]);
+    desk.correlate(&format!("{INSIDE} --output out ref.png c.png a.png b.png"))
+        .refused(&["a.png\" in the store", "c.png\" asked"]);
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png c.png"))
         .refused(&["b.png\" in the store", "c.png\" asked"]);
     desk.image("ref.png", &moved([0.1, 0.0]));
@@ -352,6 +282,42 @@ fn a_second_process_is_told_who_works_on_the_run() {
     let (code, said) = end(child);
     assert_eq!(code, Some(1), "{said}");
     assert_same(&whole_run(&desk, ""), &results(&desk, "out"), "with others at the door");
+}
+
+// ---- a series that grows ----
+
+#[test]
+fn more_files_behind_those_of_before_extend_the_series_to_the_bits_of_one_run() {
+    let desk = desk();
+    for start in ["previous", "independent"] {
+        let line = |files: &str| format!("{LINE} --start {start} --export csv --output {start} {files}");
+        desk.correlate(&line("s/0[0-3].png"));
+        let ran = desk.correlate(&line("s/0*.png")).incomplete();
+        assert!(ran.stderr.contains("3 frames done before, 6 to do"), "{ran}");
+        assert_eq!(desk.run(&format!("status {start}")).code, Some(1));
+        // From another folder, and without saying which tables.
+        let from = desk.path("elsewhere");
+        fs::create_dir_all(&from).unwrap();
+        let [output, files] = [start, "s/*.png"].map(|name| desk.path(name).display().to_string());
+        let line = format!("correlate {LINE} --start {start} --output {output} {files}");
+        let ran = Command::new(env!("CARGO_BIN_EXE_quadrille"))
+            .args(line.split_whitespace())
+            .env("QUADRILLE_DEVICE", "cpu")
+            .current_dir(&from)
+            .output()
+            .unwrap();
+        assert_eq!(ran.status.code(), Some(1), "{ran:?}");
+        desk.correlate(&format!("{LINE} --start {start} --export csv --output whole-{start} s/*.png")).incomplete();
+        let [whole, grown] = [format!("whole-{start}"), start.to_owned()].map(|folder| results(&desk, &folder));
+        for name in ["fields.zarr/displacement_px/c.22.0.0", "fields.zarr/sigma_px/zarr.json", "run.toml"] {
+            assert_eq!(whole[name], grown[name], "{start}: {name}");
+        }
+        assert_eq!(whole.keys().collect::<Vec<_>>(), grown.keys().collect::<Vec<_>>());
+    }
+    // The series in the store has more frames now: that is for one process to add.
+    let line = format!("{LINE} --start independent --shard 1/2 --export csv --output independent s/*.png");
+    fs::copy(desk.path("s/03.png"), desk.path("s/99.png")).unwrap();
+    desk.correlate(&line).refused(&["images.deformed: 23 entries in the store, 24 entries asked"]);
 }
 
 // ---- frames in any order ----

@@ -7,9 +7,10 @@ use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, Strai
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Displacement fields of tested materials from image series, by global Q4 image correlation.
 #[derive(Debug, Parser)]
@@ -27,6 +28,8 @@ pub struct Cli {
 pub enum Command {
     /// Measure displacement fields: one reference image, any number of deformed ones.
     Correlate(Box<CorrelateArgs>),
+    /// Measure while the test runs: correlate images as a camera writes them into a folder.
+    Watch(Box<WatchArgs>),
     /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
     Status(StatusArgs),
     /// Write the scripts that spread a series over a Slurm cluster.
@@ -211,6 +214,63 @@ pub struct CorrelateArgs {
     /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
+}
+
+/// Arguments of `quadrille watch`: those of `quadrille correlate`, for which the images are a folder.
+#[derive(Debug, Args)]
+#[command(
+    mut_arg("deformed", |arg| {
+        arg.value_name("SHOTS")
+            .required(true)
+            .num_args(1)
+            .action(ArgAction::Set)
+            .help("Folder that the camera writes into. Without --reference, and without one in the case file, its first image is \
+                   the reference")
+    }),
+    mut_arg("case", |arg| {
+        arg.help("A case file (TOML) with options, zones and the reference; flags win. Its deformed images do not count")
+    }),
+    mut_arg("export", |arg| {
+        arg.help("What to write per frame beside the store DIR/fields.zarr. Default none (or what the run.toml given as --case \
+                  wrote). `quadrille export` makes them later")
+    }),
+    mut_arg("shard", |arg| arg.hide(true)),
+    mut_arg("pages", |arg| arg.hide(true)),
+    after_help = "Examples:\n  \
+    While the test runs; Ctrl-C when it is over:\n    \
+    quadrille watch /data/shots --case joint.toml --output out\n  \
+    Ends by itself when no image has come for ten minutes, for other programs:\n    \
+    quadrille watch /data/shots --case joint.toml --output out --timeout 600 --progress json\n  \
+    A camera that stops for seconds in the middle of a file, beside other images:\n    \
+    quadrille watch /data/shots --pattern 'cam0_*.tif' --settle 10 --roi 10,10,1010,400 --output out\n\n\
+    A file is taken when its size and time of change have been the same for the settling time; one that cannot be decoded then is \
+    waited for ten times as long. Files come in natural order; one that is late gets the next number. The same command goes on \
+    after a stop, and `quadrille correlate` with the same options and all files does what is missing.\n\n\
+    Exit status: 0 every frame that was taken converged, whether the time-out or a signal was the end; 1 some frame did not, or \
+    none came; 2 nothing could be run; 130 Ctrl-C or SIGTERM left frames that were taken undone."
+)]
+pub struct WatchArgs {
+    /// Names of the files that are taken: a quoted glob. Default: those that end like an image (tif, tiff, btf, png, bmp,
+    /// jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
+    #[arg(long, value_name = "GLOB")]
+    pub pattern: Option<String>,
+    /// A file is taken when it has not changed for so long. Longer for network folders that tell of changes late.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1")]
+    pub settle: Duration,
+    /// End when no file has come or changed for so long. Default: go on until Ctrl-C.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+    /// What is shared with `quadrille correlate`.
+    #[command(flatten)]
+    pub correlate: CorrelateArgs,
+}
+
+/// A time above zero.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("'{text}' is no number of seconds"))?;
+    // Below a millisecond nothing settles, above a year nothing ends.
+    let fine = (1e-3..=3.2e7).contains(&seconds);
+    if fine { Ok(Duration::from_secs_f64(seconds)) } else { Err("give seconds from 0.001 to a year".into()) }
 }
 
 /// How progress is said.

@@ -239,7 +239,7 @@ impl Bench<'_> {
     fn run(&self, plan: &Plan) -> Result<(Ran, f64)> {
         let begin = Instant::now();
         let folder = RunFolder::writable(&self.results())?;
-        let ran = run_series(plan, &folder, pool(Some(self.threads))?, &Session::replacing(Talk::Quiet))?;
+        let ran = run_series(plan, &folder, pool(Some(self.threads))?, Session::replacing(Talk::Quiet))?;
         let seconds = begin.elapsed().as_secs_f64();
         std::fs::remove_dir_all(self.results())?;
         Ok((ran, seconds))

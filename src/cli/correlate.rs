@@ -2,27 +2,28 @@
 
 use super::args::{CorrelateArgs, ProgressKind};
 use super::lock::Lock;
-use super::plan::{MANY, Plan};
+use super::plan::{self, MANY, Plan};
 use super::progress::{Busy, Progress, Talk};
 use super::restart::{self, Earlier, FrameRecord};
 use super::run_folder::{About, RunFolder, csv_name, vtu_name};
 use super::series::{self, Engine};
 use super::shard::Shard;
 use super::stop::Stop;
+use super::watch::Camera;
 use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
 use crate::field::{StartFrom, Status, StrainField};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
-use crate::io::case::{CaseFile, write_case};
+use crate::io::case::{CaseFile, CaseImages, write_case};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::isa::Isa;
 use crate::mesh::{Mesh, MeshError};
 use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
 use crate::units::Px;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -35,6 +36,8 @@ const BEHIND: usize = 4;
 const SUMMARY_EVERY: Duration = Duration::from_secs(10);
 /// Share of the time that this may take: that of a long series grows with it.
 const SUMMARY_SHARE: u32 = 50;
+/// Share of the time that telling the store of new frames may take: its list of them grows with the series.
+const EXTEND_SHARE: u32 = 20;
 
 /// What to do about results that are there already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,28 +55,38 @@ pub(super) struct Session {
     pub shard: Option<Shard>,
     pub talk: Talk,
     pub stop: Stop,
+    /// What gives further frames when those of the plan are done.
+    pub camera: Option<Camera>,
 }
 
 impl Session {
+    /// One as the arguments ask for.
+    pub fn of(args: &CorrelateArgs) -> Result<Self> {
+        let talk = match (args.progress, args.quiet, args.verbose) {
+            (_, true, _) => Talk::Quiet,
+            (ProgressKind::Json, ..) => Talk::Json,
+            (_, _, true) => Talk::Verbose,
+            _ => Talk::Normal,
+        };
+        let existing = if args.overwrite { Existing::Replace } else { Existing::Continue };
+        Ok(Self { existing, shard: args.shard, talk, stop: Stop::listen()?, camera: None })
+    }
+
     /// One that replaces what is there and ends with the process.
     pub fn replacing(talk: Talk) -> Self {
-        Self { existing: Existing::Replace, shard: None, talk, stop: Stop::default() }
+        Self { existing: Existing::Replace, shard: None, talk, stop: Stop::default(), camera: None }
     }
 }
 
 /// Runs the command.
 pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     let plan = Plan::new(args)?;
-    let talk = match (args.progress, args.quiet, args.verbose) {
-        (_, true, _) => Talk::Quiet,
-        (ProgressKind::Json, ..) => Talk::Json,
-        (_, _, true) => Talk::Verbose,
-        _ => Talk::Normal,
-    };
-    let existing = if args.overwrite { Existing::Replace } else { Existing::Continue };
-    let folder = RunFolder::writable(&args.output)?;
-    let session = Session { existing, shard: args.shard, talk, stop: Stop::listen()? };
-    let ran = run_series(&plan, &folder, pool(args.threads)?, &session)?;
+    carry_out(&plan, args, &RunFolder::writable(&args.output)?, Session::of(args)?)
+}
+
+/// Correlates the series of `plan` and draws the figures that the arguments ask for.
+pub(super) fn carry_out(plan: &Plan, args: &CorrelateArgs, folder: &RunFolder, session: Session) -> Result<Outcome> {
+    let ran = run_series(plan, folder, pool(args.threads)?, session)?;
     if let Some(frames) = args.figures.as_ref().filter(|_| ran.complete) {
         super::figures::of_run(&args.output, frames, args.threads, args.quiet)?;
     }
@@ -91,10 +104,16 @@ pub(super) struct Ran {
     pub busy: Busy,
 }
 
-/// Correlates the series of `plan` into `folder`: what is missing of it, or all.
-pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPool, session: &Session) -> Result<Ran> {
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all; and what the camera of the session adds.
+pub(super) fn run_series(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: rayon::ThreadPool,
+    mut session: Session,
+) -> Result<Ran> {
     let begin = Instant::now();
-    let lock = Lock::take(&folder.locks(), session.shard)?;
+    let watches = session.camera.as_ref().map(Camera::folder);
+    let lock = Lock::take(&folder.locks(), session.shard, watches)?;
     if session.shard.is_none() {
         folder.tidy();
     }
@@ -107,9 +126,16 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     };
     // The same bits as before, where this machine can.
     let isa = there.as_ref().filter(|_| !plan.isa_asked).and_then(|store| isa_of(store.header()));
-    let plan = &Plan { isa: isa.unwrap_or(plan.isa), ..plan.clone() };
+    let mut plan = Plan { isa: isa.unwrap_or(plan.isa), ..plan.clone() };
+    if let Some((csv, vtu)) = there.as_ref().filter(|_| !plan.export_asked).and_then(|store| tables_of(store.header()))
+    {
+        plan = Plan { csv, vtu, store_only: false, ..plan };
+    }
+    let plan = &plan;
     // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
-    quantities::load(&plan.drawn, plan.deformed.len())?;
+    if session.camera.is_none() {
+        quantities::load(&plan.drawn, plan.deformed.len())?;
+    }
     let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
     let (width, height) = (image.width(), image.height());
     let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, plan.guard_px, width, height)?;
@@ -123,7 +149,7 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     let seconds_reference = prepare.elapsed().as_secs_f64();
     quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
     let mesh = correlator.mesh();
-    let record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+    let mut record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
     let header = StoreHeader {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -138,7 +164,8 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         strain: plan.strain,
         case: record.without_images(),
     };
-    let same_run = |store: &Store| match restart::differences(store.header(), &header) {
+    let may_grow = session.shard.is_none();
+    let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
         differences if differences.is_empty() => Ok(()),
         differences => Err(folder.holds_another(Some(differences.join("; ")))),
     };
@@ -151,8 +178,12 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     let (writer, store) = {
         let _alone = session.shard.map(|_| lock.common()).transpose()?;
         let writer = folder.store(&header)?;
-        let store = Store::open(writer.path())?;
+        let mut store = Store::open(writer.path())?;
         same_run(&store)?; // another shard may have made it in the meantime
+        if store.n_frames() < header.frames.len() {
+            writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
+            store = Store::open(writer.path())?;
+        }
         if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
             writer.write_normal_matrices(&matrices)?;
         }
@@ -162,8 +193,11 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         (writer, store)
     };
 
-    let n_frames = plan.deformed.len();
-    let own: Vec<usize> = (1..=n_frames).filter(|&n| session.shard.is_none_or(|shard| shard.has(n))).collect();
+    let shard = session.shard;
+    let own_of = |n_frames| -> Vec<usize> {
+        (1..=n_frames).filter(|&number| shard.is_none_or(|shard| shard.has(number))).collect()
+    };
+    let own = own_of(plan.deformed.len());
     let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
         .into_iter()
         .filter_map(|(wanted, name)| wanted.then_some(name))
@@ -171,7 +205,8 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     let Earlier { done: earlier, damaged } = pool.install(|| Earlier::find(&store, folder.path(), &own, &tables));
     let numbers: Vec<usize> = own.iter().copied().filter(|number| !earlier.contains_key(number)).collect();
 
-    let mut progress = Progress::new(session.talk, own.len(), earlier.len());
+    let total = session.camera.is_none().then_some(own.len());
+    let mut progress = Progress::new(session.talk, total, earlier.len());
     progress.say(&format!(
         "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
         plan.reference_name(),
@@ -255,9 +290,9 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         summary.messages.extend(note.starts_with("warning").then_some(note));
     }
     if plan.store_only {
+        let why = if session.camera.is_none() { format!("more than {MANY} frames: ") } else { String::new() };
         progress.say(&format!(
-            "more than {MANY} frames: fields go to {STORE} alone; `quadrille export` makes tables of them, \
-             or --export csv,vtu during the run"
+            "{why}fields go to {STORE} alone; `quadrille export` makes tables of them, or --export csv,vtu during the run"
         ));
     }
 
@@ -270,8 +305,7 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     }
     let windows = windows(mesh);
     let frames = series::Frames {
-        list: &plan.deformed,
-        numbers: &numbers,
+        settle: session.camera.as_ref().map(Camera::settle),
         windows: &windows,
         start: plan.options.start,
         stored: &|number| restart::stored_start(&store, folder.path(), number),
@@ -279,7 +313,15 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     };
     let (n_decoders, in_flight) = series::widths(&engine, &pool, plan.options.start);
     let mut busy = Busy::new(n_decoders, in_flight);
-    let writing_ns = &AtomicU64::new(0);
+    let [writing_ns, waiting_ns] = &[AtomicU64::new(0), AtomicU64::new(0)];
+    let mut feed = Feed {
+        to_do: numbers.iter().map(|&number| (number, plan.deformed[number - 1].clone())).collect(),
+        camera: session.camera.as_mut(),
+        record: &mut record,
+        store: &writer,
+        engine: &engine,
+        waiting_ns,
+    };
     let written = std::thread::scope(|scope| -> Result<()> {
         let (finished, to_write) = sync_channel(BEHIND);
         let about = &about;
@@ -288,14 +330,17 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         let writer = scope.spawn(move || output.write_all(&to_write));
         let mut last_summary = Instant::now();
         let mut summary_every = SUMMARY_EVERY;
-        let done = series::run(&engine, &pool, &frames, |done| {
+        let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
+        let done = series::run(&engine, &pool, &frames, next, |done| {
             let series::Done { sha256, summary: frame, result } = done;
             hashes.insert(frame.number, sha256.clone());
             engine.take_notes().into_iter().for_each(|note| {
                 progress.say(&note);
                 summary.messages.push(note);
             });
-            busy.add(&frame, Duration::from_nanos(writing_ns.load(Ordering::Relaxed)));
+            let [writing, waiting] =
+                [writing_ns, waiting_ns].map(|ns| Duration::from_nanos(ns.load(Ordering::Relaxed)));
+            busy.add(&frame, writing, waiting);
             progress.frame(&frame, &busy);
             summary.frames.push(frame.clone());
             if alone && last_summary.elapsed() > summary_every {
@@ -312,14 +357,21 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
         done
     });
 
+    for note in engine.take_notes() {
+        progress.say(&note);
+        summary.messages.push(note);
+    }
+    // A camera may have added frames.
+    let n_frames = record.deformed.len();
+    let n_own = own_of(n_frames).len();
     let own_converged = summary.frames.iter().filter(|frame| frame.status == Status::Converged).count();
     let outcome = match own_converged {
-        _ if session.stop.is_asked() && summary.frames.len() < own.len() => Outcome::Stopped,
-        n if n == own.len() => Outcome::Fine,
+        _ if session.stop.is_asked() && summary.frames.len() < n_own => Outcome::Stopped,
+        n if n == n_own && n > 0 => Outcome::Fine,
         _ => Outcome::Incomplete,
     };
     let _alone = session.shard.map(|_| lock.common()).transpose()?;
-    let complete = written.is_ok() && (1..=n_frames).all(|number| store.status_file(number).exists());
+    let complete = written.is_ok() && n_frames > 0 && (1..=n_frames).all(|number| store.status_file(number).exists());
     let own_frames = if session.shard.is_some() { summary.frames.clone() } else { Vec::new() };
     if session.shard.is_some() && complete {
         // The last of the shards writes what is of the whole.
@@ -350,16 +402,25 @@ pub(super) fn run_series(plan: &Plan, folder: &RunFolder, pool: rayon::ThreadPoo
     if !plan.drawn.is_empty() && complete {
         let numbers: Vec<usize> = (1..=n_frames).collect();
         let store = Store::open(folder.path())?;
-        let drawn = probe::write_of_store(&store, &plan.drawn, None, &numbers, folder.path(), |_, _| ())?;
-        drawn.notes.iter().for_each(|note| progress.say(note));
+        match probe::write_of_store(&store, &plan.drawn, None, &numbers, folder.path(), |_, _| ()) {
+            Ok(drawn) => drawn.notes.iter().for_each(|note| progress.say(note)),
+            // How long the load file has to be is known only now.
+            Err(error) if session.camera.is_some() => {
+                progress.say(&format!("warning: no numbers are drawn from the fields: {}", chain(error.as_ref())));
+            }
+            Err(error) => return Err(error),
+        }
     }
     if session.shard.is_some() {
         summary.frames = own_frames;
         summary.frames.sort_by_key(|frame| frame.number);
     }
-    progress.finish(&summary.frames, numbers.len(), summary.seconds_total);
+    progress.finish(&summary.frames, summary.seconds_total);
+    if let Some(camera) = &mut session.camera {
+        camera.ending(session.stop.is_asked()).iter().for_each(|line| progress.say(line));
+    }
     if outcome == Outcome::Stopped {
-        let (done, all) = (summary.frames.len(), own.len());
+        let (done, all) = (summary.frames.len(), n_own);
         progress.say(&format!("stopped with {done} of {all} frames done: the same command goes on from here"));
     }
     progress.say(&format!("results in {}", folder.path().display()));
@@ -374,10 +435,21 @@ fn write_summary(folder: &RunFolder, summary: &mut Summary, begin: Instant) -> R
     folder.write_summary(summary)
 }
 
+/// What the section `[run]` of an earlier start says under `key`.
+fn recorded(header: &StoreHeader, key: &str) -> Option<toml::Value> {
+    header.case.parse::<toml::Table>().ok()?.get("run")?.get(key).cloned()
+}
+
 /// The instruction path of an earlier start, when this machine has it.
 fn isa_of(header: &StoreHeader) -> Option<Isa> {
-    let case: toml::Table = header.case.parse().ok()?;
-    Isa::named(case.get("run")?.get("isa")?.as_str()?)
+    Isa::named(recorded(header, "isa")?.as_str()?)
+}
+
+/// Whether an earlier start wrote CSV and VTU files.
+fn tables_of(header: &StoreHeader) -> Option<(bool, bool)> {
+    let names = recorded(header, "export")?;
+    let has = |name: &str| names.as_array().is_some_and(|names| names.iter().any(|one| one.as_str() == Some(name)));
+    Some((has("csv"), has("vtu")))
 }
 
 /// Size of the elements: the one asked for, or what the mesh of a file has.
@@ -417,6 +489,43 @@ fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
         ) => chain(error),
         _ => format!("{}: {}", plan.reference_name(), chain(error)),
     }
+}
+
+/// The frames that a run has to do: those of its plan, then those of its camera.
+struct Feed<'a> {
+    to_do: VecDeque<series::Numbered>,
+    camera: Option<&'a mut Camera>,
+    record: &'a mut Record,
+    store: &'a StoreWriter,
+    engine: &'a Engine,
+    /// Time without anything to do.
+    waiting_ns: &'a AtomicU64,
+}
+
+impl Feed<'_> {
+    /// The next of them; waits for the camera while the frame is `wanted`.
+    fn next(&mut self, wanted: &dyn Fn() -> bool) -> Result<Option<series::Numbered>> {
+        let Some(camera) = &mut self.camera else { return Ok(self.to_do.pop_front()) };
+        let begin = Instant::now();
+        let come = camera.take(self.to_do.is_empty(), wanted);
+        self.waiting_ns.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
+        camera.take_notes().into_iter().for_each(|note| self.engine.note(note));
+        if !come.is_empty() {
+            // The store names a frame before anything of it is done: what is stored under a number stays that frame's,
+            // however this process ends.
+            let begin = Instant::now();
+            let first = self.record.deformed.len() + 1;
+            self.record.deformed.extend(come.iter().cloned());
+            self.store.extend(come.iter().map(ToString::to_string), self.record.without_images())?;
+            camera.rest(EXTEND_SHARE * begin.elapsed());
+            self.to_do.extend((first..).zip(come));
+        }
+        Ok(self.to_do.pop_front())
+    }
+}
+
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// The reference image, or the mean of several.
@@ -507,8 +616,7 @@ impl Output<'_> {
         for frame in frames {
             let begin = Instant::now();
             self.write(frame)?;
-            let spent = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-            self.writing_ns.fetch_add(spent, Ordering::Relaxed);
+            self.writing_ns.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
         }
         Ok(())
     }
@@ -622,6 +730,8 @@ impl Record {
         if !self.zone_files.is_empty() {
             about.insert("zone_file".into(), toml::Value::Array(self.zone_files.clone()));
         }
-        write_case(&CaseFile { run: Some(about), ..self.case.clone() })
+        // More of them may have come than were planned.
+        let images = CaseImages { deformed: Some(plan::files(&self.deformed)), ..self.case.images.clone() };
+        write_case(&CaseFile { images, run: Some(about), ..self.case.clone() })
     }
 }

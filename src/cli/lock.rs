@@ -1,7 +1,7 @@
 //! Who works on the folder of a run: locks that the operating system takes back when their process ends, however it ends.
 
 use super::shard::Shard;
-use super::{Result, chain};
+use super::{Result, absolute, chain};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -27,11 +27,15 @@ pub(super) struct Holder {
     /// Its share of the frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<String>,
+    /// The folder that it watches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watches: Option<String>,
 }
 
 impl Holder {
-    fn this(shard: Option<Shard>) -> Self {
-        Self { host: host(), pid: std::process::id(), since: now(), shard: shard.map(|shard| shard.to_string()) }
+    fn this(shard: Option<Shard>, watches: Option<&Path>) -> Self {
+        let (shard, watches) = (shard.map(|shard| shard.to_string()), watches.map(absolute));
+        Self { host: host(), pid: std::process::id(), since: now(), shard, watches }
     }
 
     fn read(file: &Path) -> Option<Self> {
@@ -41,8 +45,9 @@ impl Holder {
 
 impl std::fmt::Display for Holder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { host, pid, since, shard } = self;
+        let Self { host, pid, since, shard, watches } = self;
         write!(f, "process {pid} on {host}, begun {} s ago", now().saturating_sub(*since))?;
+        watches.as_ref().map_or(Ok(()), |folder| write!(f, ", watching {folder}"))?;
         shard.as_ref().map_or(Ok(()), |shard| write!(f, ", shard {shard}"))
     }
 }
@@ -68,11 +73,12 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Takes the run whose locks lie in `folder` (made when it is not there), or the share `shard` of it.
+    /// Takes the run whose locks lie in `folder` (made when it is not there), or the share `shard` of it. Its images may
+    /// come from a folder that it `watches`.
     ///
     /// # Errors
     /// Another process that works on it, with its machine and number.
-    pub fn take(folder: &Path, shard: Option<Shard>) -> Result<Self> {
+    pub fn take(folder: &Path, shard: Option<Shard>, watches: Option<&Path>) -> Result<Self> {
         fs::create_dir_all(folder).map_err(|error| cannot(folder, &error))?;
         let run = folder.join(RUN);
         let mut held = Vec::new();
@@ -81,7 +87,7 @@ impl Lock {
             match patiently(|| if alone { file.try_lock() } else { file.try_lock_shared() }) {
                 Ok(()) => {
                     if alone {
-                        let text = serde_json::to_string(&Holder::this(shard))?;
+                        let text = serde_json::to_string(&Holder::this(shard, watches))?;
                         let written = file.set_len(0).and_then(|()| writeln!(file, "{text}"));
                         written.map_err(|error| cannot(path, &error))?;
                     }
@@ -124,7 +130,7 @@ impl Lock {
 
 /// The processes that work on the run whose locks lie in `folder`.
 pub(super) fn holders(folder: &Path) -> Vec<Holder> {
-    let unknown = || Holder { host: "an unknown machine".into(), pid: 0, since: now(), shard: None };
+    let unknown = || Holder { host: "an unknown machine".into(), pid: 0, since: now(), shard: None, watches: None };
     let run = folder.join(RUN);
     let alone = File::open(&run).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
     if alone {

@@ -29,6 +29,7 @@ mod status;
 mod stop;
 mod synth;
 mod virtual_test;
+mod watch;
 mod zones;
 
 use clap::Parser;
@@ -67,6 +68,7 @@ pub fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args),
+        args::Command::Watch(args) => watch::run(&args),
         args::Command::Status(args) => status::run(&args),
         args::Command::Slurm(args) => slurm::run(&args),
         args::Command::Export(args) => export::run(&args),

@@ -383,7 +383,7 @@ fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(
     let correlation = root.join("correlation");
     let plan = Plan::of(&correlate_args(&run_args, &correlation)?, &case.correlation)?;
     let session = Session::replacing(Talk::Quiet);
-    run_series(&plan, &RunFolder::open(&correlation, true)?, pool(args.threads)?, &session)?;
+    run_series(&plan, &RunFolder::open(&correlation, true)?, pool(args.threads)?, session)?;
     let store = Store::open(&correlation)?;
     let (mut sum, mut n, mut rows) = (0.0, 0usize, Vec::new());
     let mut frames = 0;

@@ -34,7 +34,9 @@ pub(super) struct Plan {
     pub strain: StrainDefinition,
     pub csv: bool,
     pub vtu: bool,
-    /// No tables, because there are many frames and nobody asked for them.
+    /// Whether these tables were asked for, or not, by a flag.
+    pub export_asked: bool,
+    /// No tables, because there are many frames, or nobody knows how many, and nobody asked for them.
     pub store_only: bool,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
@@ -48,7 +50,12 @@ impl Plan {
 
     /// Brings the flags and a case together that was read already.
     pub fn of(args: &CorrelateArgs, case: &CaseFile) -> Result<Self> {
-        let Images { reference, deformed } = Images::of(args, case)?;
+        Self::with(args, case, Images::of(args, case)?)
+    }
+
+    /// Brings flags, a case and the images together.
+    pub fn with(args: &CorrelateArgs, case: &CaseFile, images: Images) -> Result<Self> {
+        let Images { reference, deformed, grows } = images;
         let given = &case.correlation;
         let default = Options::default();
         let element_size = args.element_size.or(given.element_size_px.map(i64::from));
@@ -101,7 +108,7 @@ impl Plan {
                     let named = |name: &toml::Value| Export::from_str(name.as_str()?, true).ok();
                     names.iter().filter_map(named).collect()
                 }
-                _ if deformed.len() > MANY => {
+                _ if grows || deformed.len() > MANY => {
                     store_only = true;
                     Vec::new()
                 }
@@ -124,6 +131,7 @@ impl Plan {
             strain: args.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
+            export_asked: args.export.is_some(),
             store_only,
             drawn: drawn(case),
         })
@@ -145,11 +153,6 @@ impl Plan {
     /// The plan as a case file that gives the same result from anywhere on this machine.
     pub fn resolved(&self, width: usize, height: usize) -> CaseFile {
         let options = &self.options;
-        let files = |frames: &[Frame]| {
-            let mut files: Vec<String> = frames.iter().map(|frame| absolute(&frame.path)).collect();
-            files.dedup(); // the pages of one file
-            files
-        };
         CaseFile {
             images: CaseImages {
                 reference: Some(files(&self.reference)),
@@ -181,6 +184,13 @@ impl Plan {
         }
         .with_drawn(&self.drawn)
     }
+}
+
+/// The files of frames, by names that hold from anywhere.
+pub(super) fn files(frames: &[Frame]) -> Vec<String> {
+    let mut files: Vec<String> = frames.iter().map(|frame| absolute(&frame.path)).collect();
+    files.dedup(); // the pages of one file
+    files
 }
 
 /// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
@@ -259,9 +269,25 @@ fn wanted_zones(args: &CorrelateArgs, case: &CaseFile) -> Vec<CaseZone> {
 }
 
 /// Which images a run takes.
-struct Images {
-    reference: Vec<Frame>,
-    deformed: Vec<Frame>,
+pub(super) struct Images {
+    pub reference: Vec<Frame>,
+    pub deformed: Vec<Frame>,
+    /// Whether there are more to come.
+    pub grows: bool,
+}
+
+/// The files of the reference that is named; none when none is.
+pub(super) fn references(args: &CorrelateArgs, case: &CaseFile) -> Result<Vec<PathBuf>> {
+    Ok(if args.reference.is_empty() {
+        expand_references(case.images.reference.as_deref().unwrap_or(&[]), &case.base)?
+    } else {
+        expand_references(&args.reference, Path::new(""))?
+    })
+}
+
+/// The page of each file that is one frame.
+pub(super) fn page(args: &CorrelateArgs, case: &CaseFile) -> Option<usize> {
+    args.page.or(case.images.page).map(|page| page as usize)
 }
 
 impl Images {
@@ -271,11 +297,7 @@ impl Images {
         } else {
             expand_series(&args.deformed, Path::new(""))?
         };
-        let mut reference = if args.reference.is_empty() {
-            expand_references(case.images.reference.as_deref().unwrap_or(&[]), &case.base)?
-        } else {
-            expand_references(&args.reference, Path::new(""))?
-        };
+        let mut reference = references(args, case)?;
         if reference.is_empty() {
             let Some(first) = deformed.first() else {
                 return Err("no image is given; name the reference and the deformed images, or a --case file".into());
@@ -286,9 +308,9 @@ impl Images {
                 deformed.remove(0);
             }
         }
-        let page = args.page.or(case.images.page);
+        let page = page(args, case);
         let all_pages = args.pages.or(case.images.pages) == Some(Pages::All);
-        let first_page = page.unwrap_or(0) as usize;
+        let first_page = page.unwrap_or(0);
         let mut frames = match deformed.as_slice() {
             files if all_pages => Frame::pages(files, pages_of),
             // A stack alone is a series, unless one page of it is asked for.
@@ -309,6 +331,6 @@ impl Images {
         if frames.is_empty() {
             return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
         }
-        Ok(Self { reference, deformed: frames })
+        Ok(Self { reference, deformed: frames, grows: false })
     }
 }

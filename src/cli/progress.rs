@@ -24,31 +24,40 @@ pub(super) struct Busy {
     decode: f64,
     correlate: f64,
     write: f64,
+    /// Without anything to do.
+    camera: f64,
     /// Frames that are decoded, and that are correlated, at a time.
     widths: [f64; 2],
 }
 
 impl Busy {
     pub fn new(n_decoders: usize, in_flight: usize) -> Self {
-        Self { decode: 0.0, correlate: 0.0, write: 0.0, widths: [n_decoders as f64, in_flight as f64] }
+        Self { decode: 0.0, correlate: 0.0, write: 0.0, camera: 0.0, widths: [n_decoders as f64, in_flight as f64] }
     }
 
-    /// Adds a frame; `writing` is that of all frames so far.
-    pub fn add(&mut self, frame: &FrameSummary, writing: Duration) {
+    /// Adds a frame; `writing` and `waiting` for a camera are those of all frames so far.
+    pub fn add(&mut self, frame: &FrameSummary, writing: Duration, waiting: Duration) {
         self.decode += frame.seconds_decode;
         self.correlate += frame.seconds;
         self.write = writing.as_secs_f64();
+        self.camera = waiting.as_secs_f64();
     }
 
     /// The seconds of each stage, for each of the frames that it does at a time.
-    fn stages(&self) -> [(&'static str, f64); 3] {
+    fn stages(&self) -> [(&'static str, f64); 4] {
         let [decoders, in_flight] = self.widths;
-        [("correlate", self.correlate / in_flight), ("decode", self.decode / decoders), ("write", self.write)]
+        [
+            ("correlate", self.correlate / in_flight),
+            ("decode", self.decode / decoders),
+            ("write", self.write),
+            ("camera", self.camera),
+        ]
     }
 
-    /// How busy each stage was in a run of `seconds`, percent.
+    /// How busy each stage was in a run of `seconds`, percent; of one without a camera.
     pub fn percent_of(&self, seconds: f64) -> [(&'static str, f64); 3] {
-        self.stages().map(|(name, busy)| (name, 100.0 * busy / seconds))
+        let [correlate, decode, write, _] = self.stages();
+        [correlate, decode, write].map(|(name, busy)| (name, 100.0 * busy / seconds))
     }
 
     /// The stage that the others wait for: the one that has had most to do for its width.
@@ -63,7 +72,8 @@ pub(super) struct Progress {
     talk: Talk,
     bar: ProgressBar,
     terminal: bool,
-    total: usize,
+    /// None when nobody knows how many there will be.
+    total: Option<usize>,
     /// Frames that were done before, that are done now, and that did not converge.
     before: usize,
     done: usize,
@@ -78,15 +88,19 @@ const EVERY: Duration = Duration::from_secs(5);
 const EVERY_JSON: Duration = Duration::from_secs(1);
 
 impl Progress {
-    /// Of `total` frames, `before` of which are done.
-    pub fn new(talk: Talk, total: usize, before: usize) -> Self {
+    /// Of `total` frames (none: as many as come), `before` of which are done.
+    pub fn new(talk: Talk, total: Option<usize>, before: usize) -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let bar = ProgressBar::new(total as u64).with_position(before as u64);
+        let bar = total.map_or_else(ProgressBar::no_length, |total| ProgressBar::new(total as u64));
+        let bar = bar.with_position(before as u64);
         bar.reset_eta(); // the frames of before were not done now
         if matches!(talk, Talk::Quiet | Talk::Json) || !terminal {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
-        let template = "{bar:30} {pos}/{len} frames  {rate}  {eta} left";
+        let template = match total {
+            Some(_) => "{bar:30} {pos}/{len} frames  {rate}  {eta} left",
+            None => "{spinner} {pos} frames  {rate}",
+        };
         let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
             // Nowhere to report a failed write of the bar to.
             let _ = write!(out, "{:.1} frames/s", state.per_sec());
@@ -123,18 +137,20 @@ impl Progress {
         if self.talk == Talk::Verbose || (!fine && self.talk == Talk::Normal) {
             self.print(&line(frame));
         }
+        let now = self.before + self.done;
+        // The last one before a pause of unknown length shall not be held back.
+        let always = self.talk == Talk::Json && (self.done == 1 || self.total.is_none_or(|total| now == total));
         let every = if self.talk == Talk::Json { EVERY_JSON } else { EVERY };
-        let (now, total) = (self.before + self.done, self.total);
-        if self.last_line.elapsed() < every && !(self.talk == Talk::Json && (self.done == 1 || now == total)) {
+        if self.last_line.elapsed() < every && !always {
             return;
         }
         self.last_line = Instant::now();
         let rate = self.done as f64 / self.begin.elapsed().as_secs_f64();
-        let left = (total - now) as f64 / rate;
+        let left = self.total.map(|total| (total - now) as f64 / rate);
         if self.talk == Talk::Json {
             let line = json!({
                 "done": now,
-                "total": total,
+                "total": self.total,
                 "failed": self.failed,
                 "frames_per_second": rate,
                 "seconds_left": left,
@@ -145,12 +161,14 @@ impl Progress {
             });
             eprintln!("{line}");
         } else if self.talk != Talk::Quiet && !self.terminal {
-            eprintln!("{now} of {total} frames, {rate:.1} frames/s, {left:.0} s left");
+            let of = self.total.map_or(String::new(), |total| format!(" of {total}"));
+            let left = left.map_or(String::new(), |left| format!(", {left:.0} s left"));
+            eprintln!("{now}{of} frames, {rate:.1} frames/s{left}");
         }
     }
 
-    /// The closing table of all frames, `n_done` of which were done in the `seconds` of this run.
-    pub fn finish(&self, frames: &[FrameSummary], n_done: usize, seconds: f64) {
+    /// The closing table of all frames; this run took `seconds`.
+    pub fn finish(&self, frames: &[FrameSummary], seconds: f64) {
         self.bar.finish_and_clear();
         if matches!(self.talk, Talk::Quiet | Talk::Json) {
             return;
@@ -166,7 +184,7 @@ impl Progress {
         }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
-        let rate = n_done as f64 / seconds;
+        let rate = self.done as f64 / seconds;
         let n_frames = plural(frames.len(), "frame");
         eprintln!("{n_frames} in {seconds:.1} s ({rate:.1} frames/s): {}", counts.join(", "));
     }

@@ -156,8 +156,9 @@ pub(super) fn all_frames(folder: &Path, n_frames: usize) -> Vec<Option<(FrameSum
     numbers.par_iter().map(read).collect()
 }
 
-/// What the run in a store has different from the one asked for, in words; nothing when it can go on.
-pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<String> {
+/// What the run in a store has different from the one asked for, in words; nothing when it can go on. Where the series
+/// `may_grow`, that in the store may be the beginning of the one asked for.
+pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader, may_grow: bool) -> Vec<String> {
     let mut found = Vec::new();
     let mut differ = |name: &str, there: String, asked: String| {
         if there != asked {
@@ -178,6 +179,8 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<Strin
         let name = key.strip_prefix("correlation.").unwrap_or(key);
         match (there, asked) {
             (Some(toml::Value::Array(there)), Some(toml::Value::Array(asked)))
+                if may_grow && key == "images.deformed" && asked.starts_with(there) => {}
+            (Some(toml::Value::Array(there)), Some(toml::Value::Array(asked)))
                 if there.len() > 1 || asked.len() > 1 =>
             {
                 let first = there.iter().zip(asked).position(|(there, asked)| there != asked);
@@ -193,7 +196,9 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<Strin
         }
     }
     let count = |header: &StoreHeader| format!("{} frames", header.frames.len());
-    differ("series", count(there), count(asked));
+    if !(may_grow && begins(there, asked)) {
+        differ("series", count(there), count(asked));
+    }
     for ((file, there), asked) in asked.reference.iter().zip(&there.reference_sha256).zip(&asked.reference_sha256) {
         if there != asked {
             differ(&format!("content of {file}, SHA-256"), there.clone(), asked.clone());
@@ -208,6 +213,14 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader) -> Vec<Strin
         found.push(format!("{more} more"));
     }
     found
+}
+
+/// Whether the series of a store is the beginning of the one asked for. That the files are the same is seen elsewhere: here
+/// stacks could have more pages than before.
+fn begins(there: &StoreHeader, asked: &StoreHeader) -> bool {
+    // The folders may be named from another place.
+    let same = |(there, asked): (&String, &String)| Path::new(there).file_name() == Path::new(asked).file_name();
+    there.frames.len() <= asked.frames.len() && there.frames.iter().zip(&asked.frames).all(same)
 }
 
 /// Whether two meshes have the same nodes, elements and zones: a grid is a free mesh once it was stored.

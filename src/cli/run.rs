@@ -73,7 +73,7 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
         let begin = Instant::now();
         let folder = RunFolder::open(&correlation, true)?;
         let talk = if args.quiet { Talk::Quiet } else { Talk::Normal };
-        run_series(&plan, &folder, pool(args.threads)?, &Session { existing, ..Session::replacing(talk) })?;
+        run_series(&plan, &folder, pool(args.threads)?, Session { existing, ..Session::replacing(talk) })?;
         steps.note("correlation", &inputs, begin)?;
     }
 

@@ -9,12 +9,14 @@ use crate::field::{StartFrom, Status};
 use crate::imaging::{Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
+use crate::io::watch::read_whole;
 use crate::mesh::Zone;
 use crate::report::summary::FrameSummary;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Decoded images that wait for their turn, per decoding thread.
 const AHEAD: usize = 2;
@@ -93,7 +95,8 @@ impl Engine {
         std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn note(&self, note: String) {
+    /// Adds something worth saying.
+    pub fn note(&self, note: String) {
         self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
     }
 
@@ -157,12 +160,11 @@ impl Engine {
     }
 }
 
-/// The deformed images of a run.
+/// How the deformed images of a run are read and correlated.
 #[derive(Clone, Copy)]
 pub(super) struct Frames<'a> {
-    pub list: &'a [Frame],
-    /// Those that are to be done, from 1, rising.
-    pub numbers: &'a [usize],
+    /// How long a file must have been the same, when they are being written: one that is not whole is waited for.
+    pub settle: Option<Duration>,
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
     pub start: StartFrom,
@@ -225,23 +227,36 @@ pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom
     (n_decoders, if independent { correlator.backend().frames_in_flight() } else { 1 })
 }
 
+/// A frame with its number, from 1.
+pub(super) type Numbered = (usize, Frame);
+
 /// Correlates the frames and hands each to `take` when it is done, until that says false: in order when each starts from
 /// the one before.
+///
+/// `next` gives the frames that are to be done, their numbers rising, and none after the last. It may wait for a frame, as
+/// long as what it is called with says that it is wanted.
 pub(super) fn run(
     engine: &Engine,
     pool: &rayon::ThreadPool,
     frames: &Frames<'_>,
+    next: impl FnMut(&dyn Fn() -> bool) -> Result<Option<Numbered>> + Send,
     mut take: impl FnMut(Done) -> Result<bool>,
 ) -> Result<()> {
     let (n_decoders, in_flight) = widths(engine, pool, frames.start);
+    let over = AtomicBool::new(false);
+    let wanted = &|| !frames.stop.is_asked() && !over.load(Ordering::SeqCst);
     std::thread::scope(|scope| {
+        let mut to_read = Vec::with_capacity(n_decoders);
         let decoders: Vec<Receiver<Decoded>> = (0..n_decoders)
-            .map(|first| {
+            .map(|_| {
+                let (handed, given) = sync_channel(AHEAD);
+                to_read.push(handed);
                 let (out, decoded) = sync_channel(AHEAD);
-                scope.spawn(move || decode(frames, first, n_decoders, &out));
+                scope.spawn(move || decode(frames, wanted, &given, &out));
                 decoded
             })
             .collect();
+        let handing = scope.spawn(move || hand_out(next, wanted, &to_read));
         let (out, uploaded) = sync_channel(UPLOADED);
         scope.spawn(move || upload(engine, pool, &decoders, &out));
         let uploaded = Arc::new(Mutex::new(uploaded));
@@ -252,25 +267,52 @@ pub(super) fn run(
         }
         // From here on the workers alone hold both: when they stop, everybody does.
         drop((uploaded, out));
+        let mut taken = Ok(true);
         for done in results {
-            if !take(done?)? {
-                return Ok(());
+            taken = done.and_then(&mut take);
+            if !matches!(taken, Ok(true)) {
+                break;
             }
         }
-        Ok(())
+        over.store(true, Ordering::SeqCst);
+        let handed = handing.join().map_err(|_| "what gives the frames stopped: this is a bug in quadrille")?;
+        taken.and(handed)
     })
 }
 
-/// Reads every `step`-th of the frames to be done from the `first` on.
-fn decode(frames: &Frames<'_>, first: usize, step: usize, out: &SyncSender<Decoded>) {
+/// Gives the frames to those who read them, in turn.
+fn hand_out(
+    mut next: impl FnMut(&dyn Fn() -> bool) -> Result<Option<Numbered>>,
+    wanted: &(dyn Fn() -> bool + Sync),
+    readers: &[SyncSender<Numbered>],
+) -> Result<()> {
+    for reader in readers.iter().cycle() {
+        let Some(frame) = next(&wanted)?.filter(|_| wanted()) else { break };
+        if reader.send(frame).is_err() {
+            break; // nobody wants more
+        }
+    }
+    Ok(())
+}
+
+/// Reads frames as they are given.
+fn decode(
+    frames: &Frames<'_>,
+    wanted: &(dyn Fn() -> bool + Sync),
+    given: &Receiver<Numbered>,
+    out: &SyncSender<Decoded>,
+) {
     let mut stack = None;
-    for &number in frames.numbers.iter().skip(first).step_by(step) {
-        if frames.stop.is_asked() {
+    for (number, frame) in given {
+        if !wanted() {
             return;
         }
-        let frame = &frames.list[number - 1];
         let begin = Instant::now();
-        let loaded = read_frame(frame, &mut stack);
+        let loaded = match frames.settle {
+            Some(settle) => read_whole(&frame, settle, wanted),
+            None => Some(read_frame(&frame, &mut stack)),
+        };
+        let Some(loaded) = loaded else { return };
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
         let loaded = loaded.map(|Loaded { image, sha256, notes, .. }| Picture {
             image: Arc::new(image),
@@ -279,7 +321,7 @@ fn decode(frames: &Frames<'_>, first: usize, step: usize, out: &SyncSender<Decod
             uploaded: None,
         });
         let seconds = begin.elapsed().as_secs_f64();
-        if out.send(Decoded { number, frame: frame.clone(), loaded, saturation, seconds }).is_err() {
+        if out.send(Decoded { number, frame, loaded, saturation, seconds }).is_err() {
             return; // nobody wants more
         }
     }

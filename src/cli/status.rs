@@ -91,7 +91,10 @@ impl Standing {
             converged,
             failed: failed.into_iter().map(|(status, numbers)| (status, runs(&numbers))).collect(),
             frames_per_second,
-            seconds_left: frames_per_second.filter(|_| !workers.is_empty()).map(|rate| missing.len() as f64 / rate),
+            // A camera may go on for as long as it likes.
+            seconds_left: frames_per_second
+                .filter(|_| workers.iter().any(|one| one.watches.is_none()))
+                .map(|rate| missing.len() as f64 / rate),
             missing: runs(&missing),
             quadrille: env!("CARGO_PKG_VERSION"),
             quadrille_of_store: header.quadrille.clone(),

@@ -62,6 +62,12 @@ pub enum ReadError {
         /// The file.
         path: PathBuf,
     },
+    /// A file that is being written has not come to rest.
+    #[error("{}: the file goes on changing; give its images names of their own", path.display())]
+    Changing {
+        /// The file.
+        path: PathBuf,
+    },
     /// The content is no image of a known format.
     #[error("{}: not an image: the content begins with {begins}; use TIFF, PNG, BMP, JPEG or PGM", path.display())]
     NotAnImage {

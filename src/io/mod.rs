@@ -1,4 +1,4 @@
-//! Files: images, series of images, case files, load files, the store of a run, tables, VTK, NumPy and MATLAB.
+//! Files: images, series of images, folders that a camera writes into, case files, load files, the store of a run, tables, VTK, NumPy and MATLAB.
 
 pub mod arrays;
 pub mod case;
@@ -16,3 +16,4 @@ pub mod series;
 pub mod store;
 mod tiff;
 pub mod vtk;
+pub mod watch;

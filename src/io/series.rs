@@ -209,8 +209,9 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
     Ok(files)
 }
 
-/// Component by component, numbers by value; whatever their leading zeros; ties by the plain order.
-fn natural_order(a: &Path, b: &Path) -> Ordering {
+/// The order of the files of a series: component by component, numbers by value, whatever their leading zeros; ties by the
+/// plain order.
+pub fn natural_order(a: &Path, b: &Path) -> Ordering {
     let natural = |(a, b): (std::path::Component, std::path::Component)| {
         alphanumeric_sort::compare_str(a.as_os_str().to_string_lossy(), b.as_os_str().to_string_lossy())
     };

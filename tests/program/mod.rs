@@ -1,6 +1,8 @@
 //! The program, run as a user runs it: in a folder of its own, with small speckle images.
 #![allow(dead_code)] // each test file takes the tools it needs
 
+pub mod process;
+
 use quadrille::imaging::Image;
 use quadrille::io::csv::{DisplacementRow, read_displacements};
 use quadrille::io::images::write_image;

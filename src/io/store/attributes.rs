@@ -58,7 +58,7 @@ pub(super) struct Attributes {
     /// Empty until the run has ended; null for a file that could not be read.
     #[serde(default)]
     pub frames_sha256: Vec<Option<String>>,
-    run_toml: String,
+    pub run_toml: String,
 }
 
 impl Attributes {

@@ -288,13 +288,18 @@ impl Form {
         ArrayBuilder::new(self.shape.clone(), self.chunk.clone(), self.data_type(), fill)
     }
 
-    /// The array as it is in `folder`, when it is what the layout says.
+    /// The array as it is in `folder`, when it is what the layout says. By frame it may be longer: a series that grows has
+    /// room ahead.
     pub fn open(&self, folder: &Arc<Folder>) -> Result<Array<Folder>, StoreError> {
         let file = folder.path().join(self.name).join("zarr.json");
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };
         let array = Array::open(folder.clone(), &format!("/{}", self.name))
             .map_err(|error| damaged(format!("it describes no array ({error})")))?;
-        if array.shape() != self.shape {
+        let by_frame = self.axes[0] == "frame";
+        let fits = |(axis, (&there, &wanted)): (usize, (&u64, &u64))| {
+            there == wanted || by_frame && axis == 0 && there > wanted
+        };
+        if array.shape().len() != self.shape.len() || !array.shape().iter().zip(&self.shape).enumerate().all(fits) {
             return Err(damaged(format!("the array has the shape {:?}, not {:?}", array.shape(), self.shape)));
         }
         let origin = vec![0; self.shape.len()];

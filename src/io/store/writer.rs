@@ -12,10 +12,13 @@ use crate::units::Px;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 use zarrs::array::{Array, ArrayError, IntoArrayBytes};
 use zarrs::storage::StorageError;
+
+/// Frames that a growing series has room for ahead, at least.
+const ROOM_AHEAD: usize = 64;
 
 /// Writes the frames of a run, in any order and from any thread.
 ///
@@ -43,12 +46,19 @@ use zarrs::storage::StorageError;
 #[derive(Debug)]
 pub struct StoreWriter {
     folder: Arc<Folder>,
-    attributes: Mutex<Attributes>,
-    n_frames: usize,
+    series: Mutex<Series>,
     mesh: Arc<Mesh<Px>>,
     status: Array<Folder>,
     /// In the order of [`Variable::ALL`].
     variables: Vec<Array<Folder>>,
+}
+
+/// What a store says of its frames.
+#[derive(Debug)]
+struct Series {
+    attributes: Attributes,
+    /// Length of the arrays by frame: not below the number of frames.
+    room: usize,
 }
 
 impl StoreWriter {
@@ -105,7 +115,42 @@ impl StoreWriter {
         let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).open(&folder);
         let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
         let status = Form::status(n_frames).open(&folder)?;
-        Ok(Self { folder, attributes: Mutex::new(attributes), n_frames, mesh, status, variables })
+        let room = status.shape()[0] as usize;
+        Ok(Self { folder, series: Mutex::new(Series { attributes, room }), mesh, status, variables })
+    }
+
+    /// Adds frames to the end of the series; `case` is the text of its `run.toml` with them. Only then they can be written:
+    /// a frame that is done is one that the store names.
+    ///
+    /// The arrays grow in steps, and first: a reader never finds one that is shorter than the list of the frames.
+    ///
+    /// # Errors
+    /// What the file system refuses; the series is then as it was.
+    pub fn extend(&self, frames: impl IntoIterator<Item = String>, case: String) -> Result<(), StoreError> {
+        let folder = Arc::new(Folder::durable(self.path()));
+        let mut series = self.series();
+        let mut attributes = series.attributes.clone();
+        attributes.frames.extend(frames);
+        attributes.run_toml = case;
+        let n_frames = attributes.frames.len();
+        if n_frames > series.room {
+            let room = n_frames + ROOM_AHEAD.max(n_frames / 4);
+            create_frames(&folder, room, &self.mesh)?;
+            series.room = room;
+        }
+        write_group(&folder, &attributes)?;
+        series.attributes = attributes;
+        Ok(())
+    }
+
+    fn series(&self) -> MutexGuard<'_, Series> {
+        self.series.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Checks that the series has a frame `number`.
+    fn check_number(&self, number: usize) -> Result<(), StoreError> {
+        let n_frames = self.series().attributes.frames.len();
+        if number == 0 || number > n_frames { Err(StoreError::NoFrame { number, n_frames }) } else { Ok(()) }
     }
 
     /// A whole store beside `path`, on the disk, for renaming.
@@ -127,7 +172,7 @@ impl StoreWriter {
         let attributes = Attributes::of(header);
         write_group(&folder, &attributes)?;
         let mesh = header.mesh.clone();
-        let (n_frames, n_nodes, n_elements) = (header.frames.len(), mesh.n_nodes(), mesh.n_elements());
+        let (n_nodes, n_elements) = (mesh.n_nodes(), mesh.n_elements());
         let constant = |form: Form, origin: &[u64], values: &dyn Fn(&Array<Folder>) -> Result<(), ArrayError>| {
             let array = form.create(&folder)?;
             values(&array).map_err(|error| write_error(&folder, &array, origin, error))
@@ -143,9 +188,7 @@ impl StoreWriter {
         constant(Form::element_zone(n_elements), &[0], &|array| {
             array.store_chunk_opt(&[0], mesh.element_zone(), &options)
         })?;
-        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).create(&folder);
-        Variable::ALL.into_iter().try_for_each(|v| variable(v).map(drop))?;
-        Form::status(n_frames).create(&folder).map(drop)
+        create_frames(&folder, header.frames.len(), &mesh)
     }
 
     /// Writes frame `number` (from 1) with its strains; the status last. Of a frame that diverged or was not
@@ -189,9 +232,7 @@ impl StoreWriter {
     /// # Errors
     /// A number that the series does not have, and what the file system refuses.
     pub fn mark(&self, number: usize, status: Status) -> Result<(), StoreError> {
-        if number == 0 || number > self.n_frames {
-            return Err(StoreError::NoFrame { number, n_frames: self.n_frames });
-        }
+        self.check_number(number)?;
         self.chunk(&self.status, &[number as u64 - 1], &[status.code()][..])
     }
 
@@ -208,14 +249,20 @@ impl StoreWriter {
         self.chunk(&array, &[0, 0], matrices.as_flattened())
     }
 
-    /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read.
+    /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read. Gives back
+    /// the room that the arrays have for frames to come.
     ///
     /// # Errors
     /// What the file system refuses; the store is then as it was.
     pub fn finish(&self, frames_sha256: Vec<Option<String>>) -> Result<(), StoreError> {
-        let mut attributes = self.attributes.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        attributes.frames_sha256 = frames_sha256;
-        write_group(&self.folder, &attributes)
+        let mut series = self.series();
+        let n_frames = series.attributes.frames.len();
+        if series.room > n_frames {
+            create_frames(&Arc::new(Folder::durable(self.path())), n_frames, &self.mesh)?;
+            series.room = n_frames;
+        }
+        series.attributes.frames_sha256 = frames_sha256;
+        write_group(&self.folder, &series.attributes)
     }
 
     fn check_sizes(
@@ -224,9 +271,7 @@ impl StoreWriter {
         measurement: &Measurement<Px>,
         strain: &StrainField,
     ) -> Result<(), StoreError> {
-        if number == 0 || number > self.n_frames {
-            return Err(StoreError::NoFrame { number, n_frames: self.n_frames });
-        }
+        self.check_number(number)?;
         let (nodes, elements) = (self.mesh.n_nodes(), self.mesh.n_elements());
         let sizes = [
             ("displacements", measurement.displacement.len(), nodes),
@@ -279,6 +324,15 @@ fn singles(values: &[f64]) -> Vec<f32> {
 
 fn strain_values(strains: &[Option<Strain>]) -> Vec<f32> {
     strains.iter().flat_map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect()
+}
+
+/// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is
+/// that which all have.
+fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>) -> Result<(), StoreError> {
+    for v in Variable::ALL {
+        Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
+    }
+    Form::status(n_frames).create(folder).map(drop)
 }
 
 fn write_group(folder: &Folder, attributes: &Attributes) -> Result<(), StoreError> {
