@@ -25,6 +25,7 @@ tolerance_px = 1e-4
 max_iterations = 40
 brightness = "element"
 start = "cold"
+update_reference = "every 20"
 noise = 2
 regularisation = "equilibrium-gap"
 cutoff_px = 64.5
@@ -75,6 +76,7 @@ fn full() -> CaseFile {
             max_iterations: Some(40),
             brightness: Some(Brightness::Element),
             start: Some(StartFrom::Independent),
+            update_reference: Some("every 20".parse().unwrap()),
             noise: Some(2.0),
             regularisation: Some(RegularisationKind::EquilibriumGap),
             cutoff_px: Some(64.5),
@@ -224,6 +226,9 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("regularisation = 'laplace'", "`none`, `tikhonov`, `equilibrium-gap`"),
         ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
         ("start = 'warm'", "`previous`"),
+        ("update_reference = 'often'", "`often` is no choice of update-reference; expected never, residual or"),
+        ("update_reference = 0", "`0` is no choice of update-reference"),
+        ("update_reference = true", "\"residual\" or \"every N\""),
         ("start = warm", "a text without quotes"),
         ("noise =", "no value"),
     ] {

@@ -149,6 +149,7 @@ fn the_written_case_holds_every_choice_and_the_fingerprint_of_every_image() {
         max_iterations = 30
         brightness = "element"
         start = "independent"
+        update_reference = "never"
         noise = 1.5
         regularisation = "none"
         strain = "hencky"

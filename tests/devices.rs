@@ -185,6 +185,32 @@ fn when_the_fresh_device_fails_too_the_cpu_goes_on_and_every_frame_says_where_it
 }
 
 #[test]
+fn a_device_that_fails_while_the_reference_is_renewed_goes_on_from_the_same_references() {
+    let desk = Desk::with_series();
+    if !has_adapter(&desk, "a_device_that_fails_while_the_reference_is_renewed") {
+        return;
+    }
+    let line = |device: &str, output: &str| {
+        let flags = "--update-reference every 1 --tolerance 1e-5";
+        format!("correlate --device {device} {flags} {INSIDE} --output {output} ref.png a.png b.png c.png")
+    };
+    desk.run(&line("cpu", "cpu")).fine();
+    // In the first frame, with the first new reference, and later.
+    let mut failed = 0;
+    for after in [5, 12, 18, 24, 30] {
+        let output = format!("out{after}");
+        let fail = [("QUADRILLE_GPU_FAIL_AFTER", after.to_string())];
+        let ran =
+            desk.run_with(&fail.each_ref().map(|(name, value)| (*name, value.as_str())), &words(&line("gpu", &output)));
+        let ran = ran.fine();
+        failed += usize::from(ran.stderr.contains("injected failure; trying once more on a fresh device"));
+        assert_eq!(desk.json(&format!("{output}/summary.json"))["reference_updates"], serde_json::json!([1, 2]));
+        assert_same_fields(&desk, "cpu", &output);
+    }
+    assert!(failed >= 3, "the device failed in {failed} runs");
+}
+
+#[test]
 fn a_gpu_asked_for_that_fails_with_the_reference_ends_the_run() {
     let desk = Desk::with_series();
     if has_adapter(&desk, "a_gpu_asked_for_that_fails_with_the_reference") {

@@ -607,12 +607,13 @@ fn a_frame_without_texture_somewhere_becomes_no_reference() {
 }
 
 #[test]
-fn case_files_name_the_update_by_a_word_or_a_number() {
-    for (text, update) in [("\"never\"", NEVER), ("\"residual\"", RESIDUAL), ("5", every(5))] {
+fn case_files_name_the_update_by_words_or_a_number() {
+    for (text, update) in [("\"never\"", NEVER), ("\"residual\"", RESIDUAL), ("\"every 5\"", every(5))] {
         assert_eq!(serde_json::from_str::<UpdateReference>(text).unwrap(), update);
         assert_eq!(serde_json::to_string(&update).unwrap(), text);
     }
-    for text in ["0", "-1", "\"sometimes\"", "\"every 0\"", "true"] {
+    assert_eq!(serde_json::from_str::<UpdateReference>("5").unwrap(), every(5));
+    for text in ["0", "-1", "\"sometimes\"", "\"every 0\"", "true", "1.5"] {
         assert!(serde_json::from_str::<UpdateReference>(text).is_err(), "{text}");
     }
 }

@@ -4,10 +4,10 @@
 mod program;
 
 use program::process::{assert_same, end, results, signal, start, wait_for_frames};
-use program::{Desk, INSIDE, Ran, moved};
+use program::{Desk, INSIDE, Ran, moved, speckle};
 use quadrille::field::Status;
 use quadrille::io::store::Store;
-use quadrille::synth::{Depth, RenderOptions, Texture, Translation, render};
+use quadrille::synth::{Depth, Motion, RenderOptions, Rotation, Texture, Translation, render};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
@@ -22,13 +22,17 @@ const N: usize = 24;
 /// A desk with `s/00.png` ..., a series that drifts by 0.45 px a frame: elements at the border of the image leave it one
 /// by one, which are nodes that are not measured. One frame jumps, one is no image, one shows something else.
 fn desk() -> Desk {
+    desk_of(|k| Translation([0.45 * k, -0.3 * k]))
+}
+
+/// The same of another motion, given for each frame.
+fn desk_of<M: Motion>(motion: impl Fn(f64) -> M) -> Desk {
     let desk = Desk::new();
     for k in 0..N {
-        let u = [0.45 * k as f64, -0.3 * k as f64];
         match k {
             7 => desk.write("s/07.png", "no image"),
             9 => desk.image("s/09.png", &moved([300.0, 200.0])),
-            _ => desk.image(&format!("s/{k:02}.png"), &moved(u)),
+            _ => desk.image(&format!("s/{k:02}.png"), &speckle(&motion(k as f64), Depth::U8)),
         }
     }
     desk
@@ -52,26 +56,26 @@ fn whole_run(desk: &Desk, more: &str) -> BTreeMap<String, Vec<u8>> {
 
 // ---- stopped and gone on ----
 
-#[test]
-fn a_run_that_is_killed_at_random_moments_and_given_again_ends_with_the_same_bits() {
-    const KILLS: usize = 20;
-    let seed = 20_261_121;
+/// Kills runs with the flags `more` so often, at random moments, and gives them again.
+#[track_caller]
+fn killed(desk: &Desk, more: &str, n_kills: usize, seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let desk = desk();
     let begin = Instant::now();
-    let whole = whole_run(&desk, "");
+    let whole = whole_run(desk, more);
     let time = begin.elapsed();
+    let renewed = desk.json("whole/summary.json")["reference_updates"].is_array();
+    assert_eq!(renewed, more.contains("--update-reference"));
     let (mut kills, mut runs) = (0, 0);
-    while kills < KILLS || runs < 2 {
+    while kills < n_kills || runs < 2 {
         runs += 1;
         loop {
-            let mut child = start(&desk, &format!("correlate {LINE} --output out{runs} s/*.png"));
+            let mut child = start(desk, &format!("correlate {LINE} {more} --output out{runs} s/*.png"));
             let moment = time.mul_f64(f64::from(random.next_u32()) / f64::from(u32::MAX) * 0.6);
             let until = Instant::now() + moment;
-            while kills < KILLS && Instant::now() < until && child.try_wait().unwrap().is_none() {
+            while kills < n_kills && Instant::now() < until && child.try_wait().unwrap().is_none() {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            if kills < KILLS && child.try_wait().unwrap().is_none() {
+            if kills < n_kills && child.try_wait().unwrap().is_none() {
                 child.kill().unwrap();
                 child.wait().unwrap();
                 kills += 1;
@@ -81,8 +85,20 @@ fn a_run_that_is_killed_at_random_moments_and_given_again_ends_with_the_same_bit
             assert_eq!(code, Some(1), "seed {seed}, after {kills} kills: {said}");
             break;
         }
-        assert_same(&whole, &results(&desk, &format!("out{runs}")), &format!("seed {seed}, after {kills} kills"));
+        assert_same(&whole, &results(desk, &format!("out{runs}")), &format!("seed {seed}, after {kills} kills"));
     }
+}
+
+#[test]
+fn a_run_that_is_killed_at_random_moments_and_given_again_ends_with_the_same_bits() {
+    killed(&desk(), "", 20, 20_261_121);
+}
+
+#[test]
+fn so_does_one_whose_reference_is_renewed() {
+    let turning = desk_of(|k| Rotation::new(3.0 * k, program::WIDTH, program::HEIGHT));
+    killed(&turning, "--update-reference residual", 15, 20_261_122);
+    killed(&desk(), "--update-reference every:2", 15, 20_261_123);
 }
 
 #[test]
@@ -214,7 +230,128 @@ fn a_disk_that_was_full_and_has_room_again_is_gone_on_with() {
     assert_same(&results(&desk, "whole"), &results(&desk, "saved"), "after a full disk");
 }
 
+// ---- whose reference is renewed ----
+
+/// Runs of the usual series into `whole`, with a new reference after every two frames.
+fn renewing() -> String {
+    format!("{LINE} --update-reference 2 --export none --output whole s/*.png")
+}
+
+/// A desk with such a run, and its results.
+fn renewed() -> (Desk, BTreeMap<String, Vec<u8>>) {
+    let desk = desk();
+    let whole = whole_run(&desk, "--update-reference 2 --export none");
+    let updates = desk.json("whole/summary.json")["reference_updates"].clone();
+    assert!(updates.as_array().unwrap().len() > 5, "{updates}");
+    (desk, whole)
+}
+
+#[test]
+fn frames_after_one_that_is_lost_are_done_again_when_the_reference_depends_on_it() {
+    let (desk, whole) = renewed();
+    let cut = |file: String| {
+        let bytes = desk.bytes(&file);
+        fs::write(desk.path(&file), &bytes[..bytes.len() / 2]).unwrap();
+    };
+    for (number, again, done) in [
+        // After frame 20 a state stays.
+        (22, "21, 23", Some((20, 3))),
+        (21, "22-23", Some((20, 3))),
+        (12, "1-11, 13-23", None),
+    ] {
+        cut(format!("whole/fields.zarr/displacement_px/c.{}.0.0", number - 1));
+        let ran = desk.correlate(&renewing()).incomplete();
+        assert!(ran.stderr.contains(&format!("is not whole and is done again: {number}\n")), "{ran}");
+        assert!(ran.stderr.contains(&format!("depends on all frames before: {again}\n")), "{ran}");
+        let before = done.map(|(done, left)| format!("{done} frames done before, {left} to do"));
+        assert_eq!(before.is_none(), !ran.stderr.contains("done before"), "{ran}");
+        assert!(ran.stderr.contains(&before.unwrap_or_default()), "{ran}");
+        assert_same(&whole, &results(&desk, "whole"), &format!("frame {number}"));
+    }
+    // Nothing is missing now: the frame that is no image is one of the chain and is not tried again.
+    let ran = desk.correlate(&renewing()).incomplete();
+    assert!(ran.stderr.contains("23 frames done before, nothing is missing"), "{ran}");
+    assert_same(&whole, &results(&desk, "whole"), "a finished run");
+}
+
+#[test]
+fn a_state_that_is_damaged_or_lost_leads_to_frames_done_again_and_to_no_other_result() {
+    let (desk, whole) = renewed();
+    let state = |number: usize| format!("whole/restart/chain/{number:06}.npz");
+    assert_eq!(desk.all_files("whole/restart/chain"), ["000020.npz", "000023.npz"]);
+    let status = desk.path("whole/fields.zarr/status/c.22");
+    let mark = fs::read(&status).unwrap();
+    let [at_20, at_23] = [20, 23].map(|number| desk.bytes(&state(number)));
+    let mut changed = at_23.clone();
+    changed[at_23.len() / 2] ^= 4;
+    let damages = [
+        ("changed", Some(changed)),
+        ("cut", Some(at_23[..at_23.len() - 9].to_vec())),
+        ("empty", Some(Vec::new())),
+        ("lost", None),
+        ("of another frame", Some(at_20.clone())),
+    ];
+    for (what, content) in damages {
+        match content {
+            Some(content) => fs::write(desk.path(&state(23)), content).unwrap(),
+            None => fs::remove_file(desk.path(&state(23))).unwrap(),
+        }
+        let ran = desk.correlate(&renewing()).incomplete();
+        assert!(ran.stderr.contains("depends on all frames before: 21-23\n"), "{what}: {ran}");
+        assert_same(&whole, &results(&desk, "whole"), what);
+        assert_eq!(desk.bytes(&state(23)), at_23, "{what}");
+    }
+    // Killed after the state and before the status of the last frame was written.
+    fs::remove_file(&status).unwrap();
+    fs::remove_file(desk.path(&state(20))).unwrap();
+    desk.correlate(&renewing()).incomplete();
+    assert_same(&whole, &results(&desk, "whole"), "no state at all");
+    assert_eq!((fs::read(&status).unwrap(), desk.bytes(&state(20))), (mark, at_20));
+}
+
+#[test]
+fn an_unreadable_frame_that_came_back_begins_another_chain_from_there() {
+    let (desk, _) = renewed();
+    desk.image("s/07.png", &moved([3.15, -2.1]));
+    let ran = desk.correlate(&renewing()).incomplete();
+    assert!(ran.stderr.contains("depends on all frames before: 1-23"), "{ran}");
+    let again = results(&desk, "whole");
+    desk.correlate(&renewing().replace("whole", "fresh")).incomplete();
+    assert_same(&results(&desk, "fresh"), &again, "with the frame that came back");
+    assert_eq!(desk.json("whole/summary.json")["counts"]["unreadable"], Value::Null);
+}
+
+#[test]
+fn an_image_that_is_needed_to_go_on_must_be_what_it_was() {
+    let (desk, whole) = renewed();
+    fs::remove_file(desk.path("whole/fields.zarr/status/c.21")).unwrap();
+    let was = desk.bytes("s/20.png");
+    desk.image("s/20.png", &moved([9.1, -6.1]));
+    let wanted = ["frame 20", "20.png", "its image has changed", "--overwrite"];
+    desk.correlate(&format!("--quiet {}", renewing())).refused(&wanted);
+    desk.write("s/20.png", "no image");
+    desk.correlate(&format!("--quiet {}", renewing())).refused(&["frame 20", "is needed to go on"]);
+    desk.write("s/20.png", was);
+    desk.correlate(&renewing()).incomplete();
+    assert_same(&whole, &results(&desk, "whole"), "with the image as it was");
+}
+
 // ---- what is refused ----
+
+#[test]
+fn a_store_of_before_there_was_a_choice_of_references_is_gone_on_with() {
+    let desk = Desk::with_series();
+    let line = format!("{INSIDE} --output out ref.png a.png b.png");
+    desk.correlate(&line).fine();
+    let group = desk.read("out/fields.zarr/zarr.json");
+    let before = group.replace("update_reference = \\\"never\\\"\\n", "");
+    assert_ne!(group, before);
+    desk.write("out/fields.zarr/zarr.json", before);
+    let ran = desk.correlate(&line).fine();
+    assert!(ran.stderr.contains("2 frames done before, nothing is missing"), "{ran}");
+    desk.correlate(&format!("--update-reference residual {line}"))
+        .refused(&["update_reference: \"never\" in the store, \"residual\" asked"]);
+}
 
 #[test]
 fn other_options_and_images_are_refused_with_the_difference_and_change_nothing() {
@@ -228,6 +365,10 @@ fn other_options_and_images_are_refused_with_the_difference_and_change_nothing()
         ("--roi 16,16,112,64", "zone: "),
         (&format!("{INSIDE} --start independent"), "start: \"previous\" in the store, \"independent\" asked"),
         (&format!("{INSIDE} --interpolation quintic"), "interpolation: \"cubic\" in the store, \"quintic\" asked"),
+        (
+            &format!("{INSIDE} --update-reference every 3"),
+            "update_reference: \"never\" in the store, \"every 3\" asked",
+        ),
         (&format!("{INSIDE} --noise 2"), "noise: none in the store, 2.0 asked"),
         (&format!("{INSIDE} --isa scalar"), "run.isa: "),
         (&format!("{INSIDE} --export none"), "run.export: "),

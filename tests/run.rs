@@ -271,3 +271,30 @@ fn the_demo_closes_with_what_was_found_its_interval_and_the_truth() {
     assert!((error / sigma - 1.0).abs() < 0.1, "{error} {sigma}");
     assert!(said.contains("report.html") && out.join("run/report.html").exists());
 }
+
+#[test]
+fn instants_that_were_measured_from_a_later_reference_are_named_in_the_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    copy(&made().join("images"), &folder.path().join("images"));
+    let case = folder.path().join("case.toml");
+    let text_of = text(made().join("case.toml"));
+    assert!(text_of.contains("[correlation]\n"), "{text_of}");
+    std::fs::write(&case, text_of.replace("[correlation]\n", "[correlation]\nupdate_reference = \"every 8\"\n"))
+        .unwrap();
+    let out = folder.path().join("run");
+    let (code, said) = run(&case, &out);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(json(out.join("correlation/summary.json"))["reference_updates"], serde_json::json!([8, 16]));
+    let fit = json(out.join("fit.json"));
+    let warnings = fit["warnings"].to_string();
+    assert!(
+        warnings.contains("11 of 19 instants, from frame 9 on, were measured from a later reference"),
+        "{warnings}"
+    );
+    assert!(!text(made().join("run/fit.json")).contains("later reference"));
+    for (name, truth) in [("phi_n", 1.0), ("delta_n", 0.005), ("delta_t", 0.05)] {
+        let value = fit["parameters"][name]["value"].as_f64().unwrap();
+        // What the elements change (0.5 %, above) and four standard uncertainties of 0.7 % at most.
+        assert!((value - truth).abs() < 0.033 * truth, "{name}: {value}");
+    }
+}

@@ -224,6 +224,34 @@ fn a_series_that_grows_ends_as_the_store_of_the_whole_and_can_be_read_at_any_tim
 }
 
 #[test]
+fn what_a_frame_was_measured_from_is_kept_where_the_reference_is_renewed() {
+    let (_folder, path) = written();
+    assert_eq!(Store::open(&path).unwrap().reference_frame(1).unwrap(), None);
+    let writer = StoreWriter::open(&path).unwrap();
+    for (number, from) in [(1, 0), (4, 70_000)] {
+        writer.write_reference_frame(number, from).unwrap();
+    }
+    assert!(matches!(writer.write_reference_frame(6, 0), Err(StoreError::NoFrame { number: 6, n_frames: N_FRAMES })));
+    let store = Store::open(&path).unwrap();
+    let all: Vec<Option<usize>> = (1..=N_FRAMES).map(|number| store.reference_frame(number).unwrap()).collect();
+    assert_eq!(all, [Some(0), None, None, Some(70_000), None]);
+    assert!(store.reference_frame(6).is_err());
+    let file = store.reference_frame_file(4);
+    let bytes = fs::read(&file).unwrap();
+    fs::write(&file, &bytes[1..]).unwrap();
+    assert!(matches!(store.check(4), Err(StoreError::DamagedChunk { frame: Some(4), .. })));
+    fs::remove_file(&file).unwrap();
+    assert!(matches!(store.check(4), Err(StoreError::MissingChunk { frame: Some(4), .. })));
+    store.check(1).unwrap();
+    // Taken back, and once more.
+    writer.unmark(1).unwrap();
+    writer.unmark(1).unwrap();
+    assert_eq!(store.status(1).unwrap(), None);
+    remove_store(&path).unwrap();
+    assert!(!path.exists());
+}
+
+#[test]
 fn every_array_says_its_unit_its_meaning_and_its_axes() {
     let (_folder, path) = written();
     let metadata = |name: &str| -> Value {

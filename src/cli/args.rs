@@ -3,11 +3,12 @@
 use super::frames::Frames;
 use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
-use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition};
+use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference};
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -86,7 +87,9 @@ pub enum Export {
     The same from a file, with another element size:\n    \
     quadrille correlate --case joint.toml --element-size 24 --output out24\n  \
     Where a mask is white, the mean of several images as the reference, one frame per page:\n    \
-    quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n\n\
+    quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n  \
+    A specimen that necks or turns far: the reference is renewed when it no longer matches:\n    \
+    quadrille correlate --update-reference residual --output out ref.tif 'frames/*.tif'\n\n\
     Half of a long series on each of two machines that share a disk:\n    \
     quadrille correlate --case long.toml --shard 1/2 --output out      (and 2/2 on the other)\n\n\
     A run that was stopped goes on when the same command is given again.\n\n\
@@ -160,6 +163,11 @@ pub struct CorrelateArgs {
     /// previous, with --shard independent.
     #[arg(long, value_name = "previous|independent")]
     pub start: Option<StartFrom>,
+    /// Large deformation: take a frame of the series for the reference of those that follow, when the present one matches
+    /// badly (residual) or after every N frames. Fields stay those of the first reference. Needs --start previous.
+    /// Default never.
+    #[arg(long, value_name = "residual|every N|never", allow_hyphen_values = true)]
+    pub update_reference: Option<UpdateReference>,
     /// Standard deviation of the camera noise, grey levels. Default: estimated from the residual.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub noise: Option<f64>,
@@ -952,6 +960,25 @@ pub struct SweepArgs {
     /// Only errors.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// The arguments with `every N` as one: a value of two words, which are told from the images that may follow.
+pub fn joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
+    for argument in arguments {
+        match joined.as_mut_slice() {
+            [.., flag, every] if flag == "--update-reference" && every == "every" => {
+                every.push(" ");
+                every.push(argument);
+            }
+            [.., every] if every == "--update-reference=every" => {
+                every.push(" ");
+                every.push(argument);
+            }
+            _ => joined.push(argument),
+        }
+    }
+    joined
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {

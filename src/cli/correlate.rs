@@ -1,6 +1,7 @@
 //! `quadrille correlate`.
 
 use super::args::{CorrelateArgs, ProgressKind};
+use super::kept::Kept;
 use super::lock::Lock;
 use super::plan::{self, MANY, Plan};
 use super::progress::{Busy, Progress, Talk};
@@ -14,14 +15,16 @@ use super::zones::Zones;
 use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
 use crate::backend::Backend;
 use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
-use crate::field::{StartFrom, Status, StrainField};
+use crate::field::{StartFrom, Status, StrainField, UpdateReference};
 use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
 use crate::io::case::{CaseFile, CaseImages, write_case};
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::isa::Isa;
 use crate::mesh::{Mesh, MeshError};
-use crate::report::summary::{FrameSummary, ReferenceSummary, Summary, counts, saturation_message, units};
+use crate::report::summary::{
+    FrameSummary, ReferenceSummary, Summary, counts, reference_updates, saturation_message, units,
+};
 use crate::units::Px;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
@@ -202,7 +205,22 @@ pub(super) fn run_series(
         .into_iter()
         .filter_map(|(wanted, name)| wanted.then_some(name))
         .collect();
-    let Earlier { done: earlier, damaged } = pool.install(|| Earlier::find(&store, folder.path(), &own, &tables));
+    let earlier = pool.install(|| Earlier::find(&store, folder.path(), &own, &tables));
+    let mut depending = Vec::new();
+    let (Earlier { done: earlier, damaged, .. }, kept) = match plan.update {
+        UpdateReference::Never => (earlier, Kept::default()),
+        update => {
+            let (earlier, kept) = earlier.of_chain(folder.path(), &plan.deformed, update, mesh);
+            // They are of another chain now, also should this start be killed before it comes to them.
+            for number in (kept.number + 1..=plan.deformed.len()).filter(|&number| store.status_file(number).exists()) {
+                writer.unmark(number)?;
+                depending.extend((!earlier.damaged.contains(&number)).then_some(number));
+            }
+            folder.make(RunFolder::CHAIN)?;
+            Kept::tidy(folder.path(), kept.number);
+            (earlier, kept)
+        }
+    };
     let numbers: Vec<usize> = own.iter().copied().filter(|number| !earlier.contains_key(number)).collect();
 
     let total = session.camera.is_none().then_some(own.len());
@@ -243,6 +261,10 @@ pub(super) fn run_series(
             plural(damaged.len(), "frame")
         ));
     }
+    if !depending.is_empty() {
+        let list = super::status::ranges(&depending);
+        progress.say(&format!("done again, since the reference depends on all frames before: {list}"));
+    }
     let border_notes: Vec<String> = correlator.bare_borders().iter().map(bare_border_note).collect();
     border_notes.iter().for_each(|note| progress.say(note));
     let mut hashes: BTreeMap<usize, Option<String>> = BTreeMap::new();
@@ -281,6 +303,7 @@ pub(super) fn run_series(
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
         nodes_held: correlator.held().iter().map(Into::into).collect(),
         messages: border_notes,
+        reference_updates: reference_updates(&frames),
         counts: counts(&frames),
         frames,
     };
@@ -305,9 +328,12 @@ pub(super) fn run_series(
     }
     let windows = windows(mesh);
     let frames = series::Frames {
+        known: &plan.deformed,
         settle: session.camera.as_ref().map(Camera::settle),
         windows: &windows,
         start: plan.options.start,
+        update: plan.update,
+        kept: &kept,
         stored: &|number| restart::stored_start(&store, folder.path(), number),
         stop: &session.stop,
     };
@@ -332,8 +358,9 @@ pub(super) fn run_series(
         let mut summary_every = SUMMARY_EVERY;
         let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
         let done = series::run(&engine, &pool, &frames, next, |done| {
-            let series::Done { sha256, summary: frame, result } = done;
+            let series::Done { sha256, summary: frame, result, news, kept } = done;
             hashes.insert(frame.number, sha256.clone());
+            news.iter().for_each(|line| progress.say(line));
             engine.take_notes().into_iter().for_each(|note| {
                 progress.say(&note);
                 summary.messages.push(note);
@@ -350,7 +377,7 @@ pub(super) fn run_series(
                 last_summary = Instant::now();
             }
             // When the writer has stopped, its error says why.
-            Ok(finished.send(ToWrite { summary: frame, sha256, result }).is_ok())
+            Ok(finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
         });
         drop(finished);
         writer.join().map_err(|_| "the writer stopped: this is a bug in quadrille")??;
@@ -431,6 +458,7 @@ pub(super) fn run_series(
 fn write_summary(folder: &RunFolder, summary: &mut Summary, begin: Instant) -> Result<()> {
     summary.frames.sort_by_key(|frame| frame.number);
     summary.counts = counts(&summary.frames);
+    summary.reference_updates = reference_updates(&summary.frames);
     summary.seconds_total = begin.elapsed().as_secs_f64();
     folder.write_summary(summary)
 }
@@ -593,6 +621,7 @@ struct ToWrite {
     summary: FrameSummary,
     sha256: Option<String>,
     result: Option<Correlation>,
+    kept: Option<Kept>,
 }
 
 /// Where the frames of a run go.
@@ -622,7 +651,7 @@ impl Output<'_> {
     }
 
     /// Writes a frame: field, tables, record, and its status last, which says that it is done.
-    fn write(&mut self, ToWrite { summary, sha256, result }: ToWrite) -> Result<()> {
+    fn write(&mut self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
         let Self { plan, folder, store, about, .. } = self;
         let (number, file, status) = (summary.number, summary.file.clone(), summary.status);
         let mut files = Vec::new();
@@ -632,7 +661,11 @@ impl Output<'_> {
             let length_px = about.element_size_px();
             let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
             store.write_field(number, measurement, &strain)?;
-            let of_store = self.fields.field_files(number);
+            let mut of_store = self.fields.field_files(number);
+            if kept.is_some() {
+                store.write_reference_frame(number, summary.reference_frame)?;
+                of_store.push(self.fields.reference_frame_file(number));
+            }
             files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
             if plan.csv {
                 folder.write_csv(number, about, &file, measurement, &strain)?;
@@ -646,7 +679,13 @@ impl Output<'_> {
         let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
         let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
         folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
+        if let Some(kept) = &kept {
+            folder.write(&Kept::name(number), |out| kept.write(out))?;
+        }
         store.mark(number, status)?;
+        if kept.is_some() {
+            Kept::remove_before(folder.path(), number);
+        }
         if plan.vtu && status.has_field() {
             self.in_series.insert(number);
             if self.alone && self.in_series.len().is_multiple_of(100) {

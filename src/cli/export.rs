@@ -210,10 +210,15 @@ fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: boo
     let files: Vec<String> = numbers.iter().map(|&number| header.frames[number - 1].clone()).collect();
     file.texts("frame_file", &files)?;
     let mut codes = Vec::with_capacity(numbers.len());
+    let mut references = Vec::new();
     for &number in numbers {
         codes.extend(store.status(number)?.map(|status| status.code()));
+        references.extend(store.reference_frame(number)?.map(|frame| frame as u32));
     }
     file.table("status", 1, &Values::U8(codes))?;
+    if !references.is_empty() {
+        file.table("reference_frame", 1, &Values::U32(references))?;
+    }
     for variable in Variable::ALL {
         file.begin(variable.name(), variable.number(), shape(store, variable, numbers, split))?;
         for (done, &number) in numbers.iter().enumerate() {

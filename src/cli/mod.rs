@@ -10,6 +10,7 @@ mod export;
 mod figures;
 mod frames;
 mod identify;
+mod kept;
 mod lock;
 mod metrology;
 mod paper;
@@ -55,7 +56,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// 130 stopped.
 pub fn main() -> ExitCode {
     devices::quiet_drivers();
-    let cli = match args::Cli::try_parse() {
+    let cli = match args::Cli::try_parse_from(args::joined(std::env::args_os())) {
         Ok(cli) => cli,
         // Help and version are what was asked for; clap prints them.
         Err(asked) if !asked.use_stderr() || asked.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {

@@ -4,7 +4,7 @@ use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::correlate::{Options, Regularisation};
-use crate::field::{RegularisationKind, StartFrom, StrainDefinition};
+use crate::field::{RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
@@ -27,6 +27,8 @@ pub(super) struct Plan {
     /// Guard of the whole image, when there is no zone, px.
     pub guard_px: Option<f64>,
     pub options: Options,
+    /// When the reference is renewed.
+    pub update: UpdateReference,
     pub isa: Isa,
     /// Whether the instruction path was asked for, or found out.
     pub isa_asked: bool,
@@ -89,6 +91,15 @@ impl Plan {
         if args.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
+        let update = args.update_reference.or(given.update_reference).unwrap_or_default();
+        if update != UpdateReference::Never && options.start == StartFrom::Independent {
+            let why = if args.shard.is_some() { "--shard" } else { "--start independent" };
+            return Err(format!(
+                "--update-reference {update} does not go with {why}: a reference is made of the frames before, one after \
+                 the other; leave one of them out"
+            )
+            .into());
+        }
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
@@ -125,6 +136,7 @@ impl Plan {
             zones,
             guard_px: args.guard,
             options,
+            update,
             isa,
             isa_asked: args.isa.is_some(),
             device: args.device.clone(),
@@ -169,6 +181,7 @@ impl Plan {
                 max_iterations: Some(options.max_iterations as u32),
                 brightness: Some(options.brightness),
                 start: Some(options.start),
+                update_reference: Some(self.update),
                 noise: options.noise,
                 regularisation: Some(options.regularisation.kind()),
                 cutoff_px: options.regularisation.cutoff_px(),

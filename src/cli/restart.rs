@@ -5,10 +5,12 @@
 //! of these a machine that went down may have lost what was not yet on the disk.
 
 use super::Result;
+use super::kept::Kept;
 use super::run_folder::RunFolder;
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
-use crate::field::Status;
+use crate::field::{Status, UpdateReference};
+use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::mesh::Mesh;
 use crate::report::summary::FrameSummary;
@@ -94,6 +96,8 @@ impl FrameRecord {
 pub(super) struct Earlier {
     /// The frames that are done, by number.
     pub done: BTreeMap<usize, (FrameSummary, Option<String>)>,
+    /// Those whose file could not be read, with the SHA-256 where one of another size could be.
+    unreadable: BTreeMap<usize, (FrameSummary, Option<String>)>,
     /// Frames with a status that are not whole.
     pub damaged: Vec<usize>,
 }
@@ -125,12 +129,29 @@ impl Earlier {
         for (number, frame) in found {
             match frame {
                 // A file that could not be read may be there now.
-                Some((summary, _)) if summary.status == Status::Unreadable => {}
+                Some(frame) if frame.0.status == Status::Unreadable => drop(earlier.unreadable.insert(number, frame)),
                 Some(frame) => drop(earlier.done.insert(number, frame)),
                 None => earlier.damaged.push(number),
             }
         }
         earlier
+    }
+
+    /// What of it holds when every frame depends on those before it: the frames up to the last from which a chain can go on,
+    /// and its state there. A frame that could not be read is one of them as long as its file is what it was.
+    pub fn of_chain(self, folder: &Path, frames: &[Frame], update: UpdateReference, mesh: &Mesh<Px>) -> (Self, Kept) {
+        let Self { mut done, mut unreadable, damaged } = self;
+        let is_as_before = |number: usize, sha256: &Option<String>| {
+            frames[number - 1].read().map(|loaded| loaded.sha256).ok() == *sha256
+        };
+        let mut number = 1;
+        while done.contains_key(&number) || unreadable.get(&number).is_some_and(|(_, was)| is_as_before(number, was)) {
+            done.extend(unreadable.remove(&number).map(|frame| (number, frame)));
+            number += 1;
+        }
+        let kept = Kept::last(folder, number - 1, update, mesh);
+        done.retain(|&number, _| number <= kept.number);
+        (Self { done, unreadable, damaged }, kept)
     }
 }
 
@@ -246,6 +267,9 @@ fn leaves(case: &str) -> BTreeMap<String, toml::Value> {
     }
     let mut found = BTreeMap::new();
     walk(toml::Value::Table(case.parse().unwrap_or_default()), String::new(), &mut found);
+    // Of before there was a choice.
+    let update = "correlation.update_reference".to_owned();
+    found.entry(update).or_insert_with(|| UpdateReference::Never.to_string().into());
     let aside = |key: &str| key == "run.quadrille" || key == "run.threads" || key.starts_with("run.units.");
     found.retain(|key, _| !aside(key));
     found

@@ -31,6 +31,8 @@ impl RunFolder {
     pub const SUMMARY: &str = "summary.json";
     /// Folder of the records of the frames.
     pub const FRAMES: &str = "restart/frames";
+    /// Folder of the states of a run whose reference is renewed.
+    pub const CHAIN: &str = "restart/chain";
 
     /// Makes the folder and checks that it can be written and holds no other run, unless `overwrite`.
     /// Nothing is removed yet.
@@ -91,8 +93,13 @@ impl RunFolder {
         }
         remove_store(&self.0.join(STORE))?;
         remove(&self.0.join(CASE))?;
-        let numbered =
-            [("csv", &["csv"][..]), ("vtu", &["vtu"]), (FIGURES, &["png", "svg"]), (Self::FRAMES, &["json"])];
+        let numbered = [
+            ("csv", &["csv"][..]),
+            ("vtu", &["vtu"]),
+            (FIGURES, &["png", "svg"]),
+            (Self::FRAMES, &["json"]),
+            (Self::CHAIN, &["npz"]),
+        ];
         for (kind, endings) in numbered {
             let Ok(entries) = fs::read_dir(self.0.join(kind)) else { continue };
             for entry in entries.flatten() {

@@ -1,17 +1,21 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
+use super::kept::Kept;
 use super::stop::Stop;
 use super::{Result, chain};
 use crate::backend::choice::Device;
 use crate::backend::{AnyBackend, AnyFrame, Backend, BackendError};
-use crate::correlate::{Correlation, CorrelationError, Correlator, History, Options, Start, StartUsed};
-use crate::field::{StartFrom, Status};
+use crate::correlate::{
+    Correlation, CorrelationError, Correlator, History, Options, ReferenceChain, Start, StartUsed, UpdateRefused,
+};
+use crate::field::{StartFrom, Status, UpdateReference};
 use crate::imaging::{Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
 use crate::mesh::Zone;
 use crate::report::summary::FrameSummary;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -48,6 +52,16 @@ struct Current {
 
 /// An image on the device of one generation.
 type Uploaded = (usize, AnyFrame);
+
+/// Why a frame cannot be correlated.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error(transparent)]
+    Correlation(#[from] CorrelationError),
+    /// An image of before that is needed once more.
+    #[error("{0}")]
+    Image(String),
+}
 
 impl Engine {
     /// Prepares the reference on `device`; on the CPU when that is a graphics device chosen by itself which fails.
@@ -106,14 +120,15 @@ impl Engine {
         Some((generation, correlator.frame(image).ok()?))
     }
 
-    /// Correlates frame `number`. When a graphics device fails, once more on a fresh one, then on the CPU.
+    /// Correlates frame `number` by `work`, which is given the correlator of a generation. When a graphics device fails, once
+    /// more on a fresh one, then on the CPU.
     fn correlate(
         &self,
         number: usize,
         image: &Arc<Image>,
         mut uploaded: Option<Uploaded>,
-        start: Option<&Start>,
-    ) -> std::result::Result<(Correlation, Arc<Correlator<AnyBackend>>), CorrelationError> {
+        mut work: impl FnMut(usize, &Arc<Correlator<AnyBackend>>, AnyFrame) -> std::result::Result<Correlation, Failure>,
+    ) -> std::result::Result<(Correlation, Arc<Correlator<AnyBackend>>), Failure> {
         let mut tried_again = false;
         loop {
             let (generation, correlator) = self.current();
@@ -121,8 +136,8 @@ impl Engine {
                 Some((of, frame)) if of == generation => Ok(frame),
                 _ => correlator.frame(image.clone()),
             };
-            match frame.and_then(|frame| correlator.correlate_frame(frame, start)) {
-                Err(CorrelationError::Backend(error)) if !correlator.backend().is_cpu() => {
+            match frame.map_err(Failure::from).and_then(|frame| work(generation, &correlator, frame)) {
+                Err(Failure::Correlation(CorrelationError::Backend(error))) if !correlator.backend().is_cpu() => {
                     self.replace(generation, number, &error, tried_again)?;
                     tried_again = true;
                 }
@@ -163,11 +178,17 @@ impl Engine {
 /// How the deformed images of a run are read and correlated.
 #[derive(Clone, Copy)]
 pub(super) struct Frames<'a> {
+    /// Those that are known at the start, from number 1 on.
+    pub known: &'a [Frame],
     /// How long a file must have been the same, when they are being written: one that is not whole is waited for.
     pub settle: Option<Duration>,
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
     pub start: StartFrom,
+    /// When the reference is renewed; then only in order.
+    pub update: UpdateReference,
+    /// Where a run whose reference is renewed goes on.
+    pub kept: &'a Kept,
     /// Of a frame that was done before: where tracking goes on after it, when it converged.
     pub stored: &'a (dyn Fn(usize) -> Result<Option<Start>> + Sync),
     /// Once it is asked to stop, frames that are on the device are finished and no other is begun.
@@ -215,6 +236,17 @@ pub(super) struct Done {
     pub summary: FrameSummary,
     /// None when it could not be read.
     pub result: Option<Correlation>,
+    /// What is worth saying of it beside.
+    pub news: Vec<String>,
+    /// What a run whose reference is renewed needs to go on after it.
+    pub kept: Option<Kept>,
+}
+
+impl Done {
+    fn unreadable(sha256: Option<String>, number: usize, file: String, message: String, seconds_decode: f64) -> Self {
+        let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
+        Self { sha256, summary, result: None, news: Vec::new(), kept: None }
+    }
 }
 
 /// Decoding threads and frames correlated at a time.
@@ -354,6 +386,124 @@ fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decode
     }
 }
 
+/// How a worker correlates one frame after the other.
+enum Worker<'a> {
+    /// All of them with the reference given.
+    Tracking { history: History, last: usize },
+    /// With a reference that is renewed.
+    Chain(Box<Chain<'a>>),
+}
+
+/// A chain of references and what it is made of again when its device has failed.
+struct Chain<'a> {
+    frames: &'a Frames<'a>,
+    kept: Kept,
+    /// The files of the frames that it needs the images of.
+    files: BTreeMap<usize, Frame>,
+    /// With the generation of its correlator; none before the first frame.
+    chain: Option<(usize, ReferenceChain<AnyBackend>)>,
+}
+
+/// A frame that was correlated.
+struct Correlated {
+    result: Correlation,
+    correlator: Arc<Correlator<AnyBackend>>,
+    /// Whether it was predicted from frames before it.
+    tracked: bool,
+    /// Whether it is the first with its reference.
+    renewed: bool,
+    refused: Vec<UpdateRefused>,
+}
+
+impl<'a> Worker<'a> {
+    fn new(frames: &'a Frames<'a>) -> Self {
+        match frames.update {
+            UpdateReference::Never => Self::Tracking { history: History::new(frames.start), last: 0 },
+            _ => {
+                let file = |&number: &usize| Some((number, frames.known.get(number - 1)?.clone()));
+                let files = frames.kept.images.keys().filter_map(file).collect();
+                Self::Chain(Box::new(Chain { frames, kept: frames.kept.clone(), files, chain: None }))
+            }
+        }
+    }
+
+    /// Lets it know the frames before `number` that were done before.
+    fn catch_up(&mut self, frames: &Frames<'_>, number: usize) -> Result<()> {
+        match self {
+            Self::Tracking { history, last } => frames.catch_up(history, std::mem::replace(last, number), number),
+            Self::Chain(_) => Ok(()),
+        }
+    }
+
+    fn correlate(
+        &mut self,
+        engine: &Engine,
+        number: usize,
+        file: Frame,
+        Picture { image, sha256, uploaded, .. }: Picture,
+    ) -> std::result::Result<Correlated, Failure> {
+        match self {
+            Self::Tracking { history, .. } => {
+                let start = history.predict(number);
+                let (result, correlator) = engine.correlate(number, &image, uploaded, |_, correlator, frame| {
+                    Ok(correlator.correlate_frame(frame, start.as_ref())?)
+                })?;
+                history.note(number, &result);
+                let (tracked, refused) = (start.is_some(), Vec::new());
+                Ok(Correlated { result, correlator, tracked, renewed: false, refused })
+            }
+            Self::Chain(chain) => chain.correlate(engine, number, &image, (file, sha256), uploaded),
+        }
+    }
+
+    /// What to keep after frame `number`.
+    fn kept(&mut self, number: usize) -> Option<Kept> {
+        let Self::Chain(chain) = self else { return None };
+        chain.kept.number = number;
+        Some(chain.kept.clone())
+    }
+}
+
+impl Chain<'_> {
+    fn correlate(
+        &mut self,
+        engine: &Engine,
+        number: usize,
+        image: &Arc<Image>,
+        (file, sha256): (Frame, String),
+        uploaded: Option<Uploaded>,
+    ) -> std::result::Result<Correlated, Failure> {
+        let Self { frames: Frames { update, .. }, kept, files, chain } = self;
+        let mut refused = Vec::new();
+        let (result, correlator) = engine.correlate(number, image, uploaded, |generation, correlator, frame| {
+            // A chain whose frame has failed is not put back.
+            let mut whole = match chain.take() {
+                Some((of, chain)) if of == generation => chain,
+                _ => ReferenceChain::resume(correlator.clone(), *update, (*kept.state).clone(), |number| {
+                    kept.image(number, files.get(&number)).map_err(Failure::Image)
+                })?,
+            };
+            let result = whole.correlate_frame(number, image.clone(), frame)?;
+            refused = whole.take_refused();
+            *chain = Some((generation, whole));
+            Ok(result)
+        })?;
+        let state = match chain {
+            Some((_, chain)) => Arc::new(chain.state()),
+            None => kept.state.clone(),
+        };
+        let tracked = kept.state.last.is_some();
+        let renewed = state.updates.len() > kept.state.updates.len();
+        kept.images.insert(number, sha256);
+        files.insert(number, file);
+        let needed = state.frames_needed(*update);
+        kept.images.retain(|frame, _| needed.contains(frame));
+        files.retain(|frame, _| needed.contains(frame));
+        kept.state = state;
+        Ok(Correlated { result, correlator, tracked, renewed, refused })
+    }
+}
+
 /// Correlates frames as they come.
 fn correlate(
     engine: &Engine,
@@ -362,15 +512,14 @@ fn correlate(
     uploaded: &Mutex<Receiver<Decoded>>,
     out: &SyncSender<Result<Done>>,
 ) {
-    let mut history = History::new(frames.start);
-    let mut last = 0;
+    let mut worker = Worker::new(frames);
     while !frames.stop.is_asked() {
         let next = uploaded.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(decoded) = next else { return };
         let number = decoded.number;
-        let known = frames.catch_up(&mut history, last, number);
-        last = number;
-        let done = known.and_then(|()| pool.install(|| one_frame(engine, &mut history, decoded)));
+        let known = worker.catch_up(frames, number);
+        let done = known.and_then(|()| pool.install(|| one_frame(engine, &mut worker, decoded)));
+        let done = done.map(|done| Done { kept: worker.kept(number), ..done });
         if out.send(done).is_err() {
             return; // nobody wants more
         }
@@ -378,34 +527,35 @@ fn correlate(
 }
 
 /// Correlates one frame. A frame that cannot be used is a result with its reason.
-fn one_frame(engine: &Engine, history: &mut History, decoded: Decoded) -> Result<Done> {
+fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Result<Done> {
     let Decoded { number, frame: source, loaded, saturation, seconds: seconds_decode } = decoded;
     let file = source.to_string();
-    let Picture { image, sha256, mut notes, uploaded } = match loaded {
+    let mut picture = match loaded {
         Ok(picture) => picture,
-        Err(error) => {
-            let summary = FrameSummary::unreadable(number, file, chain(&error), seconds_decode);
-            return Ok(Done { sha256: None, summary, result: None });
-        }
+        Err(error) => return Ok(Done::unreadable(None, number, file, chain(&error), seconds_decode)),
     };
     let begin = Instant::now();
-    let sha256 = Some(sha256);
-    let start = history.predict(number);
-    match engine.correlate(number, &image, uploaded, start.as_ref()) {
-        Ok((result, correlator)) => {
-            notes.extend(start.and_then(|_| about_tracking(&result)).map(str::to_owned));
-            history.note(number, &result);
+    let (sha256, mut notes) = (Some(picture.sha256.clone()), std::mem::take(&mut picture.notes));
+    match worker.correlate(engine, number, source, picture) {
+        Ok(Correlated { result, correlator, tracked, renewed, refused }) => {
+            notes.extend(about_tracking(&result).filter(|_| tracked).map(str::to_owned));
+            let refused: Vec<String> = refused.iter().map(|refused| chain(refused)).collect();
+            notes.extend(refused.iter().cloned());
+            let mut news = refused;
+            if renewed {
+                let reference = result.reference_frame;
+                news.push(format!("frame {number}: measured from frame {reference}, the new reference"));
+            }
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.backend().device();
             summary.device = (device != engine.name).then_some(device);
             let summary = summary.with_saturation(saturation);
-            Ok(Done { sha256, summary, result: Some(result) })
+            Ok(Done { sha256, summary, result: Some(result), news, kept: None })
         }
-        Err(error) if error.is_of_the_frame() => {
+        Err(Failure::Correlation(error)) if error.is_of_the_frame() => {
             let message = format!("{file}: {}", chain(&error));
-            let summary = FrameSummary::unreadable(number, file, message, seconds_decode);
-            Ok(Done { sha256, summary, result: None })
+            Ok(Done::unreadable(sha256, number, file, message, seconds_decode))
         }
         Err(error) => Err(error.into()),
     }

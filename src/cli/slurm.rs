@@ -2,6 +2,7 @@
 
 use super::args::SlurmArgs;
 use super::{Outcome, Result, absolute};
+use crate::field::UpdateReference;
 use crate::io::case::read_case;
 use clap::ValueEnum;
 use std::fs;
@@ -14,7 +15,15 @@ const WARNING_S: usize = 120;
 /// Runs the command.
 pub(super) fn run(args: &SlurmArgs) -> Result<Outcome> {
     // A case that cannot be read is refused here, not by a hundred tasks.
-    read_case(&args.case)?;
+    let case = read_case(&args.case)?;
+    if let Some(update) = case.correlation.update_reference.filter(|&update| update != UpdateReference::Never) {
+        return Err(format!(
+            "{}: update_reference = \"{update}\" makes every frame depend on those before it, so that tasks cannot share the \
+             series; leave it out, or run the series in one task with `quadrille correlate`",
+            args.case.display()
+        )
+        .into());
+    }
     let stem = args.case.file_stem().map_or_else(|| "quadrille".into(), |stem| stem.to_string_lossy().into_owned());
     let scripts = args.scripts.clone().unwrap_or_else(|| ".".into());
     fs::create_dir_all(&scripts).map_err(|error| format!("{}: cannot be made: {error}", scripts.display()))?;

@@ -52,6 +52,8 @@ pub struct ChainState {
     pub baseline: Option<Vec<f64>>,
     /// The frames that have become references, in order.
     pub updates: Vec<usize>,
+    /// The last frame that was refused as a reference: it is not tried again.
+    pub refused: Option<usize>,
 }
 
 impl ChainState {
@@ -181,7 +183,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     ) -> Result<Self, E> {
         state.check(original.mesh())?;
         let mut chain = Self::new(original, update);
-        let ChainState { reference, last, before, baseline, updates } = state;
+        let ChainState { reference, last, before, baseline, updates, refused } = state;
         if let Some(key) = reference {
             let picture = image(key.frame)?;
             if last.as_ref().is_some_and(|last| last.frame == key.frame) {
@@ -198,7 +200,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
             chain.history = History::of(chain.original.options().start, fields, last.transfer.clone());
             chain.last = Some(last);
         }
-        (chain.baseline, chain.updates) = (baseline, updates);
+        (chain.baseline, chain.updates, chain.unfit) = (baseline, updates, refused);
         Ok(chain)
     }
 
@@ -210,6 +212,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
             before: self.history.fields().get(1).cloned(),
             baseline: self.baseline.clone(),
             updates: self.updates.clone(),
+            refused: self.unfit,
         }
     }
 
@@ -498,7 +501,11 @@ impl<B: Backend> Correlator<B> {
 }
 
 impl ChainState {
-    fn check(&self, mesh: &Mesh<Px>) -> Result<(), CorrelationError> {
+    /// Whether it can be that of a chain on `mesh`.
+    ///
+    /// # Errors
+    /// [`CorrelationError::State`] with the first list of another length.
+    pub fn check(&self, mesh: &Mesh<Px>) -> Result<(), CorrelationError> {
         let check = |what, given: usize, wanted: usize| {
             if given == wanted { Ok(()) } else { Err(CorrelationError::State { what, given, wanted }) }
         };

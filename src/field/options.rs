@@ -165,7 +165,7 @@ impl FromStr for RegularisationKind {
 
 /// When a series takes one of its own frames for the reference of those that follow.
 ///
-/// In a case file `"never"`, `"residual"`, or the number of frames; as an option also `every N`.
+/// `never`, `residual` or `every N`; a number of frames alone is `every N` as well.
 ///
 /// ```
 /// use quadrille::field::UpdateReference;
@@ -175,7 +175,7 @@ impl FromStr for RegularisationKind {
 /// assert!("every 0".parse::<UpdateReference>().is_err());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(try_from = "UpdateWord", into = "UpdateWord")]
+#[serde(try_from = "UpdateWord", into = "String")]
 pub enum UpdateReference {
     /// Every frame is correlated with the reference given; the default.
     #[default]
@@ -188,10 +188,10 @@ pub enum UpdateReference {
 }
 
 /// What a case file holds for it.
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected \"never\", \"residual\" or \"every N\"")]
 enum UpdateWord {
-    Frames(usize),
+    Frames(i64),
     Word(String),
 }
 
@@ -206,12 +206,9 @@ impl TryFrom<UpdateWord> for UpdateReference {
     }
 }
 
-impl From<UpdateReference> for UpdateWord {
+impl From<UpdateReference> for String {
     fn from(update: UpdateReference) -> Self {
-        match update {
-            UpdateReference::Every(frames) => Self::Frames(frames.get()),
-            other => Self::Word(other.to_string()),
-        }
+        update.to_string()
     }
 }
 
@@ -229,7 +226,7 @@ impl FromStr for UpdateReference {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        let frames = word.strip_prefix("every ").unwrap_or(word).trim();
+        let frames = word.strip_prefix("every").unwrap_or(word).trim_start_matches([' ', ':']);
         match word {
             "never" => Ok(UpdateReference::Never),
             "residual" => Ok(UpdateReference::Residual),

@@ -548,6 +548,19 @@ fn noise(
                     (even_texture(mesh.nodes(), mesh.elements()), "even texture")
                 }
             };
+            let staged = observation.instants.iter().map(|instant| instant.index);
+            let staged: Vec<usize> = staged.filter(|&instant| run.measured_from[instant] > 0).collect();
+            if let Some(&first) = staged.first() {
+                doubts.push(format!(
+                    "{} of {} instants, from frame {} on, were measured from a later reference (frame {}): their covariance \
+                     is taken to be that of the first reference, with the mean of the standard uncertainties that the \
+                     store states; theirs are larger",
+                    staged.len(),
+                    observation.instants.len(),
+                    run.frames[first],
+                    run.measured_from[first]
+                ));
+            }
             let RunMatrix { corners, matrices } = matrix;
             let precision = Precision::of_matrix(mesh.nodes(), &corners, &matrices, &observation.nodes)
                 .map_err(|fault| FitError::Covariance { row: fault.node })?;

@@ -1,6 +1,6 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition};
+use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use lists::{four_numbers, one_or_list, one_or_more, polygon, polygons};
@@ -150,6 +150,9 @@ pub struct CaseCorrelation {
     /// Where the correlation of a frame starts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<StartFrom>,
+    /// When a frame becomes the reference of those that follow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub update_reference: Option<UpdateReference>,
     /// Standard deviation of the camera noise, grey levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,

@@ -1,10 +1,11 @@
 //! Arrays for NumPy: `.npz`, an archive of one `.npy` file for each array.
 
 use super::arrays::{ArrayFile, ArrayFileError, Number, Open, Shape, Values};
-use npyz::{DType, WriteOptions, WriterBuilder};
-use std::io::{Seek, Write};
+use npyz::{DType, NpyFile, WriteOptions, WriterBuilder};
+use std::collections::BTreeMap;
+use std::io::{self, Read, Seek, Write};
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// Writes a `.npz` file that `numpy.load` reads, uncompressed as `numpy.savez` does. It may be of any size.
 ///
@@ -53,6 +54,60 @@ impl<W: Write + Seek> NpzWriter<W> {
     }
 }
 
+/// NumPy's word for a kind of numbers.
+fn type_word(number: Number) -> &'static str {
+    match number {
+        Number::F64 => "<f8",
+        Number::F32 => "<f4",
+        Number::U32 => "<u4",
+        Number::U8 => "|u1",
+    }
+}
+
+/// The arrays of a `.npz` file that [`NpzWriter`] wrote, by name, each as one list; no texts. All of the file is checked:
+/// what was changed or cut is no result.
+///
+/// ```
+/// use quadrille::io::arrays::{ArrayFile, Values};
+/// use quadrille::io::npz::{NpzWriter, read_npz};
+/// let mut file = NpzWriter::new(std::io::Cursor::new(Vec::new()));
+/// file.table("u", 2, &Values::F64(vec![0.1, -0.0, 1e-300, 4.0]))?;
+/// let mut bytes = file.finish()?;
+/// assert_eq!(read_npz(&mut bytes)?["u"], Values::F64(vec![0.1, -0.0, 1e-300, 4.0]));
+/// bytes.get_mut()[180] ^= 1;
+/// assert!(read_npz(&mut bytes).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// A file that is not whole or none of this kind, and those of the reader.
+pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> {
+    let mut zip = ZipArchive::new(from).map_err(io::Error::other)?;
+    let mut arrays = BTreeMap::new();
+    for k in 0..zip.len() {
+        let mut member = zip.by_index(k).map_err(io::Error::other)?;
+        // To the very end, where the checksum is compared.
+        let mut bytes = Vec::new();
+        member.read_to_end(&mut bytes)?;
+        let array = NpyFile::new(bytes.as_slice())?;
+        let kind = array.dtype().descr();
+        let is = |number: Number| kind == format!("'{}'", type_word(number));
+        let values = if is(Number::F64) {
+            Values::F64(array.into_vec()?)
+        } else if is(Number::F32) {
+            Values::F32(array.into_vec()?)
+        } else if is(Number::U32) {
+            Values::U32(array.into_vec()?)
+        } else if is(Number::U8) {
+            Values::U8(array.into_vec()?)
+        } else {
+            continue;
+        };
+        arrays.insert(member.name().map_err(io::Error::other)?.trim_end_matches(".npy").to_owned(), values);
+    }
+    Ok(arrays)
+}
+
 impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
     const FIRST: u32 = 0;
 
@@ -65,13 +120,7 @@ impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
         if shape.components > 1 {
             axes.push(shape.components as u64);
         }
-        let type_word = match number {
-            Number::F64 => "<f8",
-            Number::F32 => "<f4",
-            Number::U32 => "<u4",
-            Number::U8 => "|u1",
-        };
-        self.member(name, type_word, &axes)?;
+        self.member(name, type_word(number), &axes)?;
         self.open = Some(Open::new(name, number, shape));
         Ok(())
     }

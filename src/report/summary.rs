@@ -5,7 +5,7 @@ use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Everything that `summary.json` holds. Lengths are in px of the reference image (y down), grey levels
 /// in the images' own scale.
@@ -42,6 +42,9 @@ pub struct Summary {
     /// What to know about the zones, such as one that ends at a place without texture and has no guard.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub messages: Vec<String>,
+    /// The frames that have become references, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub reference_updates: Vec<usize>,
     /// Number of frames by status.
     pub counts: BTreeMap<&'static str, usize>,
     /// The frames, in series order.
@@ -121,6 +124,9 @@ pub struct FrameSummary {
     /// What to know about it: why it could not be read, what its file is like, or that tracking lost it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub messages: Vec<String>,
+    /// Number of the frame that it was measured from; absent where that is the reference given.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub reference_frame: usize,
     /// Gauss-Newton iterations on the finest level.
     pub iterations: usize,
     /// Those on the coarser levels.
@@ -218,6 +224,7 @@ impl FrameSummary {
             file,
             status: Status::Unreadable,
             messages: vec![message],
+            reference_frame: 0,
             iterations: 0,
             iterations_coarse: 0,
             correction_px: None,
@@ -263,6 +270,7 @@ impl FrameSummary {
             file,
             status: result.measurement.status,
             messages,
+            reference_frame: result.reference_frame,
             iterations: result.iterations,
             iterations_coarse: result.coarse_iterations,
             correction_px: finite(result.correction_px),
@@ -291,6 +299,16 @@ impl FrameSummary {
         self.messages.extend(found.and_then(saturation_message));
         self
     }
+}
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
+}
+
+/// The frames that others were measured from, in order.
+pub fn reference_updates(frames: &[FrameSummary]) -> Vec<usize> {
+    let references = frames.iter().map(|frame| frame.reference_frame).filter(|&frame| frame > 0);
+    references.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// Number of frames by status.

@@ -16,6 +16,8 @@ pub struct JointRun {
     pub mesh: JointMeshFile,
     /// Number of the frame of each instant.
     pub frames: Vec<usize>,
+    /// Number of the frame that each instant was measured from; 0 for the reference given.
+    pub measured_from: Vec<usize>,
     /// Displacement of every node at each instant, mm; `None` where it was not measured.
     pub instants: Vec<Vec<Option<[f64; 2]>>>,
     /// Standard uncertainty of each displacement at each instant, mm; zero where it was not measured.
@@ -63,11 +65,13 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         ..JointMeshFile::default()
     };
     let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut measured_from = Vec::new();
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(field) => {
                 let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then(|| mm_up(scale, u));
                 frames.push(number);
+                measured_from.push(store.reference_frame(number)?.unwrap_or(0));
                 sigma.push(field.sigma.iter().map(|s| s.map(|s| scale.mm_from_px(s))).collect());
                 instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
             }
@@ -83,7 +87,8 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
     });
     let n_references = store.header().reference.len().max(1);
-    Ok(JointRun { path: path.to_owned(), mesh, frames, instants, sigma, normal_matrix, n_references, left_out })
+    let path = path.to_owned();
+    Ok(JointRun { path, mesh, frames, measured_from, instants, sigma, normal_matrix, n_references, left_out })
 }
 
 /// The matrix times `factor`, with y up: what couples x and y changes its sign.

@@ -13,6 +13,8 @@ use zarrs::metadata::ChunkKeySeparator;
 pub(super) const VERSION: u64 = 1;
 /// Name of the array of the normal matrices.
 pub(super) const NORMAL_MATRICES: &str = "normal_matrix";
+/// Name of the array of the frames that others were measured from.
+pub(super) const REFERENCE_FRAME: &str = "reference_frame";
 /// Status of a frame that is not done: the fill value of the array.
 pub(super) const NOT_DONE: u8 = 255;
 /// The fastest: most of a field is noise in the last digits, which no level makes smaller.
@@ -207,17 +209,30 @@ impl Form {
     pub fn status(n_frames: usize) -> Self {
         let meaning = "how the frame ended, written after everything else of it: codes in the attribute status_codes \
                        of the group; 255 while it is not done";
-        let shape = vec![n_frames as u64];
+        Self { fill: Some(NOT_DONE), ..Self::per_frame("status", Number::U8, n_frames, meaning) }
+    }
+
+    /// Not in every store.
+    pub fn reference_frame(n_frames: usize) -> Self {
+        let meaning = "number (from 1) of the frame whose image the frame was correlated with; 0 for the reference given. \
+                       Displacements lead from the reference given in any case, as the sum of the stages, and sigma_px is \
+                       that of the whole way; residual_grey is against the image of that frame, and normal_matrix is that \
+                       of the reference given";
+        Self::per_frame(REFERENCE_FRAME, Number::U32, n_frames, meaning)
+    }
+
+    /// One number for each frame.
+    fn per_frame(name: &'static str, number: Number, n_frames: usize, meaning: &'static str) -> Self {
         Self {
-            name: "status",
-            number: Number::U8,
-            shape,
+            name,
+            number,
+            shape: vec![n_frames as u64],
             chunk: vec![1],
             axes: vec!["frame"],
             components: &[],
             unit: "1",
             meaning,
-            fill: Some(NOT_DONE),
+            fill: Some(0),
         }
     }
 

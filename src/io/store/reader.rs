@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::folder::Folder;
-use super::layout::{Form, NORMAL_MATRICES, NOT_DONE, Place, Variable, codec_options};
+use super::layout::{Form, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options};
 use super::{STORE, StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
 use crate::io::arrays::{Number, Values};
@@ -121,6 +121,30 @@ impl Store {
         }
     }
 
+    /// Number of the frame that frame `number` (from 1) was measured from, 0 for the reference given; `None` in the store of
+    /// a run whose reference is never renewed, and for a frame without a field.
+    ///
+    /// # Errors
+    /// As [`Store::frame`].
+    pub fn reference_frame(&self, number: usize) -> Result<Option<usize>, StoreError> {
+        let has_field = self.status(number)?.is_some_and(Status::has_field);
+        if !has_field || !self.path().join(REFERENCE_FRAME).join("zarr.json").is_file() {
+            return Ok(None);
+        }
+        let array = Form::reference_frame(self.n_frames()).open(&self.folder)?;
+        let at = [number as u64 - 1];
+        match chunk::<u32>(&self.folder, &array, &at, Some(number))?.as_deref() {
+            Some(&[frame]) => Ok(Some(frame as usize)),
+            Some(frames) => Err(self.damaged(&array, &at, number, format!("{} numbers, not 1", frames.len()))),
+            None => Err(StoreError::MissingChunk { file: self.reference_frame_file(number), frame: Some(number) }),
+        }
+    }
+
+    /// The file of [`Store::reference_frame`].
+    pub fn reference_frame_file(&self, number: usize) -> PathBuf {
+        self.path().join(REFERENCE_FRAME).join(format!("c.{}", number - 1))
+    }
+
     /// The file whose presence says that frame `number` (from 1) is done.
     pub fn status_file(&self, number: usize) -> PathBuf {
         self.folder.file(&self.status.chunk_key(&[number as u64 - 1]))
@@ -138,6 +162,7 @@ impl Store {
     /// As [`Store::frame`].
     pub fn check(&self, number: usize) -> Result<(), StoreError> {
         self.frame(number)?;
+        self.reference_frame(number)?;
         self.strain(number).map(drop)
     }
 

@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::folder::{Folder, PART};
-use super::layout::{Form, NORMAL_MATRICES, Variable, codec_options};
+use super::layout::{Form, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
@@ -249,6 +249,31 @@ impl StoreWriter {
         self.chunk(&array, &[0, 0], matrices.as_flattened())
     }
 
+    /// Notes the number of the frame that frame `number` (from 1) was measured from, 0 for the reference given: before its
+    /// status, in runs whose reference is renewed.
+    ///
+    /// # Errors
+    /// A number that the series does not have, and what the file system refuses.
+    pub fn write_reference_frame(&self, number: usize, reference_frame: usize) -> Result<(), StoreError> {
+        self.check_number(number)?;
+        let form = Form::reference_frame(self.series().room);
+        let is_there = self.path().join(REFERENCE_FRAME).join("zarr.json").is_file();
+        let array = if is_there { form.open(&self.folder)? } else { form.create(&self.folder)? };
+        self.chunk(&array, &[number as u64 - 1], &[reference_frame as u32][..])
+    }
+
+    /// Takes back that frame `number` (from 1) is done: what it holds is replaced.
+    ///
+    /// # Errors
+    /// What the file system refuses.
+    pub fn unmark(&self, number: usize) -> Result<(), StoreError> {
+        let file = self.folder.file(&self.status.chunk_key(&[number as u64 - 1]));
+        match fs::remove_file(&file) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::write(file, error)),
+            _ => Ok(()),
+        }
+    }
+
     /// Adds the SHA-256 of the deformed images, once they are all known; `None` for one that could not be read. Gives back
     /// the room that the arrays have for frames to come.
     ///
@@ -332,6 +357,9 @@ fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>) -> Resu
     for v in Variable::ALL {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
+    if folder.path().join(REFERENCE_FRAME).join("zarr.json").is_file() {
+        Form::reference_frame(n_frames).create(folder)?;
+    }
     Form::status(n_frames).create(folder).map(drop)
 }
 
@@ -379,7 +407,8 @@ pub fn remove_store(path: &Path) -> Result<(), StoreError> {
         Err(error) => return Err(StoreError::write(path.to_owned(), error)),
     }
     // The status first: a store that is removed half-way shows no frame that is not whole.
-    let constants = ["node_position_px", "element_nodes", "node_zone", "element_zone", NORMAL_MATRICES];
+    let constants =
+        ["node_position_px", "element_nodes", "node_zone", "element_zone", NORMAL_MATRICES, REFERENCE_FRAME];
     for name in ["status"].into_iter().chain(Variable::ALL.map(Variable::name)).chain(constants) {
         let array = path.join(name);
         match fs::remove_dir_all(&array) {
