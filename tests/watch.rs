@@ -265,3 +265,24 @@ fn what_cannot_be_watched_is_refused_and_changes_nothing() {
     assert_eq!(end(child).0, Some(0));
     assert_same(&before, &results(&desk, "out"), "with another at the door");
 }
+
+#[test]
+fn a_reference_that_is_renewed_while_watching_gives_the_bits_of_correlate() {
+    let desk = desk(9);
+    let chain = "--update-reference every 2";
+    let write = |k: usize| {
+        fs::write(desk.path(&format!("shots/{}", name(k))), desk.bytes(&format!("made/{k}.png"))).unwrap();
+    };
+    (0..5).for_each(write);
+    let child = watch(&desk, chain);
+    wait_for_frames(&desk, "out", 4);
+    signal(&child, "KILL");
+    end(child);
+    // These were not there when the first watch began: the one that goes on reads its reference again.
+    (5..9).for_each(write);
+    let (code, said) = end(watch(&desk, &format!("{chain} --timeout 1")));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("4 frames done before") && said.contains("the new reference"), "{said}");
+    desk.correlate(&format!("--output whole --overwrite {OPTIONS} {chain} shots/*.png")).fine();
+    assert_same(&results(&desk, "whole"), &results(&desk, "out"), "watched twice");
+}

@@ -3,34 +3,30 @@
 use super::args::{CorrelateArgs, ProgressKind};
 use super::kept::Kept;
 use super::lock::Lock;
-use super::plan::{self, MANY, Plan};
-use super::progress::{Busy, Progress, Talk};
-use super::restart::{self, Earlier, FrameRecord};
+use super::output::{Output, ToWrite};
+use super::plan::{MANY, Plan};
+use super::progress::{Busy, Progress, Spent, Talk};
+use super::reference::{Reference, about_reference, bare_border_note, element_size_px, windows};
+use super::restart::{self, Earlier};
 use super::run_folder::{About, RunFolder, csv_name, vtu_name};
+use super::run_toml::RunToml;
 use super::series::{self, Engine};
 use super::shard::Shard;
 use super::stop::Stop;
 use super::watch::Camera;
 use super::zones::Zones;
-use super::{Outcome, Result, absolute, chain, plural, pool, probe, quantities};
-use crate::backend::Backend;
-use crate::correlate::{BareBorder, Correlation, CorrelationError, Correlator};
-use crate::field::{StartFrom, Status, StrainField, UpdateReference};
-use crate::imaging::{GreyDepth, Image, Mean, Saturation, small_shift};
-use crate::io::case::{CaseFile, CaseImages, write_case};
-use crate::io::series::Frame;
+use super::{Outcome, Result, chain, plural, pool, probe, quantities};
+use crate::backend::{AnyBackend, Backend};
+use crate::correlate::Correlator;
+use crate::field::{Status, UpdateReference};
+use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
-use crate::isa::Isa;
-use crate::mesh::{Mesh, MeshError};
 use crate::report::summary::{
     FrameSummary, ReferenceSummary, Summary, counts, reference_updates, saturation_message, units,
 };
-use crate::units::Px;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// Results that wait to be written.
@@ -127,14 +123,7 @@ pub(super) fn run_series(
         }
         _ => None,
     };
-    // The same bits as before, where this machine can.
-    let isa = there.as_ref().filter(|_| !plan.isa_asked).and_then(|store| isa_of(store.header()));
-    let mut plan = Plan { isa: isa.unwrap_or(plan.isa), ..plan.clone() };
-    if let Some((csv, vtu)) = there.as_ref().filter(|_| !plan.export_asked).and_then(|store| tables_of(store.header()))
-    {
-        plan = Plan { csv, vtu, store_only: false, ..plan };
-    }
-    let plan = &plan;
+    let plan = &there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
     // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
     if session.camera.is_none() {
         quantities::load(&plan.drawn, plan.deformed.len())?;
@@ -142,7 +131,6 @@ pub(super) fn run_series(
     let Reference { image, sha256, notes } = Reference::read(&plan.reference)?;
     let (width, height) = (image.width(), image.height());
     let Zones { zones, notes: zone_notes, files: zone_files } = Zones::on(&plan.zones, plan.guard_px, width, height)?;
-    let depth = image.pixels().depth();
     let reference_image = Arc::new(image);
     let prepare = Instant::now();
     let device = plan.device()?;
@@ -152,7 +140,7 @@ pub(super) fn run_series(
     let seconds_reference = prepare.elapsed().as_secs_f64();
     quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
     let mesh = correlator.mesh();
-    let mut record = Record::new(plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+    let mut record = RunToml::new(plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
     let header = StoreHeader {
         quadrille: env!("CARGO_PKG_VERSION").into(),
         device: correlator.backend().device(),
@@ -225,46 +213,15 @@ pub(super) fn run_series(
 
     let total = session.camera.is_none().then_some(own.len());
     let mut progress = Progress::new(session.talk, total, earlier.len());
-    progress.say(&format!(
-        "reference {} ({width} x {height} px, {depth}), {}, {} elements of {} px, {} nodes; {}, {}",
-        plan.reference_name(),
-        plural(mesh.zones().len(), "zone"),
-        mesh.n_elements(),
-        plan.options.element_size,
-        mesh.n_nodes(),
-        correlator.backend().device(),
-        plural(pool.current_num_threads(), "thread"),
-    ));
     let saturation = Saturation::of(&reference_image, &windows(mesh));
+    let threads = pool.current_num_threads();
+    progress.say(&begin_line(plan, &correlator, &reference_image, threads));
     let about_grey =
         [GreyDepth::of(&reference_image).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
     let about_grey = about_grey.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name()));
     let notes = notes.into_iter().chain(about_grey).chain(zone_notes).chain(lock.remark.clone());
-    notes.for_each(|note| progress.say(&note));
-    if !correlator.dropped().is_empty() {
-        progress.say(&format!("{} with too little texture left out", plural(correlator.dropped().len(), "node")));
-    }
-    if !correlator.held().is_empty() {
-        progress.say(&format!(
-            "{} with too little texture held by the regularisation",
-            plural(correlator.held().len(), "node")
-        ));
-    }
-    if !earlier.is_empty() {
-        let to_do = if numbers.is_empty() { "nothing is missing".into() } else { format!("{} to do", numbers.len()) };
-        progress.say(&format!("{} done before, {to_do}", plural(earlier.len(), "frame")));
-    }
-    if !damaged.is_empty() {
-        let list = super::status::ranges(&damaged);
-        progress.say(&format!(
-            "what is stored of {} is not whole and is done again: {list}",
-            plural(damaged.len(), "frame")
-        ));
-    }
-    if !depending.is_empty() {
-        let list = super::status::ranges(&depending);
-        progress.say(&format!("done again, since the reference depends on all frames before: {list}"));
-    }
+    notes.chain(about_nodes(&correlator)).for_each(|note| progress.say(&note));
+    about_earlier(earlier.len(), numbers.len(), &damaged, &depending).iter().for_each(|line| progress.say(line));
     let border_notes: Vec<String> = correlator.bare_borders().iter().map(bare_border_note).collect();
     border_notes.iter().for_each(|note| progress.say(note));
     let mut hashes: BTreeMap<usize, Option<String>> = BTreeMap::new();
@@ -276,36 +233,12 @@ pub(super) fn run_series(
         frames.push(summary);
     }
     let mut summary = Summary {
-        quadrille: env!("CARGO_PKG_VERSION").into(),
-        device: correlator.backend().device(),
-        threads: pool.current_num_threads(),
-        units: units(),
-        reference: ReferenceSummary {
-            file: plan.reference[0].to_string(),
-            mean_of: match plan.reference.as_slice() {
-                [_] => Vec::new(),
-                several => several.iter().map(ToString::to_string).collect(),
-            },
-            width_px: width,
-            height_px: height,
-            depth,
-            bits_used: GreyDepth::of(&reference_image).map(|depth| depth.used),
-            saturated_percent: saturation.map(Saturation::percent),
-            range_grey: correlator.grey_range(),
-        },
-        n_nodes: mesh.n_nodes(),
-        n_elements: mesh.n_elements(),
-        n_levels: correlator.n_levels(),
-        solver: correlator.solver_name(),
-        tolerance_px: plan.options.tolerance_px,
         seconds_reference,
-        seconds_total: 0.0,
-        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
-        nodes_held: correlator.held().iter().map(Into::into).collect(),
         messages: border_notes,
-        reference_updates: reference_updates(&frames),
         counts: counts(&frames),
+        reference_updates: reference_updates(&frames),
         frames,
+        ..empty_summary(plan, &correlator, &reference_image, threads, saturation)
     };
     let about = About::new(header)?;
     for note in engine.take_notes() {
@@ -339,20 +272,20 @@ pub(super) fn run_series(
     };
     let (n_decoders, in_flight) = series::widths(&engine, &pool, plan.options.start);
     let mut busy = Busy::new(n_decoders, in_flight);
-    let [writing_ns, waiting_ns] = &[AtomicU64::new(0), AtomicU64::new(0)];
+    let [writing, waiting] = &[Spent::default(), Spent::default()];
     let mut feed = Feed {
         to_do: numbers.iter().map(|&number| (number, plan.deformed[number - 1].clone())).collect(),
         camera: session.camera.as_mut(),
         record: &mut record,
         store: &writer,
         engine: &engine,
-        waiting_ns,
+        waiting,
     };
     let written = std::thread::scope(|scope| -> Result<()> {
         let (finished, to_write) = sync_channel(BEHIND);
         let about = &about;
         let alone = session.shard.is_none();
-        let output = Output { plan, folder, store: &writer, fields: &store, about, alone, in_series, writing_ns };
+        let output = Output { plan, folder, store: &writer, fields: &store, about, alone, in_series, writing };
         let writer = scope.spawn(move || output.write_all(&to_write));
         let mut last_summary = Instant::now();
         let mut summary_every = SUMMARY_EVERY;
@@ -365,15 +298,13 @@ pub(super) fn run_series(
                 progress.say(&note);
                 summary.messages.push(note);
             });
-            let [writing, waiting] =
-                [writing_ns, waiting_ns].map(|ns| Duration::from_nanos(ns.load(Ordering::Relaxed)));
-            busy.add(&frame, writing, waiting);
+            busy.add(&frame, writing.time(), waiting.time());
             progress.frame(&frame, &busy);
             summary.frames.push(frame.clone());
             if alone && last_summary.elapsed() > summary_every {
-                let writing = Instant::now();
+                let begun = Instant::now();
                 write_summary(folder, &mut summary, begin)?;
-                summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * writing.elapsed());
+                summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * begun.elapsed());
                 last_summary = Instant::now();
             }
             // When the writer has stopped, its error says why.
@@ -454,6 +385,93 @@ pub(super) fn run_series(
     Ok(Ran { outcome, complete, summary, busy })
 }
 
+/// What a run begins with, on one line.
+fn begin_line(plan: &Plan, correlator: &Correlator<AnyBackend>, reference: &Image, threads: usize) -> String {
+    let mesh = correlator.mesh();
+    format!(
+        "reference {} ({} x {} px, {}), {}, {} elements of {} px, {} nodes; {}, {}",
+        plan.reference_name(),
+        reference.width(),
+        reference.height(),
+        reference.pixels().depth(),
+        plural(mesh.zones().len(), "zone"),
+        mesh.n_elements(),
+        plan.options.element_size,
+        mesh.n_nodes(),
+        correlator.backend().device(),
+        plural(threads, "thread"),
+    )
+}
+
+/// What to say of nodes without texture.
+fn about_nodes(correlator: &Correlator<AnyBackend>) -> impl Iterator<Item = String> {
+    let [dropped, held] = [correlator.dropped(), correlator.held()].map(<[_]>::len);
+    let said = |n: usize, what: &str| (n > 0).then(|| format!("{} with too little texture {what}", plural(n, "node")));
+    [said(dropped, "left out"), said(held, "held by the regularisation")].into_iter().flatten()
+}
+
+/// What to say of an earlier start: frames that are done, and those that are done again because they are `damaged` or
+/// depend on such.
+fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depending: &[usize]) -> Vec<String> {
+    let mut said = Vec::new();
+    if done > 0 {
+        let to_do = if to_do == 0 { "nothing is missing".into() } else { format!("{to_do} to do") };
+        said.push(format!("{} done before, {to_do}", plural(done, "frame")));
+    }
+    let list = super::status::ranges;
+    if !damaged.is_empty() {
+        let frames = plural(damaged.len(), "frame");
+        said.push(format!("what is stored of {frames} is not whole and is done again: {}", list(damaged)));
+    }
+    if !depending.is_empty() {
+        let list = list(depending);
+        said.push(format!("done again, since the reference depends on all frames before: {list}"));
+    }
+    said
+}
+
+/// The summary of a run before its first frame.
+fn empty_summary(
+    plan: &Plan,
+    correlator: &Correlator<AnyBackend>,
+    reference: &Image,
+    threads: usize,
+    saturation: Option<Saturation>,
+) -> Summary {
+    Summary {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        threads,
+        units: units(),
+        reference: ReferenceSummary {
+            file: plan.reference[0].to_string(),
+            mean_of: match plan.reference.as_slice() {
+                [_] => Vec::new(),
+                several => several.iter().map(ToString::to_string).collect(),
+            },
+            width_px: reference.width(),
+            height_px: reference.height(),
+            depth: reference.pixels().depth(),
+            bits_used: GreyDepth::of(reference).map(|depth| depth.used),
+            saturated_percent: saturation.map(Saturation::percent),
+            range_grey: correlator.grey_range(),
+        },
+        n_nodes: correlator.mesh().n_nodes(),
+        n_elements: correlator.mesh().n_elements(),
+        n_levels: correlator.n_levels(),
+        solver: correlator.solver_name(),
+        tolerance_px: plan.options.tolerance_px,
+        seconds_reference: 0.0,
+        seconds_total: 0.0,
+        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
+        nodes_held: correlator.held().iter().map(Into::into).collect(),
+        messages: Vec::new(),
+        counts: BTreeMap::new(),
+        reference_updates: Vec::new(),
+        frames: Vec::new(),
+    }
+}
+
 /// Writes the summary of the frames so far, in order.
 fn write_summary(folder: &RunFolder, summary: &mut Summary, begin: Instant) -> Result<()> {
     summary.frames.sort_by_key(|frame| frame.number);
@@ -463,71 +481,15 @@ fn write_summary(folder: &RunFolder, summary: &mut Summary, begin: Instant) -> R
     folder.write_summary(summary)
 }
 
-/// What the section `[run]` of an earlier start says under `key`.
-fn recorded(header: &StoreHeader, key: &str) -> Option<toml::Value> {
-    header.case.parse::<toml::Table>().ok()?.get("run")?.get(key).cloned()
-}
-
-/// The instruction path of an earlier start, when this machine has it.
-fn isa_of(header: &StoreHeader) -> Option<Isa> {
-    Isa::named(recorded(header, "isa")?.as_str()?)
-}
-
-/// Whether an earlier start wrote CSV and VTU files.
-fn tables_of(header: &StoreHeader) -> Option<(bool, bool)> {
-    let names = recorded(header, "export")?;
-    let has = |name: &str| names.as_array().is_some_and(|names| names.iter().any(|one| one.as_str() == Some(name)));
-    Some((has("csv"), has("vtu")))
-}
-
-/// Size of the elements: the one asked for, or what the mesh of a file has.
-fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
-    let (size, asked) = (mesh.element_size(), asked as f64);
-    // Grids that start at a fraction of a pixel miss it in the last digits.
-    if (size - asked).abs() < 1e-9 * asked { asked } else { size }
-}
-
-/// What a zone that ends at a place without texture should be told.
-fn bare_border_note(border: &BareBorder) -> String {
-    let BareBorder { zone, length_px, at: [x, y] } = border;
-    format!(
-        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
-         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
-    )
-}
-
-/// Why the reference cannot be prepared; its file is named when the fault may be in it.
-fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
-    use MeshError::{
-        CrossedPolygon, ElementShare, ElementSize, GuardSides, NoPolygon, NotARectangle, NotFinite, Overlap, SameName,
-    };
-    match error {
-        CorrelationError::Option { .. }
-        | CorrelationError::Backend(_)
-        | CorrelationError::Mesh(
-            ElementSize { .. }
-            | ElementShare { .. }
-            | NotARectangle { .. }
-            | Overlap { .. }
-            | SameName { .. }
-            | NoPolygon { .. }
-            | CrossedPolygon { .. }
-            | NotFinite { .. }
-            | GuardSides { .. },
-        ) => chain(error),
-        _ => format!("{}: {}", plan.reference_name(), chain(error)),
-    }
-}
-
 /// The frames that a run has to do: those of its plan, then those of its camera.
 struct Feed<'a> {
     to_do: VecDeque<series::Numbered>,
     camera: Option<&'a mut Camera>,
-    record: &'a mut Record,
+    record: &'a mut RunToml,
     store: &'a StoreWriter,
     engine: &'a Engine,
     /// Time without anything to do.
-    waiting_ns: &'a AtomicU64,
+    waiting: &'a Spent,
 }
 
 impl Feed<'_> {
@@ -536,7 +498,7 @@ impl Feed<'_> {
         let Some(camera) = &mut self.camera else { return Ok(self.to_do.pop_front()) };
         let begin = Instant::now();
         let come = camera.take(self.to_do.is_empty(), wanted);
-        self.waiting_ns.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
+        self.waiting.add(begin.elapsed());
         camera.take_notes().into_iter().for_each(|note| self.engine.note(note));
         if !come.is_empty() {
             // The store names a frame before anything of it is done: what is stored under a number stays that frame's,
@@ -549,228 +511,5 @@ impl Feed<'_> {
             self.to_do.extend((first..).zip(come));
         }
         Ok(self.to_do.pop_front())
-    }
-}
-
-fn nanoseconds(time: Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
-}
-
-/// The reference image, or the mean of several.
-struct Reference {
-    image: Image,
-    /// Of each file.
-    sha256: Vec<String>,
-    /// What is worth knowing, each with its file.
-    notes: Vec<String>,
-}
-
-impl Reference {
-    /// References further apart than this are said to have moved, px: averaging them blurs the texture.
-    const STILL_PX: f64 = 0.02;
-
-    fn read(frames: &[Frame]) -> Result<Self> {
-        let mut first: Option<(Image, &Frame)> = None;
-        let mut mean: Option<Mean> = None;
-        let (mut sha256, mut notes) = (Vec::new(), Vec::new());
-        for frame in frames {
-            let loaded = frame.read()?;
-            sha256.push(loaded.sha256);
-            notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
-            let Some((before, name)) = &first else {
-                first = Some((loaded.image, frame));
-                continue;
-            };
-            let mean = mean.get_or_insert_with(|| Mean::new(before));
-            if !mean.add(&loaded.image) {
-                let size = |image: &Image| format!("{} x {} px", image.width(), image.height());
-                let sizes = [size(&loaded.image), size(before)];
-                return Err(format!(
-                    "{frame}: the image is {}, the reference {name} {}; the mean needs images of one size",
-                    sizes[0], sizes[1]
-                )
-                .into());
-            }
-            if let Some([x, y]) = small_shift(before, &loaded.image)
-                && x.hypot(y) > Self::STILL_PX
-            {
-                notes.push(format!(
-                    "{frame}: moved by about ({x:.2}, {y:.2}) px against {name}: their mean is blurred; take references \
-                     between which nothing moves"
-                ));
-            }
-        }
-        let (first, _) = first.ok_or("no reference image is given")?;
-        let image = mean.map_or(first, Mean::image);
-        Ok(Self { image, sha256, notes })
-    }
-}
-
-/// The rectangles that hold the zones, px: x0, y0, x1, y1.
-fn windows(mesh: &Mesh<Px>) -> Vec<[usize; 4]> {
-    let window = |zone: usize| {
-        let bounds = mesh.bounds(zone);
-        // Negative corners are cut at 0.
-        [bounds.x0.ceil(), bounds.y0.ceil(), bounds.x1.ceil(), bounds.y1.ceil()].map(|v| v as usize)
-    };
-    (0..mesh.zones().len()).map(window).collect()
-}
-
-/// A frame on its way to the disk; without a result when it could not be read.
-struct ToWrite {
-    summary: FrameSummary,
-    sha256: Option<String>,
-    result: Option<Correlation>,
-    kept: Option<Kept>,
-}
-
-/// Where the frames of a run go.
-struct Output<'a> {
-    plan: &'a Plan,
-    folder: &'a RunFolder,
-    store: &'a StoreWriter,
-    /// The same store, for reading.
-    fields: &'a Store,
-    about: &'a About,
-    /// Whether this process does all frames.
-    alone: bool,
-    /// Frames with a field.
-    in_series: BTreeSet<usize>,
-    /// Time spent with writing.
-    writing_ns: &'a AtomicU64,
-}
-
-impl Output<'_> {
-    fn write_all(mut self, frames: &Receiver<ToWrite>) -> Result<()> {
-        for frame in frames {
-            let begin = Instant::now();
-            self.write(frame)?;
-            self.writing_ns.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
-        }
-        Ok(())
-    }
-
-    /// Writes a frame: field, tables, record, and its status last, which says that it is done.
-    fn write(&mut self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
-        let Self { plan, folder, store, about, .. } = self;
-        let (number, file, status) = (summary.number, summary.file.clone(), summary.status);
-        let mut files = Vec::new();
-        // A diverged field is no measurement: its numbers are not spread.
-        if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| status.has_field()) {
-            // The length is the one that the store says, to the last digit.
-            let length_px = about.element_size_px();
-            let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
-            store.write_field(number, measurement, &strain)?;
-            let mut of_store = self.fields.field_files(number);
-            if kept.is_some() {
-                store.write_reference_frame(number, summary.reference_frame)?;
-                of_store.push(self.fields.reference_frame_file(number));
-            }
-            files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
-            if plan.csv {
-                folder.write_csv(number, about, &file, measurement, &strain)?;
-                files.push(csv_name(number).into());
-            }
-            if plan.vtu {
-                folder.write_vtu(number, about, &file, measurement, &strain)?;
-                files.push(vtu_name(number).into());
-            }
-        }
-        let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
-        let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
-        folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
-        if let Some(kept) = &kept {
-            folder.write(&Kept::name(number), |out| kept.write(out))?;
-        }
-        store.mark(number, status)?;
-        if kept.is_some() {
-            Kept::remove_before(folder.path(), number);
-        }
-        if plan.vtu && status.has_field() {
-            self.in_series.insert(number);
-            if self.alone && self.in_series.len().is_multiple_of(100) {
-                folder.write_series(&self.in_series.iter().copied().collect::<Vec<_>>())?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// What `run.toml` tells beside the options.
-struct Record {
-    case: CaseFile,
-    about: toml::Table,
-    reference: Vec<(Frame, String)>,
-    deformed: Vec<Frame>,
-    zone_files: toml::value::Array,
-}
-
-impl Record {
-    fn new<B: Backend>(
-        plan: &Plan,
-        correlator: &Correlator<B>,
-        [width, height]: [usize; 2],
-        threads: usize,
-        sha256: &[String],
-        zone_files: Vec<(PathBuf, String)>,
-    ) -> Self {
-        let mut about = toml::Table::new();
-        about.insert("quadrille".into(), env!("CARGO_PKG_VERSION").into());
-        about.insert("device".into(), correlator.backend().device().into());
-        about.insert("isa".into(), plan.isa.name().into());
-        about.insert("threads".into(), (threads as i64).into());
-        let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];
-        let exports = exports.iter().filter(|(on, _)| *on).map(|(_, name)| (*name).into());
-        about.insert("export".into(), toml::Value::Array(exports.collect()));
-        about.insert(
-            "units".into(),
-            units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into(),
-        );
-        Self {
-            case: plan.resolved(width, height),
-            about,
-            reference: plan.reference.iter().cloned().zip(sha256.iter().cloned()).collect(),
-            deformed: plan.deformed.clone(),
-            zone_files: zone_files.iter().map(|(path, sha256)| Self::entry(path, None, Some(sha256))).collect(),
-        }
-    }
-
-    fn entry(path: &Path, page: Option<usize>, sha256: Option<&str>) -> toml::Value {
-        let mut table = toml::Table::new();
-        table.insert("file".into(), absolute(path).into());
-        page.map(|page| table.insert("page".into(), (page as i64).into()));
-        // A file that could not be read has none.
-        sha256.map(|sha256| table.insert("sha256".into(), sha256.into()));
-        toml::Value::Table(table)
-    }
-
-    /// The case file with the record of the run but for its images: the store names them beside it.
-    fn without_images(&self) -> String {
-        self.written(None)
-    }
-
-    /// The case file with the record of the run, and the deformed images that were come to, with their SHA-256.
-    fn case(&self, sha256: &BTreeMap<usize, Option<String>>) -> String {
-        let page = |frame: &Frame| frame.is_page.then_some(frame.page);
-        let references =
-            self.reference.iter().map(|(frame, sha256)| Self::entry(&frame.path, page(frame), Some(sha256)));
-        let deformed = sha256.iter().map(|(number, sha256)| {
-            let frame = &self.deformed[number - 1];
-            Self::entry(&frame.path, page(frame), sha256.as_deref())
-        });
-        self.written(Some(references.chain(deformed).collect()))
-    }
-
-    fn written(&self, images: Option<toml::value::Array>) -> String {
-        let mut about = self.about.clone();
-        if let Some(images) = images {
-            about.insert("image".into(), toml::Value::Array(images));
-        }
-        if !self.zone_files.is_empty() {
-            about.insert("zone_file".into(), toml::Value::Array(self.zone_files.clone()));
-        }
-        // More of them may have come than were planned.
-        let images = CaseImages { deformed: Some(plan::files(&self.deformed)), ..self.case.images.clone() };
-        write_case(&CaseFile { images, run: Some(about), ..self.case.clone() })
     }
 }

@@ -8,6 +8,7 @@ use crate::field::{RegularisationKind, StartFrom, StrainDefinition, UpdateRefere
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
+use crate::io::store::StoreHeader;
 use crate::isa::Isa;
 use crate::units::PixelSize;
 use clap::ValueEnum;
@@ -160,6 +161,19 @@ impl Plan {
             [first, rest @ ..] if !rest.is_empty() => format!("{first} and {} more", rest.len()),
             frames => frames.iter().map(ToString::to_string).collect(),
         }
+    }
+
+    /// The plan of a run that goes on: with the instruction path of the earlier start, where this machine has it, and with its
+    /// tables, unless others are asked for.
+    pub fn as_before(&self, there: &StoreHeader) -> Self {
+        let mut plan = self.clone();
+        if let Some(isa) = isa_of(there).filter(|_| !self.isa_asked) {
+            plan.isa = isa;
+        }
+        if let Some((csv, vtu)) = tables_of(there).filter(|_| !self.export_asked) {
+            plan = Self { csv, vtu, store_only: false, ..plan };
+        }
+        plan
     }
 
     /// The plan as a case file that gives the same result from anywhere on this machine.
@@ -346,4 +360,21 @@ impl Images {
         }
         Ok(Self { reference, deformed: frames, grows: false })
     }
+}
+
+/// What the section `[run]` of an earlier start says under `key`.
+fn recorded(header: &StoreHeader, key: &str) -> Option<toml::Value> {
+    header.case.parse::<toml::Table>().ok()?.get("run")?.get(key).cloned()
+}
+
+/// The instruction path of an earlier start, when this machine has it.
+fn isa_of(header: &StoreHeader) -> Option<Isa> {
+    Isa::named(recorded(header, "isa")?.as_str()?)
+}
+
+/// Whether an earlier start wrote CSV and VTU files.
+fn tables_of(header: &StoreHeader) -> Option<(bool, bool)> {
+    let names = recorded(header, "export")?;
+    let has = |name: &str| names.as_array().is_some_and(|names| names.iter().any(|one| one.as_str() == Some(name)));
+    Some((has("csv"), has("vtu")))
 }

@@ -6,6 +6,7 @@ use crate::report::summary::FrameSummary;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::json;
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// How much is said.
@@ -16,6 +17,20 @@ pub(super) enum Talk {
     Verbose,
     /// One JSON object a line.
     Json,
+}
+
+/// Time that one thread has spent with something, for others to see.
+#[derive(Debug, Default)]
+pub(super) struct Spent(AtomicU64);
+
+impl Spent {
+    pub fn add(&self, time: Duration) {
+        self.0.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    }
+
+    pub fn time(&self) -> Duration {
+        Duration::from_nanos(self.0.load(Ordering::Relaxed))
+    }
 }
 
 /// How much the stages of a run have had to do, in seconds of their threads.

@@ -1,0 +1,97 @@
+//! Where the frames of a run go: the store, tables, records.
+
+use super::Result;
+use super::kept::Kept;
+use super::plan::Plan;
+use super::progress::Spent;
+use super::restart::FrameRecord;
+use super::run_folder::{About, RunFolder, csv_name, vtu_name};
+use crate::correlate::Correlation;
+use crate::field::{StartFrom, StrainField};
+use crate::io::store::{Store, StoreWriter};
+use crate::report::summary::FrameSummary;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::mpsc::Receiver;
+use std::time::Instant;
+
+/// A frame on its way to the disk; without a result when it could not be read.
+pub(super) struct ToWrite {
+    pub summary: FrameSummary,
+    pub sha256: Option<String>,
+    pub result: Option<Correlation>,
+    pub kept: Option<Kept>,
+}
+
+/// Where the frames of a run go.
+pub(super) struct Output<'a> {
+    pub plan: &'a Plan,
+    pub folder: &'a RunFolder,
+    pub store: &'a StoreWriter,
+    /// The same store, for reading.
+    pub fields: &'a Store,
+    pub about: &'a About,
+    /// Whether this process does all frames.
+    pub alone: bool,
+    /// Frames with a field.
+    pub in_series: BTreeSet<usize>,
+    /// Time spent with writing.
+    pub writing: &'a Spent,
+}
+
+impl Output<'_> {
+    /// Writes the frames as they come.
+    pub fn write_all(mut self, frames: &Receiver<ToWrite>) -> Result<()> {
+        for frame in frames {
+            let begin = Instant::now();
+            self.write(frame)?;
+            self.writing.add(begin.elapsed());
+        }
+        Ok(())
+    }
+
+    /// Writes a frame: field, tables, record, and its status last, which says that it is done.
+    fn write(&mut self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
+        let Self { plan, folder, store, about, .. } = self;
+        let (number, file, status) = (summary.number, summary.file.clone(), summary.status);
+        let mut files = Vec::new();
+        // A diverged field is no measurement: its numbers are not spread.
+        if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| status.has_field()) {
+            // The length is the one that the store says, to the last digit.
+            let length_px = about.element_size_px();
+            let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
+            store.write_field(number, measurement, &strain)?;
+            let mut of_store = self.fields.field_files(number);
+            if kept.is_some() {
+                store.write_reference_frame(number, summary.reference_frame)?;
+                of_store.push(self.fields.reference_frame_file(number));
+            }
+            files.extend(of_store.iter().filter_map(|path| path.strip_prefix(folder.path()).ok()).map(Path::to_owned));
+            if plan.csv {
+                folder.write_csv(number, about, &file, measurement, &strain)?;
+                files.push(csv_name(number).into());
+            }
+            if plan.vtu {
+                folder.write_vtu(number, about, &file, measurement, &strain)?;
+                files.push(vtu_name(number).into());
+            }
+        }
+        let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
+        let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
+        folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;
+        if let Some(kept) = &kept {
+            folder.write(&Kept::name(number), |out| kept.write(out))?;
+        }
+        store.mark(number, status)?;
+        if kept.is_some() {
+            Kept::remove_before(folder.path(), number);
+        }
+        if plan.vtu && status.has_field() {
+            self.in_series.insert(number);
+            if self.alone && self.in_series.len().is_multiple_of(100) {
+                folder.write_series(&self.in_series.iter().copied().collect::<Vec<_>>())?;
+            }
+        }
+        Ok(())
+    }
+}

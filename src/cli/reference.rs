@@ -1,0 +1,109 @@
+//! The reference of a run, and what is to be said of it.
+
+use super::plan::Plan;
+use super::{Result, chain};
+use crate::correlate::{BareBorder, CorrelationError};
+use crate::imaging::{Image, Mean, small_shift};
+use crate::io::series::Frame;
+use crate::mesh::{Mesh, MeshError};
+use crate::units::Px;
+
+/// The reference image, or the mean of several.
+pub(super) struct Reference {
+    pub image: Image,
+    /// Of each file.
+    pub sha256: Vec<String>,
+    /// What is worth knowing, each with its file.
+    pub notes: Vec<String>,
+}
+
+impl Reference {
+    /// References further apart than this are said to have moved, px: averaging them blurs the texture.
+    const STILL_PX: f64 = 0.02;
+
+    /// Reads the images, and their mean when there are several.
+    pub fn read(frames: &[Frame]) -> Result<Self> {
+        let mut first: Option<(Image, &Frame)> = None;
+        let mut mean: Option<Mean> = None;
+        let (mut sha256, mut notes) = (Vec::new(), Vec::new());
+        for frame in frames {
+            let loaded = frame.read()?;
+            sha256.push(loaded.sha256);
+            notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
+            let Some((before, name)) = &first else {
+                first = Some((loaded.image, frame));
+                continue;
+            };
+            let mean = mean.get_or_insert_with(|| Mean::new(before));
+            if !mean.add(&loaded.image) {
+                let size = |image: &Image| format!("{} x {} px", image.width(), image.height());
+                let sizes = [size(&loaded.image), size(before)];
+                return Err(format!(
+                    "{frame}: the image is {}, the reference {name} {}; the mean needs images of one size",
+                    sizes[0], sizes[1]
+                )
+                .into());
+            }
+            if let Some([x, y]) = small_shift(before, &loaded.image)
+                && x.hypot(y) > Self::STILL_PX
+            {
+                notes.push(format!(
+                    "{frame}: moved by about ({x:.2}, {y:.2}) px against {name}: their mean is blurred; take references \
+                     between which nothing moves"
+                ));
+            }
+        }
+        let (first, _) = first.ok_or("no reference image is given")?;
+        let image = mean.map_or(first, Mean::image);
+        Ok(Self { image, sha256, notes })
+    }
+}
+
+/// The rectangles that hold the zones, px: x0, y0, x1, y1.
+pub(super) fn windows(mesh: &Mesh<Px>) -> Vec<[usize; 4]> {
+    let window = |zone: usize| {
+        let bounds = mesh.bounds(zone);
+        // Negative corners are cut at 0.
+        [bounds.x0.ceil(), bounds.y0.ceil(), bounds.x1.ceil(), bounds.y1.ceil()].map(|v| v as usize)
+    };
+    (0..mesh.zones().len()).map(window).collect()
+}
+
+/// Size of the elements: the one asked for, or what the mesh of a file has.
+pub(super) fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
+    let (size, asked) = (mesh.element_size(), asked as f64);
+    // Grids that start at a fraction of a pixel miss it in the last digits.
+    if (size - asked).abs() < 1e-9 * asked { asked } else { size }
+}
+
+/// What a zone that ends at a place without texture should be told.
+pub(super) fn bare_border_note(border: &BareBorder) -> String {
+    let BareBorder { zone, length_px, at: [x, y] } = border;
+    format!(
+        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
+         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
+    )
+}
+
+/// Why the reference cannot be prepared; its file is named when the fault may be in it.
+pub(super) fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
+    use MeshError::{
+        CrossedPolygon, ElementShare, ElementSize, GuardSides, NoPolygon, NotARectangle, NotFinite, Overlap, SameName,
+    };
+    match error {
+        CorrelationError::Option { .. }
+        | CorrelationError::Backend(_)
+        | CorrelationError::Mesh(
+            ElementSize { .. }
+            | ElementShare { .. }
+            | NotARectangle { .. }
+            | Overlap { .. }
+            | SameName { .. }
+            | NoPolygon { .. }
+            | CrossedPolygon { .. }
+            | NotFinite { .. }
+            | GuardSides { .. },
+        ) => chain(error),
+        _ => format!("{}: {}", plan.reference_name(), chain(error)),
+    }
+}
