@@ -88,7 +88,6 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
             let bench = Bench { args, size, format, threads, folder: folder.path() };
             let files = bench.make()?;
             measured.series.push(bench.measure(&files)?);
-            std::fs::remove_dir_all(bench.images())?;
         }
     }
     if args.json {
@@ -117,7 +116,7 @@ impl Bench<'_> {
     }
 
     fn images(&self) -> PathBuf {
-        self.folder.join("images")
+        self.folder.join(format!("{}-{}", self.size, self.name()))
     }
 
     /// Writes the images, the reference first.
@@ -147,15 +146,16 @@ impl Bench<'_> {
     fn measure(&self, files: &[PathBuf]) -> Result<Cost> {
         let size = self.size;
         self.decode(files)?; // they are in the page cache from here on
-        let plan = self.plan(files)?;
         let n = (files.len() - 1) as f64;
         let (mut decode, mut correlate, mut series) = (Vec::new(), Vec::new(), Vec::new());
         // By turns: what slows the machine down for a while slows all of them down.
         let (device, Ran { summary, busy, .. }, seconds) = loop {
+            let run = series.len();
+            let plan = self.plan(files, run)?;
             decode.push(self.decode(files)? / n);
             let (correlate_s, device) = self.correlate(files, &plan)?;
             correlate.push(correlate_s / n);
-            let (ran, seconds) = self.run(&plan)?;
+            let (ran, seconds) = self.run(&plan, run)?;
             series.push((seconds - ran.summary.seconds_reference) / n);
             if series.len() >= self.args.runs.max(1) {
                 break (device, ran, seconds);
@@ -200,17 +200,18 @@ impl Bench<'_> {
         Ok(begin.elapsed().as_secs_f64())
     }
 
-    fn results(&self) -> PathBuf {
-        self.folder.join("results")
+    /// Each run has its own: where many files have just been removed, some file systems are slow to make new ones.
+    fn results(&self, run: usize) -> PathBuf {
+        self.images().join(format!("results{run}"))
     }
 
     /// What `quadrille correlate` makes of its command line.
-    fn plan(&self, files: &[PathBuf]) -> Result<Plan> {
+    fn plan(&self, files: &[PathBuf], run: usize) -> Result<Plan> {
         let Roi { x0, y0, x1, y1 } = self.roi();
         let line = ["quadrille", "correlate", "--export", "none", "--device", &self.args.device];
         let options = ["--element-size", &self.args.element_size.to_string(), "--roi", &format!("{x0},{y0},{x1},{y1}")];
         let line = line.into_iter().chain(options).map(OsString::from);
-        let line = line.chain(["--output".into(), self.results().into()]).chain(files.iter().map(Into::into));
+        let line = line.chain(["--output".into(), self.results(run).into()]).chain(files.iter().map(Into::into));
         match Cli::try_parse_from(line)?.command {
             Command::Correlate(args) => Plan::new(&args),
             _ => Err("another command was understood: this is a bug in quadrille".into()),
@@ -236,13 +237,11 @@ impl Bench<'_> {
     }
 
     /// Runs the plan, and the seconds that it took.
-    fn run(&self, plan: &Plan) -> Result<(Ran, f64)> {
+    fn run(&self, plan: &Plan, run: usize) -> Result<(Ran, f64)> {
         let begin = Instant::now();
-        let folder = RunFolder::writable(&self.results())?;
+        let folder = RunFolder::writable(&self.results(run))?;
         let ran = run_series(plan, &folder, pool(Some(self.threads))?, Session::replacing(Talk::Quiet))?;
-        let seconds = begin.elapsed().as_secs_f64();
-        std::fs::remove_dir_all(self.results())?;
-        Ok((ran, seconds))
+        Ok((ran, begin.elapsed().as_secs_f64()))
     }
 }
 
