@@ -6,7 +6,8 @@ use super::run_folder::{RunFolder, locks_in};
 use super::{Outcome, Result, plural, restart};
 use crate::field::Status;
 use crate::io::store::Store;
-use serde::Serialize;
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -133,11 +134,16 @@ impl Standing {
 
 /// Makes the summary whole where the last of several shards could not: when it lists fewer frames than are done.
 fn complete_summary(folder: &Path, n_frames: usize) -> Result<()> {
+    /// A summary of which only the number of frames is looked at: that of a long series is large.
+    #[derive(Deserialize)]
+    struct Listed {
+        frames: Vec<IgnoredAny>,
+    }
     let Ok(text) = fs::read(folder.join(RunFolder::SUMMARY)) else { return Ok(()) };
-    let Ok(mut summary) = serde_json::from_slice::<serde_json::Value>(&text) else { return Ok(()) };
-    if summary["frames"].as_array().is_none_or(|frames| frames.len() == n_frames) {
+    if serde_json::from_slice::<Listed>(&text).map_or(true, |listed| listed.frames.len() == n_frames) {
         return Ok(());
     }
+    let mut summary: serde_json::Value = serde_json::from_slice(&text)?;
     let frames: Option<Vec<_>> = restart::all_frames(folder, n_frames).into_iter().collect();
     let Some(frames) = frames else { return Ok(()) };
     let frames: Vec<_> = frames.into_iter().map(|(frame, _)| frame).collect();
