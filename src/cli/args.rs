@@ -867,6 +867,9 @@ pub struct BenchSeriesArgs {
     /// Side of the square elements, px (4 to 128).
     #[arg(long, value_name = "PX", default_value_t = 16)]
     pub element_size: usize,
+    /// Elements left out at each side of the image. With 0 those at the border lose pixels in every frame, which costs.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub margin: u8,
     /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: String,

@@ -22,8 +22,6 @@ use std::time::Instant;
 
 /// Standard deviation of the noise, grey levels: a camera of 8 bit in good light.
 const NOISE: f32 = 1.0;
-/// Elements that are left out at each side of the image.
-const MARGIN: usize = 2;
 
 /// What one series has cost.
 #[derive(Debug, Serialize)]
@@ -57,6 +55,8 @@ struct Measured {
     threads: usize,
     element_size_px: usize,
     noise_grey: f32,
+    /// Elements left out at each side of the image.
+    margin_elements: u8,
     runs: usize,
     series: Vec<Cost>,
 }
@@ -68,7 +68,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
         return Err(format!("--frames {} is no series: 3 at least", args.frames).into());
     }
     let sizes = without_doubles(&args.size);
-    sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * MARGIN + 2))?;
+    sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;
     let threads = pool(args.threads)?.current_num_threads();
     let folder = match &args.folder {
         Some(folder) => tempfile::tempdir_in(folder).map_err(|error| format!("{}: {error}", folder.display()))?,
@@ -80,6 +80,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
         threads,
         element_size_px: args.element_size,
         noise_grey: NOISE,
+        margin_elements: args.margin,
         runs: args.runs.max(1),
         series: Vec::new(),
     };
@@ -138,7 +139,7 @@ impl Bench<'_> {
     }
 
     fn roi(&self) -> Roi {
-        let margin = (MARGIN * self.args.element_size) as f64;
+        let margin = f64::from(self.args.margin) * self.args.element_size as f64;
         let far = self.size as f64 - margin;
         Roi { x0: margin, y0: margin, x1: far, y1: far }
     }
@@ -252,12 +253,12 @@ fn rates(seconds: Spread) -> String {
 
 impl std::fmt::Display for Measured {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { quadrille, machine, threads, element_size_px, noise_grey, runs, series } = self;
+        let Self { quadrille, machine, threads, element_size_px, noise_grey, margin_elements, runs, series } = self;
         writeln!(f, "quadrille {quadrille}, {machine}, {}", plural(*threads, "thread"))?;
         writeln!(
             f,
             "8 bit, noise of {noise_grey} grey level, files in the page cache, elements of {element_size_px} px on the \
-             image less {MARGIN} of them at each side; default options, only the store is written; median (slowest-fastest) of {runs}"
+             image less {margin_elements} of them at each side; default options, only the store is written; median (slowest-fastest) of {runs}"
         )?;
         for cost in series {
             let Cost { size_px, format, frames, n_nodes, device, .. } = cost;
