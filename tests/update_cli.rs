@@ -52,6 +52,7 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty_and_not_without_u
     let desk = desk(&turned());
     let ran = desk.correlate(&format!("{LINE} --output never s/*.png")).incomplete();
     let lost = ran.statuses("never").iter().filter(|status| *status != "converged").count();
+    println!("{lost} of {N} frames are lost without updates");
     assert!(lost >= 3, "{lost} frames lost");
     for output in ["never/summary.json", "never/run.toml"] {
         assert!(!desk.read(output).contains("reference_frame"), "{output}");
@@ -81,7 +82,10 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty_and_not_without_u
             })
             .collect();
         let ratio = rms(&ratios) / f64::sqrt(2.0); // of one component
-        println!("frame {number}, from {reference}: error {ratio:.2} of its uncertainty");
+        let error: Vec<[f64; 2]> =
+            ratios.iter().zip(&found.sigma).map(|(ratio, sigma)| [0, 1].map(|c| ratio[c] * sigma[c])).collect();
+        let error_px = rms(&error) / f64::sqrt(2.0);
+        println!("frame {number}, from {reference}: error {ratio:.2} of its uncertainty, {error_px:.4} px rms");
         // One draw of 98 numbers, which neighbours share, scatters by 0.1; printed are 0.87 to 1 of the scatter
         // (docs/correlation.md, 2.10).
         assert!((0.7..1.4).contains(&ratio), "frame {number}: {ratio}");
