@@ -668,7 +668,7 @@ fn memory_grows_with_the_series_by_the_summary_alone() {
 }
 
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "a minute and a half: docs/scale.md has its command"]
 fn memory_of_2000_frames_of_a_megapixel_is_that_of_50_within_a_tenth() {
     let [short, long] = peaks_kib(2000, 1024, 1024, 16);
     assert!(short > 0 && (long as f64) < 1.1 * short as f64, "50 frames {short} KiB, 2000 frames {long} KiB");

@@ -67,6 +67,17 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty_and_not_without_u
     let said = format!("frame {first}: measured from frame {}, the new reference\n", references[first - 1]);
     assert!(ran.stderr.contains(&said), "{said} in {ran}");
     assert_eq!(ran.stderr.matches("the new reference\n").count(), updates.as_array().unwrap().len(), "{ran}");
+    // Whoever opens a table or a grid alone is told.
+    let (number, from) = (N, *references.last().unwrap());
+    for file in [format!("out/csv/{number:06}.csv"), format!("out/vtu/{number:06}.vtu")] {
+        assert!(desk.read(&file).contains(&format!("(measured from frame {from};")), "{file}");
+    }
+    assert!(!desk.read("out/csv/000001.csv").contains("measured from frame"));
+    desk.run("export out --to csv --output exported --quiet").fine();
+    for number in 1..=N {
+        let name = format!("csv/{number:06}.csv");
+        assert!(desk.bytes(&format!("out/{name}")) == desk.bytes(&format!("exported/{name}")), "{name}");
+    }
     let store = Store::open(desk.path("out")).unwrap();
     for (k, &reference) in references.iter().enumerate() {
         let number = k + 1;

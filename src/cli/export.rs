@@ -1,7 +1,7 @@
 //! `quadrille export`.
 
 use super::args::{ExportArgs, Target};
-use super::run_folder::{About, RunFolder};
+use super::run_folder::{About, RunFolder, frame_in_words};
 use super::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
 use crate::io::mat::MatWriter;
@@ -112,9 +112,10 @@ fn by_frame(
     for (done, &number) in numbers.iter().enumerate() {
         // Both are there: the status was looked at.
         let (Some(frame), Some(strain)) = (store.frame(number)?, store.strain(number)?) else { continue };
+        let file = frame_in_words(&frame.file, store.reference_frame(number)?.unwrap_or(0));
         match target {
-            Target::Csv => folder.write_csv(number, about, &frame.file, &frame.measurement, &strain)?,
-            _ => folder.write_vtu(number, about, &frame.file, &frame.measurement, &strain)?,
+            Target::Csv => folder.write_csv(number, about, &file, &frame.measurement, &strain)?,
+            _ => folder.write_vtu(number, about, &file, &frame.measurement, &strain)?,
         }
         ticker.tick(ending(target), done + 1, numbers.len());
     }

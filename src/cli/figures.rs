@@ -3,7 +3,7 @@
 use super::args::{FiguresArgs, StrainPlace};
 use super::frames::Frames;
 use super::record::Record;
-use super::run_folder::FIGURES;
+use super::run_folder::{FIGURES, frame_in_words};
 use super::{Outcome, Result, chain, plural, pool, without_doubles};
 use crate::imaging::Image;
 use crate::io::series::Frame;
@@ -127,7 +127,7 @@ impl<'a> Series<'a> {
         let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
         options.notes.push(format!(
             "reference {reference}; image {}; quadrille {}",
-            name(&frame.file),
+            frame_in_words(&name(&frame.file), self.store.reference_frame(number)?.unwrap_or(0)),
             header.quadrille
         ));
         let on_image = options.magnify.is_none_or(|factor| factor == 1.0);

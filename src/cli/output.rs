@@ -5,7 +5,7 @@ use super::kept::Kept;
 use super::plan::Plan;
 use super::progress::Spent;
 use super::restart::FrameRecord;
-use super::run_folder::{About, RunFolder, csv_name, vtu_name};
+use super::run_folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
 use crate::correlate::Correlation;
 use crate::field::{StartFrom, StrainField};
 use crate::io::store::{Store, StoreWriter};
@@ -53,7 +53,8 @@ impl Output<'_> {
     /// Writes a frame: field, tables, record, and its status last, which says that it is done.
     fn write(&mut self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
         let Self { plan, folder, store, about, .. } = self;
-        let (number, file, status) = (summary.number, summary.file.clone(), summary.status);
+        let (number, status) = (summary.number, summary.status);
+        let file = frame_in_words(&summary.file, summary.reference_frame);
         let mut files = Vec::new();
         // A diverged field is no measurement: its numbers are not spread.
         if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| status.has_field()) {

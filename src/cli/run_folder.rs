@@ -288,6 +288,15 @@ pub(super) fn locks_in(folder: &Path) -> PathBuf {
     folder.join(RESTART)
 }
 
+/// The file of a frame in words; with what it was measured from where that is not the reference given: its residual is
+/// against that frame.
+pub(super) fn frame_in_words(file: &str, reference_frame: usize) -> String {
+    match reference_frame {
+        0 => file.to_owned(),
+        frame => format!("{file} (measured from frame {frame}; displacement from the reference)"),
+    }
+}
+
 /// Name of the table of frame `number`.
 pub(super) fn csv_name(number: usize) -> String {
     format!("csv/{number:06}.csv")
