@@ -70,8 +70,8 @@ pub(super) fn identify(
     write_solution(&folder, &of_joint)?;
     folder.write_summary(&of_joint.summary(super::absolute(case), seconds, json.warnings.clone()))?;
     of_joint.draw(&chosen, save)?;
-    let converged = found.status == FitStatus::Converged;
-    Ok((json, if converged { Outcome::Fine } else { Outcome::Incomplete }))
+    let trusted = found.status == FitStatus::Converged && !json.verdict.conditional;
+    Ok((json, if trusted { Outcome::Fine } else { Outcome::Incomplete }))
 }
 
 /// What a user has to know at once.
@@ -80,14 +80,16 @@ pub(super) fn say(json: &FitJson, output: &Path) {
     for name in &json.parameter_order {
         let p = &json.parameters[name];
         let spread = match p.interval95 {
+            Some([low, high]) if json.verdict.conditional => {
+                format!(", 95 % {low:.6} to {high:.6} if the model were true")
+            }
             Some([low, high]) => format!(", 95 % {low:.6} to {high:.6}"),
             None => String::new(),
         };
         eprintln!("{name} = {:.6} {}{spread}{}", p.value, p.unit, if p.at_bound { ", on its bound" } else { "" });
     }
-    if let Some(verdict) = &json.verdict {
-        eprintln!("{} ({})", verdict.text, verdict.thresholds);
-    }
+    let verdict = &json.verdict;
+    eprintln!("verdict: {}. {} ({})", verdict.outcome, verdict.text, verdict.thresholds);
     let evaluations = plural(json.evaluations, "evaluation");
     let rescued = if json.rescued > 0 { format!(", {} rescued", json.rescued) } else { String::new() };
     eprintln!(

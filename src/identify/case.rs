@@ -108,6 +108,9 @@ impl<'a> Case<'a> {
             let what = "boundary = \"estimated\" needs weights = \"covariance\"";
             return Err(wrong("measurement", what));
         }
+        if let MeasurementInput::Run(run) = measured {
+            doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
+        }
         let observation = observation(joint, input, measurement, measured, boundary != "exact", &mut doubts)?;
         let noise = noise(joint, measurement, measured, &observation, boundary != "exact", &mut doubts)?;
         check_weights(&observation, weights)?;
@@ -496,7 +499,11 @@ fn observation(
         false => Vec::new(),
     };
     let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
-    Ok(Observation { nodes, compared, prescribed, instants })
+    let pixel_size_mm = match measured {
+        MeasurementInput::Run(run) => Some(run.pixel_size_mm),
+        MeasurementInput::Table(_) => None,
+    };
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm })
 }
 
 fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {
@@ -532,6 +539,7 @@ fn noise(
                 on_boundary,
                 sigma: given.map(|noise| noise / (1.0_f64 + common).sqrt()),
                 source: format!("each displacement on its own, {tied}, {from}"),
+                ratio: None,
             })
         }
         MeasurementInput::Run(run) => {
@@ -564,7 +572,7 @@ fn noise(
             let RunMatrix { corners, matrices } = matrix;
             let precision = Precision::of_matrix(mesh.nodes(), &corners, &matrices, &observation.nodes)
                 .map_err(|fault| FitError::Covariance { row: fault.node })?;
-            let mut noise = Noise { precision, common, on_boundary, sigma: None, source: String::new() };
+            let mut noise = Noise { precision, common, on_boundary, sigma: None, source: String::new(), ratio: None };
             let (variance, stated) = (noise.mean_variance(), mean_stated_variance(run, observation));
             let variance_given = given.map(|noise| noise * noise).or(stated);
             noise.sigma = variance_given.map(|stated| (stated / variance).sqrt());
@@ -590,7 +598,7 @@ fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64
 }
 
 /// The normal matrix of a texture that is the same everywhere: the integrals of the products of the shape functions.
-fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
+pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
     let share = (1.0 / 3.0_f64).sqrt();
     let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
     let of = |corners: &[u32; 4]| -> ElementMatrix {

@@ -111,14 +111,13 @@ impl Problem<'_> {
     /// `-A sum_i v_i^T U_p`: how the estimate moves with a constant that moves the computed displacements by `U_p`.
     pub(super) fn shift(&self, statistics: &Statistics, by_constant: impl Fn(usize, usize, usize) -> f64) -> Vec<f64> {
         let observation = &self.observation;
-        let mut sum = Dense::zeros(statistics.a.n_rows(), 1);
-        for (observed, v) in observation.instants.iter().zip(&statistics.v) {
-            let moved = Dense::from_fn(observation.n_rows(), 1, |row, _| {
+        let of = |observed: &super::observation::ObservedInstant| {
+            Dense::from_fn(observation.n_rows(), 1, |row, _| {
                 by_constant(observed.index, observation.nodes[row / 2] as usize, row % 2)
-            });
-            sum.add(-1.0, &v.transposed_times(&moved));
-        }
-        statistics.a.times(&sum).column(0).to_vec()
+            })
+        };
+        let moved: Vec<Dense> = observation.instants.iter().map(of).collect();
+        statistics.shift(&moved)
     }
 }
 

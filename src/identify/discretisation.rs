@@ -1,8 +1,11 @@
 //! What the size of the elements does to the parameters: the model once more with elements half as large.
 
+use super::case::even_texture;
+use super::noise::Precision;
 use super::objective::{Evaluation, Problem};
-use super::statistics::Statistics;
-use crate::mechanics::{BoundaryHistory, ForwardOptions, Model};
+use crate::io::joint::RunMatrix;
+use crate::linalg::Dense;
+use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, JointMesh, Model};
 
 /// What becomes of the effect of the element size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,28 +30,66 @@ impl Discretisation {
 }
 
 impl Problem<'_> {
-    /// Change of each scaled unknown if every element were cut into four, to first order, with the displacements `boundary`
-    /// of the border carried along its edges; `None` where that mesh cannot be made or has no solution.
-    pub(super) fn refinement_shift(
-        &self,
-        evaluation: &Evaluation,
-        statistics: &Statistics,
-        boundary: &BoundaryHistory,
-    ) -> Option<Vec<f64>> {
+    /// Change of the measured rows of each instant compared, mm, if every element of the model were cut into four, with the
+    /// displacements `boundary` of the border carried along its edges; `None` where that mesh cannot be made or has no
+    /// solution.
+    ///
+    /// Of a correlation on the same mesh it is what the correlation would see of the finer field: its least-squares
+    /// projection onto the elements (whose nodal values overshoot between them), not the field at the nodes.
+    pub(super) fn refinement_change(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
         let fine = Model::new(mesh, model.materials().to_vec(), boundary.nodes(), *model.options()).ok()?;
-        let fine = fine.forward(&*law, &boundary, &ForwardOptions::default()).ok()?;
-        let compared = |i: &super::observation::ObservedInstant| fine.instants[i.index].status.converged();
-        if !self.observation.instants.iter().all(compared) {
+        let solution = fine.forward(&*law, &boundary, &ForwardOptions::default()).ok()?;
+        let observation = &self.observation;
+        let compared = |i: &super::observation::ObservedInstant| solution.instants[i.index].status.converged();
+        if !observation.instants.iter().all(compared) {
             return None;
         }
-        // Nodes keep their numbers in the finer mesh.
-        Some(self.shift(statistics, |instant, node, c| {
-            let at = |instants: &[crate::mechanics::Instant]| instants[instant].displacement[node][c];
-            at(&fine.instants) - at(&evaluation.solution.instants)
-        }))
+        let correlated = !matches!(self.noise.precision, Precision::White(_)) && self.joint.measured.carry.is_none();
+        let projection = match correlated {
+            true => Some(Projection::new(model.mesh(), fine.mesh(), &carry)?),
+            false => None,
+        };
+        let of = |observed: &super::observation::ObservedInstant| {
+            let seen = &solution.instants[observed.index].displacement;
+            // Nodes keep their numbers in the finer mesh.
+            let seen = projection.as_ref().map_or_else(|| seen.clone(), |projection| projection.of(seen));
+            let computed = &evaluation.solution.instants[observed.index].displacement;
+            Dense::from_fn(observation.n_rows(), 1, |row, _| {
+                let (node, c) = (observation.nodes[row / 2] as usize, row % 2);
+                seen[node][c] - computed[node][c]
+            })
+        };
+        Some(observation.instants.iter().map(of).collect())
+    }
+}
+
+/// The least-squares projection of fields on a mesh cut in four onto the mesh itself: `C^T M_f C x = C^T M_f u`, `M_f` the
+/// mass matrix of the fine mesh, `C` what carries nodal values to it.
+struct Projection<'a> {
+    carry: &'a Carry,
+    fine: Precision,
+    coarse: Precision,
+    n: usize,
+}
+
+impl<'a> Projection<'a> {
+    fn new(mesh: &JointMesh, fine: &JointMesh, carry: &'a Carry) -> Option<Self> {
+        let mass = |mesh: &JointMesh| {
+            let RunMatrix { corners, matrices } = even_texture(mesh.nodes(), mesh.elements());
+            let all: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
+            Precision::of_matrix(mesh.nodes(), &corners, &matrices, &all).ok()
+        };
+        Some(Self { carry, fine: mass(fine)?, coarse: mass(mesh)?, n: mesh.nodes().len() })
+    }
+
+    fn of(&self, fine: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let column = |field: &[[f64; 2]]| Dense::from_fn(2 * field.len(), 1, |row, _| field[row / 2][row % 2]);
+        let pairs = |column: &Dense| column.column(0).as_chunks::<2>().0.to_vec();
+        let weighted = pairs(&self.fine.times(&column(fine)));
+        pairs(&self.coarse.inverse_times(&column(&self.carry.gathered(&weighted, self.n))))
     }
 }

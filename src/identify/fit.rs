@@ -3,11 +3,13 @@
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
 use super::discretisation::Discretisation;
+use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
+use super::released::Released;
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
 use super::unknowns::Unknowns;
-use super::verdict::{Verdict, verdict};
+use super::verdict::{Grounds, Verdict};
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::{Dense, NotPositiveDefinite};
@@ -131,8 +133,12 @@ pub struct Fit {
     pub history: Vec<Iteration>,
     /// All starts.
     pub starts: Vec<StartEnd>,
-    /// The verdict on identifiability; `None` without covariance.
-    pub verdict: Option<Verdict>,
+    /// Whether the data contradict the model; `None` without covariance.
+    pub misfit: Option<Misfit>,
+    /// What the prescribed parameters of the law would be as unknowns; `None` where there are none.
+    pub released: Option<Released>,
+    /// What it all comes to.
+    pub verdict: Verdict,
     /// What noise does; `None` without covariance.
     pub statistics: Option<Statistics>,
     /// What each uncertain constant does to the parameters.
@@ -154,6 +160,17 @@ impl Fit {
     /// 95 % interval of a value with this standard uncertainty.
     pub fn interval95(value: f64, std: f64) -> [f64; 2] {
         [value - NORMAL_95 * std, value + NORMAL_95 * std]
+    }
+
+    /// Standard uncertainty of a parameter relative to its value, with everything that its interval holds; infinite where it
+    /// has none.
+    pub fn relative_std(parameter: &FittedParameter) -> f64 {
+        let std = match (parameter.interval95, parameter.std) {
+            (Some([low, high]), _) => (high - low) / (2.0 * NORMAL_95),
+            (None, Some(std)) => std,
+            (None, None) => f64::INFINITY,
+        };
+        if parameter.value == 0.0 && std > 0.0 { f64::INFINITY } else { std / parameter.value.abs().max(f64::MIN_POSITIVE) }
     }
 
     /// Condition number of the scaled Jacobian.
@@ -264,11 +281,15 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
     };
     let std = |k: usize| covariance.as_ref().map(|c| c[(k, k)].max(0.0).sqrt());
-    let by_refinement: Option<Vec<f64>> = match (&statistics, options.discretisation) {
-        (_, Discretisation::Off) | (None, _) => None,
-        (Some(statistics), _) => problem
-            .refinement_shift(&evaluation, statistics, &boundary)
-            .map(|shift| shift.iter().zip(&slopes).map(|(z, slope)| z * slope).collect()),
+    let refined = match options.discretisation {
+        Discretisation::Off => None,
+        _ => problem.refinement_change(&evaluation, &boundary),
+    };
+    let by_refinement: Option<Vec<f64>> = match (&statistics, &refined) {
+        (Some(statistics), Some(change)) => {
+            Some(statistics.shift(change).iter().zip(&slopes).map(|(z, slope)| z * slope).collect())
+        }
+        _ => None,
     };
     let interval = |value: f64, std: Option<f64>, discretisation: Option<f64>| {
         let more = discretisation.filter(|_| options.discretisation == Discretisation::Included).unwrap_or(0.0);
@@ -296,11 +317,28 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         .collect();
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
-    let verdict = correlation.as_ref().map(|correlation| {
-        let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
-        let relative: Vec<f64> = parameters.iter().map(|p| p.std.unwrap_or(0.0) / p.value.abs()).collect();
-        verdict(&names, &relative, correlation, &eigen)
-    });
+    let (misfit, released) = match &statistics {
+        None => (None, None),
+        Some(statistics) => (
+            Some(problem.misfit(&evaluation, &weights, statistics, refined.as_deref())?),
+            problem.released(&evaluation, &weights, statistics, &boundary)?,
+        ),
+    };
+    let verdict = match &correlation {
+        None => Verdict::singular(&parameters),
+        Some(correlation) => {
+            let prescribed = released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released));
+            let grounds = Grounds {
+                correlation,
+                misfit: misfit.as_ref(),
+                released: released.as_ref(),
+                released_std: &prescribed,
+                noise_ratio: problem.noise.ratio,
+                given: problem.given(),
+            };
+            Verdict::new(&parameters, &grounds)
+        }
+    };
     let mut history = stage.history;
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
@@ -318,6 +356,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         rescued: stage.rescued,
         history,
         starts,
+        misfit,
+        released,
         verdict,
         statistics,
         constants,
@@ -359,7 +399,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// One start under fixed weights; `known` is what is known there.
-fn run(
+pub(super) fn run(
     problem: &Problem<'_>,
     boundary: &BoundaryHistory,
     weights: &Weights,

@@ -127,6 +127,9 @@ pub struct Noise {
     pub sigma: Option<f64>,
     /// Where it comes from, in words.
     pub source: String,
+    /// Noise that the residual of the images shows over the noise that the uncertainties of the displacements were made with;
+    /// `None` where these are not told apart.
+    pub ratio: Option<f64>,
 }
 
 impl Noise {

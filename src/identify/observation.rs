@@ -13,6 +13,8 @@ pub struct Observation {
     pub prescribed: Vec<usize>,
     /// The instants compared.
     pub instants: Vec<ObservedInstant>,
+    /// Size of a pixel, mm; `None` where the displacements come from a table.
+    pub pixel_size_mm: Option<f64>,
 }
 
 /// One instant.

@@ -100,6 +100,16 @@ impl Statistics {
     }
 }
 
+impl Statistics {
+    /// How the scaled estimate moves when the computed displacements of the rows change by `moved`, a column for each instant:
+    /// `-A sum_i v_i^T U_i`.
+    pub fn shift(&self, moved: &[Dense]) -> Vec<f64> {
+        let mut sum = Dense::zeros(self.a.n_rows(), 1);
+        self.v.iter().zip(moved).for_each(|(v, moved)| sum.add(-1.0, &v.transposed_times(moved)));
+        self.a.times(&sum).column(0).to_vec()
+    }
+}
+
 fn scale(matrix: &mut Dense, factor: f64) {
     for k in 0..matrix.n_columns() {
         matrix.column_mut(k).iter_mut().for_each(|v| *v *= factor);

@@ -1,76 +1,266 @@
-//! Whether the data determine the parameters, in words.
+//! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
+use super::fit::{Fit, FittedParameter};
+use super::misfit::Misfit;
+use super::released::Released;
 use crate::linalg::Dense;
 
 /// Relative standard uncertainty above which a parameter is not determined.
 pub const LARGEST_STD: f64 = 0.25;
-/// Correlation, in magnitude, above which two parameters are not determined apart.
+/// Correlation, in magnitude, above which two parameters that are known badly are named together.
 pub const LARGEST_CORRELATION: f64 = 0.95;
-/// Condition number of the scaled Jacobian above which some combination of parameters is not determined.
-pub const LARGEST_CONDITION: f64 = 30.0;
+/// The residual noise over the noise that the uncertainties are made with, above which (or below whose inverse) the two
+/// contradict each other.
+pub const LARGEST_NOISE_RATIO: f64 = 1.25;
 
-/// Whether the data determine the parameters.
+/// What a fit comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Every parameter asked for is known within its interval.
+    Determined,
+    /// The data leave some parameter open.
+    NotDetermined,
+    /// The data contradict the model: its intervals are conditional on a model that is not true.
+    Rejected,
+}
+
+impl Outcome {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Determined => "determined",
+            Self::NotDetermined => "not determined",
+            Self::Rejected => "model rejected",
+        }
+    }
+}
+
+/// The verdict on a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Whether they all are determined.
-    pub determined: bool,
-    /// What there is to say, a sentence each.
+    /// What it comes to.
+    pub outcome: Outcome,
+    /// What there is to say, a sentence each; the first says the outcome.
     pub sentences: Vec<String>,
+    /// What the intervals are conditional on: the prescribed values, as `r = 4`.
+    pub given: Vec<String>,
     /// The thresholds.
     pub thresholds: String,
 }
 
-/// The verdict for parameters called `names` with relative standard uncertainties, their correlation, and the eigenvalues
-/// (ascending) and eigenvectors of the scaled `J^T W J`.
-pub fn verdict(names: &[&str], relative_std: &[f64], correlation: &Dense, eigen: &(Vec<f64>, Dense)) -> Verdict {
-    let mut sentences = Vec::new();
-    for (name, std) in names.iter().zip(relative_std).filter(|(_, std)| **std > LARGEST_STD) {
-        sentences.push(format!(
-            "{name} is not determined by these data: its standard uncertainty is {:.0} % of its value; prescribe {name} or \
-             measure with less noise",
-            100.0 * std
-        ));
+/// What a verdict goes by beside the parameters.
+#[derive(Debug)]
+pub struct Grounds<'a> {
+    /// Correlation of the parameters.
+    pub correlation: &'a Dense,
+    /// The misfit test.
+    pub misfit: Option<&'a Misfit>,
+    /// The prescribed parameters as unknowns.
+    pub released: Option<&'a Released>,
+    /// Standard uncertainty of each of those, as the error budget has it; zero where the value is exact.
+    pub released_std: &'a [f64],
+    /// Noise that the residual shows over the noise that was used, where both are known.
+    pub noise_ratio: Option<f64>,
+    /// The prescribed values, as `r = 4`.
+    pub given: Vec<String>,
+}
+
+impl Verdict {
+    /// Whether all parameters are determined.
+    pub fn determined(&self) -> bool {
+        self.outcome == Outcome::Determined
     }
-    for row in 0..names.len() {
-        for column in 0..row {
-            let value = correlation[(row, column)];
-            if value.abs() > LARGEST_CORRELATION {
-                let (a, b) = (names[column], names[row]);
-                // The one that is known less is the one to prescribe.
-                let weak = if relative_std[column] > relative_std[row] { a } else { b };
+
+    /// The verdict where the data say nothing of some combination of the unknowns.
+    pub fn singular(parameters: &[FittedParameter]) -> Self {
+        Self {
+            outcome: Outcome::NotDetermined,
+            sentences: vec![format!(
+                "these data do not determine {}: they say nothing of some combination of them",
+                list_of(parameters)
+            )],
+            given: Vec::new(),
+            thresholds: thresholds(),
+        }
+    }
+
+    /// The verdict on `parameters`.
+    pub fn new(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Self {
+        let against = contradictions(grounds);
+        let mut open = undetermined(parameters, grounds.correlation);
+        if let Some(ratio) = grounds.noise_ratio
+            && !(1.0 / LARGEST_NOISE_RATIO..=LARGEST_NOISE_RATIO).contains(&ratio)
+        {
+            open.push(format!(
+                "the noise is not what was stated: the images show {ratio:.2} times the noise that the uncertainties are made \
+                 with; state another, or none"
+            ));
+        }
+        let names = list_of(parameters);
+        let given = match grounds.given.as_slice() {
+            [] => String::new(),
+            given => format!(", given {}", given.join(", ")),
+        };
+        let outcome = match (against.is_empty(), open.is_empty()) {
+            (false, _) => Outcome::Rejected,
+            (true, false) => Outcome::NotDetermined,
+            (true, true) => Outcome::Determined,
+        };
+        let mut sentences = match outcome {
+            Outcome::Rejected => vec![
+                "the data contradict the model: its parameters and intervals are conditional on a model that is not true"
+                    .to_owned(),
+            ],
+            Outcome::NotDetermined => vec![format!("these data do not determine all of {names}{given}")],
+            Outcome::Determined => {
+                let verb = if parameters.len() == 1 { "is" } else { "are" };
+                vec![format!("{names} {verb} determined by these data{given}")]
+            }
+        };
+        sentences.extend(against);
+        sentences.extend(open);
+        sentences.extend(advice(grounds));
+        let tested = grounds.misfit.is_some_and(|misfit| misfit.tested);
+        if !tested {
+            sentences.push(
+                "whether the data contradict the model as a whole is not tested: the noise was estimated from the same \
+                 residual"
+                    .to_owned(),
+            );
+        }
+        Self { outcome, sentences, given: grounds.given.clone(), thresholds: thresholds() }
+    }
+}
+
+fn thresholds() -> String {
+    format!(
+        "not determined: standard uncertainty above {:.0} % with everything in it, a bound or an open side, a noise off by more \
+         than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
+        100.0 * LARGEST_STD
+    )
+}
+
+fn list_of(parameters: &[FittedParameter]) -> String {
+    parameters.iter().map(|p| p.parameter.name).collect::<Vec<_>>().join(", ")
+}
+
+/// What speaks against the model.
+fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
+    let mut sentences = Vec::new();
+    if let Some(misfit) = grounds.misfit
+        && misfit.rejected()
+    {
+        if misfit.tested {
+            sentences.push(format!(
+                "omega is {:.0}, {:+.1} % from the {:.0} expected of noise and element size (z = {:.1}, rejected above {:.1})",
+                misfit.omega,
+                100.0 * misfit.excess,
+                misfit.freedom + misfit.floor.unwrap_or(0.0),
+                misfit.z,
+                misfit.limit
+            ));
+        }
+        let worst = misfit.worst();
+        if !worst.is_empty() {
+            sentences.push(format!("worst: {}", worst.join("; ")));
+        }
+    }
+    if let Some(released) = grounds.released.filter(|released| released.significant()) {
+        for (p, &std) in released.parameters.iter().zip(grounds.released_std) {
+            if p.contradicts(std) {
                 sentences.push(format!(
-                    "{weak} is not determined by these data: {a} and {b} are correlated {value:.3}; prescribe {weak} or add \
-                     another mode mixity"
+                    "{} = {} is refused by the data: as an unknown it is {:.4} +- {:.2}, and omega falls by {:.0}; add it to \
+                     [fit] parameters",
+                    p.name,
+                    p.prescribed,
+                    p.value,
+                    p.std.unwrap_or(0.0),
+                    released.gain
                 ));
             }
         }
     }
-    let (values, vectors) = eigen;
-    let (least, most) = (values[0].max(0.0).sqrt(), values[values.len() - 1].max(0.0).sqrt());
-    let condition = if least > 0.0 { most / least } else { f64::INFINITY };
-    if condition > LARGEST_CONDITION || condition.is_nan() {
-        let weakest =
-            (0..names.len()).fold(0, |k, j| if vectors[(j, 0)].abs() > vectors[(k, 0)].abs() { j } else { k });
-        let name = names[weakest];
-        sentences.push(format!(
-            "the condition number of the scaled Jacobian is {condition:.0}: the data hardly tell {name}; prescribe {name} or add \
-             another mode mixity"
-        ));
+    sentences
+}
+
+/// The parameters that the data leave open.
+fn undetermined(parameters: &[FittedParameter], correlation: &Dense) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let relative: Vec<f64> = parameters.iter().map(Fit::relative_std).collect();
+    for (k, p) in parameters.iter().enumerate() {
+        let name = p.parameter.name;
+        if p.at_bound {
+            let [low, high] = p.bounds;
+            sentences.push(format!(
+                "{name} is not determined: it ended on its bound ({} of {low} to {high}), where its interval means little; \
+                 widen the bound or prescribe it",
+                p.value
+            ));
+            continue;
+        }
+        if relative[k] <= LARGEST_STD {
+            continue;
+        }
+        let partner = (0..parameters.len())
+            .filter(|&other| other != k)
+            .map(|other| (other, correlation[(k, other)]))
+            .filter(|(_, value)| value.abs() > LARGEST_CORRELATION)
+            .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        sentences.push(match partner {
+            Some((other, value)) => format!(
+                "{name} is not determined: its standard uncertainty is {} of its value, and it is known only together with {} \
+                 (correlation {value:.3}); add another mode mixity, or prescribe {name} with its uncertainty",
+                percent(relative[k]),
+                parameters[other].parameter.name
+            ),
+            None => format!(
+                "{name} is not determined: its standard uncertainty is {} of its value; prescribe it with its uncertainty, or \
+                 measure with less noise",
+                percent(relative[k])
+            ),
+        });
     }
-    let determined = sentences.is_empty();
-    if determined {
-        sentences.push(format!(
-            "{} determined by these data",
-            match names {
-                [one] => format!("{one} is"),
-                several => format!("{} are", several.join(", ")),
-            }
-        ));
-    }
-    let thresholds = format!(
-        "not determined: standard uncertainty above {:.0} %, correlation above {LARGEST_CORRELATION} in magnitude, or \
-         condition number of the scaled Jacobian above {LARGEST_CONDITION}",
-        100.0 * LARGEST_STD
-    );
-    Verdict { determined, sentences, thresholds }
+    sentences
+}
+
+fn percent(share: f64) -> String {
+    if share.is_finite() { format!("{:.0} %", 100.0 * share) } else { "without limit".to_owned() }
+}
+
+/// What the released parameters tell when they do not contradict.
+fn advice(grounds: &Grounds<'_>) -> Option<String> {
+    let released = grounds.released?;
+    let names: Vec<&str> = released.parameters.iter().map(|p| p.name).collect();
+    let found: Vec<String> = (released.parameters.iter())
+        .map(|p| match p.std {
+            Some(std) => format!("{} = {:.4} +- {:.2}", p.name, p.value, std),
+            None => format!("{} = {:.4}", p.name, p.value),
+        })
+        .collect();
+    let prescribed = names.join(", ");
+    Some(match (released.converged, released.significant()) {
+        (false, _) => format!("with {prescribed} as unknown{} the fit does not converge", plural(&names)),
+        (true, false) => format!(
+            "with {prescribed} as unknown{} omega falls by {:.1}, no more than chance ({:.1}): {}",
+            plural(&names),
+            released.gain,
+            released.limit,
+            found.join(", ")
+        ),
+        (true, true) if released.parameters.iter().zip(grounds.released_std).any(|(p, &std)| p.contradicts(std)) => {
+            return None; // said among the contradictions
+        }
+        (true, true) => format!(
+            "with {prescribed} as unknown{} omega falls by {:.0}: {}; these data know more than was prescribed, add {} to [fit] \
+             parameters",
+            plural(&names),
+            released.gain,
+            found.join(", "),
+            if names.len() == 1 { "it" } else { "them" }
+        ),
+    })
+}
+
+fn plural(names: &[&str]) -> &'static str {
+    if names.len() == 1 { "" } else { "s" }
 }

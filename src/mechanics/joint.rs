@@ -363,6 +363,17 @@ pub struct Carry {
 }
 
 impl Carry {
+    /// The transposed of [`Carry::values`]: what forces at the nodes of the fine mesh are at the `n` nodes of the coarse one.
+    pub fn gathered(&self, fine: &[[f64; 2]], n: usize) -> Vec<[f64; 2]> {
+        let mut coarse = vec![[0.0; 2]; n];
+        for (weights, value) in self.weights.iter().zip(fine) {
+            for &(node, weight) in weights {
+                (0..2).for_each(|c| coarse[node as usize][c] += weight * value[c]);
+            }
+        }
+        coarse
+    }
+
     /// Values at the nodes of the fine mesh, from those at the nodes of the coarse one.
     pub fn values(&self, coarse: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let at = |weights: &Vec<(u32, f64)>, c: usize| -> f64 {

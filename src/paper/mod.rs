@@ -147,6 +147,7 @@ impl Experiment {
             compared: vec![true; self.selected.len()],
             prescribed: Vec::new(),
             instants,
+            pixel_size_mm: None,
         };
         let noise = Noise {
             precision: Precision::White(observation.n_rows()),
@@ -154,6 +155,7 @@ impl Experiment {
             on_boundary: false,
             sigma: (s_px > 0.0).then_some(s_px * PIXEL_MM),
             source: format!("white, {s_px} px"),
+            ratio: None,
         };
         let law = self.law();
         let of = |k: usize| (k, START[k] * law[k], Some(law[k] / BOUND), Some(law[k] * BOUND));

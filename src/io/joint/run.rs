@@ -7,6 +7,9 @@ use crate::linalg::ElementMatrix;
 use crate::units::PixelSize;
 use std::path::{Path, PathBuf};
 
+/// The summary that a correlation leaves beside its store.
+const SUMMARY: &str = "summary.json";
+
 /// The strips of a correlation run with their measured displacements, in mm with y up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointRun {
@@ -29,6 +32,10 @@ pub struct JointRun {
     pub n_references: usize,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
+    /// Size of a pixel, mm.
+    pub pixel_size_mm: f64,
+    /// What the correlation warned of (`messages` of its `summary.json`); empty where that is not beside the store.
+    pub warnings: Vec<String>,
 }
 
 /// The normal matrix `M` of a correlation, element by element: displacements have the covariance `2 sigma^2 M^-1`.
@@ -87,8 +94,33 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
     });
     let n_references = store.header().reference.len().max(1);
-    let path = path.to_owned();
-    Ok(JointRun { path, mesh, frames, measured_from, instants, sigma, normal_matrix, n_references, left_out })
+    Ok(JointRun {
+        path: path.to_owned(),
+        mesh,
+        frames,
+        measured_from,
+        instants,
+        sigma,
+        normal_matrix,
+        n_references,
+        left_out,
+        pixel_size_mm: scale.mm_per_px(),
+        warnings: warnings_beside(path),
+    })
+}
+
+/// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was moved
+/// without it is none the worse.
+fn warnings_beside(store: &Path) -> Vec<String> {
+    #[derive(serde::Deserialize)]
+    struct Messages {
+        messages: Vec<String>,
+    }
+    let places = [Some(store), store.parent()].into_iter().flatten();
+    let text = places.filter_map(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok()).next();
+    let read = text.and_then(|text| serde_json::from_str::<Messages>(&text).ok());
+    let plain = |line: &String| line.strip_prefix("warning: ").unwrap_or(line).to_owned();
+    read.map_or(Vec::new(), |summary| summary.messages.iter().map(plain).collect())
 }
 
 /// The matrix times `factor`, with y up: what couples x and y changes its sign.

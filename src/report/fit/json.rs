@@ -1,7 +1,9 @@
 //! `fit.json` and `sweep.json`.
 
 use super::FitReport;
-use crate::identify::{Case, Discretisation, Fit, Iteration, SweepRow};
+use crate::identify::{
+    Case, Discretisation, Fit, Iteration, Misfit, MisfitGroup, Outcome, Released, ReleasedParameter, SweepRow,
+};
 use crate::mechanics::Status;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -66,8 +68,12 @@ pub struct FitJson {
     pub starts: Vec<StartJson>,
     /// Largest distance of the converged ends, in scaled unknowns.
     pub agreement: f64,
-    /// Whether the data determine the parameters.
-    pub verdict: Option<VerdictJson>,
+    /// What it all comes to.
+    pub verdict: VerdictJson,
+    /// Whether the data contradict the model.
+    pub misfit: Option<MisfitJson>,
+    /// What the prescribed parameters of the law would be as unknowns.
+    pub released: Option<ReleasedJson>,
     /// What each uncertain constant adds: the change of each parameter for one standard uncertainty.
     pub constants: BTreeMap<String, ConstantJson>,
     /// The profile likelihood, where it was asked for.
@@ -174,12 +180,137 @@ pub struct StartJson {
 /// The verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct VerdictJson {
+    /// `determined`, `not determined` or `model rejected`.
+    pub outcome: &'static str,
     /// Whether all parameters are determined.
     pub determined: bool,
+    /// Whether all intervals are conditional on a model that the data contradict.
+    pub conditional: bool,
     /// In words.
     pub text: String,
+    /// The same, sentence by sentence.
+    pub sentences: Vec<String>,
+    /// The prescribed values that all intervals suppose.
+    pub given: Vec<String>,
     /// The thresholds.
     pub thresholds: String,
+}
+
+/// The misfit test.
+#[derive(Debug, Clone, Serialize)]
+pub struct MisfitJson {
+    /// Whether the model is rejected, by the whole or by a group.
+    pub rejected: bool,
+    /// Whether the noise is known beside the residual, so that the whole is a test.
+    pub tested: bool,
+    /// Sum of squares of the whitened residual.
+    pub omega: f64,
+    /// What noise alone leaves of it on the average.
+    pub freedom: f64,
+    /// What the element size adds; null where it could not be computed.
+    pub floor: Option<f64>,
+    /// The excess over both in standard deviations of omega, the noise's own uncertainty counted in.
+    pub z: f64,
+    /// `z` above which the model is rejected.
+    pub z_limit: f64,
+    /// The relative excess.
+    pub excess: f64,
+    /// `z` above which a group is significant.
+    pub z_limit_of_groups: f64,
+    /// The groups that contradict the model, the worst first, in words.
+    pub worst: Vec<String>,
+    /// Plain residual over its expectation, instant by instant.
+    pub by_instant: Vec<GroupJson>,
+    /// Region by region: strip, distance from the adhesive, third along the joint.
+    pub by_region: Vec<GroupJson>,
+    /// Region by region in each quarter of the test.
+    pub by_region_and_time: Vec<GroupJson>,
+}
+
+/// One group of the misfit test.
+#[derive(Debug, Clone, Serialize)]
+pub struct GroupJson {
+    /// Where and when.
+    pub name: String,
+    /// First and last instant, from 1.
+    pub instants: [usize; 2],
+    /// Numbers compared.
+    pub n: usize,
+    /// Root mean square of the residual over its expectation.
+    pub times_expected: f64,
+    /// The excess of the squares in standard deviations.
+    pub z: f64,
+}
+
+impl GroupJson {
+    fn all(groups: &[MisfitGroup]) -> Vec<Self> {
+        let of = |group: &MisfitGroup| Self {
+            name: group.name.clone(),
+            instants: group.instants,
+            n: group.n,
+            times_expected: group.ratio,
+            z: group.z,
+        };
+        groups.iter().map(of).collect()
+    }
+}
+
+impl MisfitJson {
+    fn of(misfit: &Misfit) -> Self {
+        Self {
+            rejected: misfit.rejected(),
+            tested: misfit.tested,
+            omega: misfit.omega,
+            freedom: misfit.freedom,
+            floor: misfit.floor,
+            z: misfit.z,
+            z_limit: misfit.limit,
+            excess: misfit.excess,
+            z_limit_of_groups: misfit.group_limit,
+            worst: misfit.worst(),
+            by_instant: GroupJson::all(&misfit.by_instant),
+            by_region: GroupJson::all(&misfit.by_region),
+            by_region_and_time: GroupJson::all(&misfit.by_both),
+        }
+    }
+}
+
+/// The prescribed parameters of the law as unknowns.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReleasedJson {
+    /// What omega falls by, in units of the noise's variance.
+    pub omega_falls_by: f64,
+    /// A fall that right prescriptions exceed in one of a thousand cases.
+    pub limit: f64,
+    /// Whether the trial converged.
+    pub converged: bool,
+    /// Of each parameter: prescribed value, the one that the data prefer, and its standard uncertainty by the noise.
+    pub parameters: BTreeMap<&'static str, ReleasedParameterJson>,
+}
+
+/// One prescribed parameter as an unknown.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReleasedParameterJson {
+    /// The prescribed value.
+    pub prescribed: f64,
+    /// The value that the data prefer.
+    pub value: f64,
+    /// Its standard uncertainty by the noise.
+    pub std: Option<f64>,
+}
+
+impl ReleasedJson {
+    fn of(released: &Released) -> Self {
+        let parameter = |p: &ReleasedParameter| {
+            (p.name, ReleasedParameterJson { prescribed: p.prescribed, value: p.value, std: p.std })
+        };
+        Self {
+            omega_falls_by: released.gain,
+            limit: released.limit,
+            converged: released.converged,
+            parameters: released.parameters.iter().map(parameter).collect(),
+        }
+    }
 }
 
 /// An uncertain constant.
@@ -371,11 +502,17 @@ impl FitReport<'_> {
                 })
                 .collect(),
             agreement,
-            verdict: fit.verdict.as_ref().map(|v| VerdictJson {
-                determined: v.determined,
-                text: v.sentences.join(". ") + ".",
-                thresholds: v.thresholds.clone(),
-            }),
+            verdict: VerdictJson {
+                outcome: fit.verdict.outcome.name(),
+                determined: fit.verdict.determined(),
+                conditional: fit.verdict.outcome == Outcome::Rejected,
+                text: fit.verdict.sentences.join(". ") + ".",
+                sentences: fit.verdict.sentences.clone(),
+                given: fit.verdict.given.clone(),
+                thresholds: fit.verdict.thresholds.clone(),
+            },
+            misfit: fit.misfit.as_ref().map(MisfitJson::of),
+            released: fit.released.as_ref().map(ReleasedJson::of),
             constants,
             profile: self.profile.as_ref().map(|p| ProfileJson {
                 parameter: p.name,
