@@ -1,6 +1,8 @@
 # The doors of this project; `make` alone lists them.
 
 CARGO ?= cargo
+# `demo` and `test` can be built alike with PROFILE=ci, so that nothing is built twice.
+PROFILE ?=
 
 .PHONY: help build demo paper study test check bench clean
 
@@ -11,13 +13,13 @@ build: ## Build target/release/quadrille
 	$(CARGO) build --release --locked
 
 demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
-	$(CARGO) run --release --locked -- demo --output out/demo
+	$(CARGO) run --profile $(or $(PROFILE),release) --locked -- demo --output out/demo
 
 paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 	$(CARGO) run --release --locked -- paper --overwrite --output out/paper
 
 test: ## Install what tests need where it may, then run every test
-	scripts/test.sh
+	scripts/test.sh --profile $(or $(PROFILE),dev)
 
 study: ## Identification over many seeds and draws, for the tables of docs/identification.md (about 40 minutes); in out/study
 	$(CARGO) test --release --locked --test identify -- --ignored --nocapture

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Every test: `cargo test` over all targets, then the examples in the documentation. Arguments go to the first.
+# Every test: `cargo test` over all targets, then the examples in the documentation. Arguments (such as --profile ci) go to
+# both.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,4 +25,4 @@ if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
     trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
 fi
 cargo test --locked --all-targets "$@"
-cargo test --locked --doc
+cargo test --locked --doc "$@"

@@ -127,6 +127,7 @@ impl<'a> Case<'a> {
                 ..TrustRegionOptions::default()
             },
             constants: constants(joint, &case.substrate, table)?,
+            doubt: true,
             discretisation: match table.discretisation.as_deref() {
                 None if of_run => Discretisation::Included,
                 None | Some("stated") => Discretisation::Stated,

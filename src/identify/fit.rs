@@ -35,6 +35,9 @@ pub struct FitOptions {
     pub constants: Vec<Constant>,
     /// What becomes of the effect of the element size.
     pub discretisation: Discretisation,
+    /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
+    /// something larger (rows of a sweep, draws) do without.
+    pub doubt: bool,
 }
 
 impl Default for FitOptions {
@@ -47,6 +50,7 @@ impl Default for FitOptions {
             region,
             constants: Vec::new(),
             discretisation: Discretisation::Stated,
+            doubt: true,
         }
     }
 }
@@ -170,7 +174,11 @@ impl Fit {
             (None, Some(std)) => std,
             (None, None) => f64::INFINITY,
         };
-        if parameter.value == 0.0 && std > 0.0 { f64::INFINITY } else { std / parameter.value.abs().max(f64::MIN_POSITIVE) }
+        if parameter.value == 0.0 && std > 0.0 {
+            f64::INFINITY
+        } else {
+            std / parameter.value.abs().max(f64::MIN_POSITIVE)
+        }
     }
 
     /// Condition number of the scaled Jacobian.
@@ -318,11 +326,11 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
     let (misfit, released) = match &statistics {
-        None => (None, None),
-        Some(statistics) => (
+        Some(statistics) if options.doubt => (
             Some(problem.misfit(&evaluation, &weights, statistics, refined.as_deref())?),
             problem.released(&evaluation, &weights, statistics, &boundary)?,
         ),
+        _ => (None, None),
     };
     let verdict = match &correlation {
         None => Verdict::singular(&parameters),

@@ -19,7 +19,9 @@ impl Problem<'_> {
         let model = &self.joint.model;
         let materials: Vec<Vec<String>> = (model.materials().iter())
             .map(|law| {
-                let of = |(p, v): (&crate::mechanics::cohesive::Parameter, f64)| format!("{} = {}", p.name, quantity(v, p.unit));
+                let of = |(p, v): (&crate::mechanics::cohesive::Parameter, f64)| {
+                    format!("{} = {}", p.name, quantity(v, p.unit))
+                };
                 law.parameters().iter().zip(law.values()).map(of).collect()
             })
             .collect();

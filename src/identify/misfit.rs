@@ -1,11 +1,11 @@
 //! Whether the data contradict the model: the objective against its expectation, as a whole and by instant and region
 //! (THEORY 11).
 
+use super::FitError;
 use super::fit::full_weights;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::weights::Weights;
-use super::FitError;
 use crate::linalg::Dense;
 use crate::mechanics::JointMesh;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -249,10 +249,15 @@ impl Groups {
     }
 
     /// The group of `rows` at `instants` (places among those compared).
-    fn group(&self, problem: &Problem<'_>, name: String, rows: &[usize], instants: std::ops::Range<usize>) -> MisfitGroup {
-        let sum = |of: &[Vec<f64>]| -> f64 {
-            instants.clone().map(|i| rows.iter().map(|&r| of[i][r]).sum::<f64>()).sum()
-        };
+    fn group(
+        &self,
+        problem: &Problem<'_>,
+        name: String,
+        rows: &[usize],
+        instants: std::ops::Range<usize>,
+    ) -> MisfitGroup {
+        let sum =
+            |of: &[Vec<f64>]| -> f64 { instants.clone().map(|i| rows.iter().map(|&r| of[i][r]).sum::<f64>()).sum() };
         let (squares, expected) = (sum(&self.squares), sum(&self.expected));
         let norm = |of: &Dense| -> f64 {
             rows.iter().map(|&r| rows.iter().map(|&c| of[(r, c)] * of[(r, c)]).sum::<f64>()).sum()

@@ -52,6 +52,7 @@ pub fn profile(problem: &Problem<'_>, options: &FitOptions, done: &Fit, k: usize
         starts: Vec::new(),
         constants: Vec::new(),
         discretisation: Discretisation::Off,
+        doubt: false,
         ..options.clone()
     };
     let unit = variance / a;

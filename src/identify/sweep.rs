@@ -24,9 +24,10 @@ pub fn sweep(
     index: usize,
     values: &[f64],
 ) -> Result<Vec<SweepRow>, FitError> {
+    let options = FitOptions { doubt: false, ..options.clone() };
     let row = |&value: &f64| {
         let unknowns = problem.unknowns.with_prescribed(index, value)?;
-        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })
+        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), &options)? })
     };
     values.par_iter().map(row).collect()
 }

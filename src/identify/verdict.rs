@@ -96,6 +96,16 @@ impl Verdict {
                  with; state another, or none"
             ));
         }
+        if let Some(misfit) = grounds.misfit
+            && misfit.tested
+            && misfit.excess < LARGEST_NOISE_RATIO.powi(-2) - 1.0
+        {
+            open.push(format!(
+                "the noise is not what was stated: the residual is {:.2} times what it would leave, and the intervals are too \
+                 wide",
+                (1.0 + misfit.excess).max(0.0).sqrt()
+            ));
+        }
         let names = list_of(parameters);
         let given = match grounds.given.as_slice() {
             [] => String::new(),

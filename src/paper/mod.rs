@@ -166,7 +166,7 @@ impl Experiment {
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.
     pub fn options() -> FitOptions {
         let discretisation = Discretisation::Off;
-        FitOptions { weights: WeightKind::Paper, discretisation, ..FitOptions::default() }
+        FitOptions { weights: WeightKind::Paper, discretisation, doubt: false, ..FitOptions::default() }
     }
 }
 

@@ -109,7 +109,7 @@ impl IdentificationReport<'_> {
     pub fn page(&self) -> Result<Page, ReportError> {
         let mut sections = Vec::new();
         if self.fit.is_some() {
-            sections.push(self.result());
+            sections.push(self.result()?);
         }
         sections.push(self.measurement()?);
         sections.push(self.comparison()?);
@@ -153,7 +153,7 @@ impl IdentificationReport<'_> {
         }
     }
 
-    fn result(&self) -> Section {
+    fn result(&self) -> Result<Section, ReportError> {
         let fit = self.fit.unwrap_or(&Value::Null);
         let mut blocks = Vec::new();
         let status = text(&fit["status"]);
@@ -166,8 +166,12 @@ impl IdentificationReport<'_> {
             },
             warning: !converged,
         });
-        for (line, determined) in verdict(&fit["verdict"]) {
-            blocks.push(Block::Lead { text: line, warning: !determined });
+        let verdict = &fit["verdict"];
+        let sentences: Vec<String> = strings(&verdict["sentences"]);
+        if let Some((first, rest)) = sentences.split_first() {
+            let text = format!("Verdict: {}. {}", text(&verdict["outcome"]), capital(first));
+            blocks.push(Block::Lead { text, warning: verdict["determined"] != true });
+            blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
         }
         if let Some(thresholds) = fit["verdict"]["thresholds"].as_str() {
             blocks.push(Block::Text(format!("What the verdict goes by: {thresholds}.")));
@@ -178,7 +182,7 @@ impl IdentificationReport<'_> {
             "value",
             "standard uncertainty",
             "with half the element size",
-            "95 % interval",
+            if verdict["conditional"] == true { "95 % interval, if the model were true" } else { "95 % interval" },
             "start",
             "on a bound",
         ]
@@ -258,6 +262,7 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Heading("What follows from them".into()));
             blocks.push(Block::Facts(derived));
         }
+        blocks.extend(misfit(&fit["misfit"])?);
         if let Some(matrix) = fit["correlation"].as_array() {
             blocks.push(Block::Heading("Correlation of the parameters".into()));
             let rows =
@@ -284,7 +289,7 @@ impl IdentificationReport<'_> {
         if !facts.is_empty() {
             blocks.push(Block::Facts(facts));
         }
-        Section { title: "Result".into(), blocks }
+        Ok(Section { title: "Result".into(), blocks })
     }
 
     /// Symbol and meaning of a parameter.
@@ -799,22 +804,76 @@ impl IdentificationReport<'_> {
     }
 }
 
-/// The lines of the verdict on identifiability, and whether the data determine the parameters.
-fn verdict(value: &Value) -> Vec<(String, bool)> {
-    let determined = value["determined"].as_bool().unwrap_or(true);
-    let lines: Vec<String> = match value {
-        Value::String(line) => vec![line.clone()],
-        Value::Object(map) => {
-            let of = |value: &Value| match value {
-                Value::String(line) => vec![line.clone()],
-                Value::Array(list) => list.iter().filter_map(|line| line.as_str().map(str::to_owned)).collect(),
-                _ => Vec::new(),
-            };
-            ["sentences", "text", "words"].iter().filter_map(|key| map.get(*key)).flat_map(of).collect()
-        }
-        _ => Vec::new(),
+/// The misfit test: is what the model leaves of the measurement what the noise leaves?
+fn misfit(record: &Value) -> Result<Vec<Block>, ReportError> {
+    let groups = |key: &str| record[key].as_array().cloned().unwrap_or_default();
+    let by_instant = groups("by_instant");
+    if by_instant.is_empty() {
+        return Ok(Vec::new());
+    }
+    let number = |group: &Value, key: &str| group[key].as_f64().unwrap_or(f64::NAN);
+    let mut blocks = vec![Block::Heading("Does the model follow the measurement?".into())];
+    let fixed = |key: &str| format!("{:.1}", number(record, key));
+    blocks.push(Block::Text(match record["tested"] == true {
+        true => format!(
+            "Omega of the whitened residual is {:.0}; noise leaves {:.0} of it on the average, the element size {}: {:+.1} %, {} \
+             standard deviations (rejected above {}). The level of the noise counts as known to 2 %.",
+            number(record, "omega"),
+            number(record, "freedom"),
+            record["floor"].as_f64().map_or("an unknown part".into(), |floor| format!("{floor:.0}")),
+            100.0 * number(record, "excess"),
+            fixed("z"),
+            fixed("z_limit")
+        ),
+        false => "The noise was estimated from this residual, so that the objective as a whole tests nothing; instants and \
+                  regions can still be held against each other."
+            .into(),
+    }));
+    let worst = strings(&record["worst"]);
+    if !worst.is_empty() {
+        blocks.push(Block::Text(format!("Worst: {}.", worst.join("; "))));
+    }
+    let place = by_instant.iter().map(|group| group["instants"][0].as_f64().unwrap_or(f64::NAN)).collect();
+    let ratio: Vec<f64> = by_instant.iter().map(|group| number(group, "times_expected")).collect();
+    let highest = 1.3 * ratio.iter().fold(1.0, |most: f64, v| most.max(*v));
+    let plot = Plot {
+        title: "Measured less computed, over what noise and element size leave".into(),
+        x: Axis::linear("instant"),
+        y: Axis::linear("root mean square (times expected)").with_range(0.0, highest),
+        series: vec![Series::new("", Style::LineAndMarkers, place, ratio)],
+        notes: Vec::new(),
     };
-    lines.into_iter().map(|line| (line, determined)).collect()
+    let caption =
+        "The residual of every instant over its expectation: 1 is what the noise leaves, above it the model fails";
+    blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
+    let row = |group: &Value| {
+        vec![
+            text(&group["name"]),
+            format!("{:.2}", number(group, "times_expected")),
+            format!("{:+.1}", number(group, "z")),
+        ]
+    };
+    blocks.push(Block::Table {
+        columns: ["region", "times expected", "standard deviations"].map(str::to_owned).into(),
+        rows: groups("by_region").iter().map(row).collect(),
+    });
+    Ok(blocks)
+}
+
+/// The strings of a list.
+fn strings(value: &Value) -> Vec<String> {
+    value.as_array().into_iter().flatten().filter_map(|line| line.as_str().map(str::to_owned)).collect()
+}
+
+/// A sentence that begins a paragraph; one that begins with a symbol stays.
+fn capital(sentence: &str) -> String {
+    let word = sentence.split([' ', ',']).next().unwrap_or("");
+    match sentence.chars().next() {
+        Some(first) if !word.contains('_') && word.len() > 1 => {
+            first.to_uppercase().chain(sentence.chars().skip(1)).collect()
+        }
+        _ => sentence.to_owned(),
+    }
 }
 
 /// A quantity with its uncertainty and unit, as `fit.json` has it.
