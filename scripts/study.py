@@ -28,12 +28,13 @@ VARIANTS = [
 ]
 
 
-def call(program, *words):
-    """Runs the program; its exit status. Anything but 0 and 1 (did not converge) ends the study."""
+def call(program, *words, refused=False):
+    """Runs the program; its exit status and what it said. Anything but 0 and 1 (did not converge, or rejected) ends the study,
+    unless 2 (refused) is expected too."""
     done = subprocess.run([program, *map(str, words)], capture_output=True, text=True)
-    if done.returncode not in (0, 1):
+    if done.returncode not in ((0, 1, 2) if refused else (0, 1)):
         sys.exit(f"quadrille {' '.join(map(str, words))}\n{done.stderr}")
-    return done.returncode
+    return done.returncode, done.stderr.strip()
 
 
 def selected(columns, rows):

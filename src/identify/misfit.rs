@@ -62,7 +62,7 @@ pub struct MisfitGroup {
     pub n: usize,
     /// Root mean square of measured less computed displacement over its expectation.
     pub ratio: f64,
-    /// The excess of the sum of squares in standard deviations.
+    /// The normal deviate of the sum of squares, taken for a chi-square with the mean and variance that it has.
     pub z: f64,
 }
 
@@ -101,6 +101,13 @@ impl Misfit {
 /// The value that a standard normal variable exceeds with probability `tail`.
 fn normal_tail(tail: f64) -> f64 {
     Normal::standard().inverse_cdf(1.0 - tail)
+}
+
+/// The normal deviate of a sum of squares that is `ratio` times its expectation, as of a chi-square of `freedom` degrees (Wilson
+/// and Hilferty 1931): a sum over few numbers is far from normal.
+fn as_normal(ratio: f64, freedom: f64) -> f64 {
+    let spread = 2.0 / (9.0 * freedom);
+    (ratio.cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 impl Problem<'_> {
@@ -272,7 +279,7 @@ impl Groups {
             instants: [number(instants.start), number(instants.end - 1)],
             n: rows.len() * instants.len(),
             ratio: if expected > 0.0 { (squares / expected).sqrt() } else { 0.0 },
-            z: if std > 0.0 { (squares - expected) / std } else { 0.0 },
+            z: if std > 0.0 { as_normal(squares / expected, 2.0 * (expected / std).powi(2)) } else { 0.0 },
         }
     }
 

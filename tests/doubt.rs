@@ -1,0 +1,208 @@
+//! What a fit says when an assumption is wrong: misfit test, prescribed parameters as unknowns, verdict, exit status.
+
+mod mechanics_common;
+
+use mechanics_common::aluminium;
+use quadrille::identify::{Case, Fit, Misfit, Outcome, fit};
+use quadrille::io::joint::read_joint;
+use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
+use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use std::fmt::Write as _;
+use std::process::Command;
+use std::sync::OnceLock;
+
+/// 1 px of the virtual test, mm.
+const PX: f64 = 0.00193125;
+const SUBSTRATE: &str = "E_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\nn = 7.0\n";
+const COHESIVE: &str = "phi_n_N_per_mm = 1.2\ndelta_n_mm = 0.006\ndelta_t_mm = 0.045\nr = 4.0\n";
+
+/// Border and displacements of a small joint that opens and slides, phi_n = 1, delta_n = 0.005, delta_t = 0.05, r = 4.
+struct Truth {
+    border: String,
+    fields: Vec<Vec<[f64; 2]>>,
+}
+
+fn truth() -> &'static Truth {
+    static TRUTH: OnceLock<Truth> = OnceLock::new();
+    TRUTH.get_or_init(|| {
+        let mesh = JointMesh::rectangular(12, 4, 0.0309, 0.06).unwrap();
+        let nodes = mesh.outer_nodes();
+        let at = |k: u32, node: u32| {
+            let [x, y] = mesh.nodes()[node as usize];
+            let (side, t) = (y.signum(), f64::from(k));
+            [side * 0.004 * t, side * 0.002 * t * (0.1 + 4.0 * x)]
+        };
+        let instants: Vec<Vec<[f64; 2]>> = (1..=6).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
+        let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
+        for (k, values) in instants.iter().enumerate() {
+            for (&node, u) in nodes.iter().zip(values) {
+                let [x, y] = mesh.nodes()[node as usize];
+                writeln!(border, "{},{node},{x},{y},{:e},{:e}", k + 1, u[0], u[1]).unwrap();
+            }
+        }
+        let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
+        let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
+        let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
+        let solution = model.forward(&law, &boundary, &ForwardOptions::default()).unwrap();
+        Truth { border, fields: solution.instants.into_iter().map(|instant| instant.displacement).collect() }
+    })
+}
+
+/// A case file with its tables in a folder: white noise of `noise_px` on every displacement, independent of each other.
+fn folder(
+    seed: u64,
+    noise_px: f64,
+    substrate: &str,
+    cohesive: &str,
+    measurement: &str,
+    fit: &str,
+) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let case = format!(
+        "[mesh]\nelement_size_mm = 0.0309\ncolumns = 12\nrows = 4\ngap_mm = 0.06\n[boundary]\nfile = \"border.csv\"\n\
+         [substrate]\n{substrate}[cohesive]\n{cohesive}[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\n\
+         weights = \"covariance\"\nboundary = \"exact\"\ncommon_reference = false\n{measurement}[fit]\n{fit}[output]\nfigures = []\n"
+    );
+    let (mut random, noise) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, noise_px * PX).unwrap());
+    let mut measured = "instant,node,ux_mm,uy_mm\n".to_owned();
+    for (k, field) in truth().fields.iter().enumerate() {
+        for (node, u) in field.iter().enumerate() {
+            let u = u.map(|u| u + noise.sample(&mut random));
+            writeln!(measured, "{},{node},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
+        }
+    }
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    std::fs::write(folder.path().join("border.csv"), &truth().border).unwrap();
+    std::fs::write(folder.path().join("measured.csv"), measured).unwrap();
+    folder
+}
+
+const THREE: &str = "parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n";
+
+/// The noise of `px`, as [measurement] states it.
+fn stated(px: f64) -> String {
+    format!("noise_mm = {:e}\n", px * PX)
+}
+
+#[track_caller]
+fn fitted(folder: &tempfile::TempDir) -> Fit {
+    let path = folder.path().join("case.toml");
+    let input = read_joint(&path).unwrap();
+    let joint = Case::joint(&input).unwrap();
+    let case = Case::new(&joint, &input, &path).unwrap();
+    fit(&case.problem, &case.options).unwrap()
+}
+
+fn misfit(fit: &Fit) -> &Misfit {
+    fit.misfit.as_ref().unwrap()
+}
+
+#[test]
+fn a_right_model_is_not_rejected_and_its_residual_is_what_the_noise_leaves() {
+    let (mut z, mut groups) = (Vec::new(), Vec::new());
+    for seed in 1..=12 {
+        let fit = fitted(&folder(seed, 0.05, SUBSTRATE, COHESIVE, &stated(0.05), THREE));
+        let misfit = misfit(&fit);
+        assert!(misfit.tested && !misfit.rejected(), "seed {seed}: {misfit:?}");
+        assert_eq!(fit.verdict.outcome, Outcome::Determined, "seed {seed}: {:?}", fit.verdict);
+        z.push(misfit.z);
+        groups.extend(misfit.by_both.iter().map(|group| group.z));
+        // 176 numbers each: the root mean square is good to 1 / sqrt(2 * 176) = 5 %; five of those.
+        misfit.by_instant.iter().for_each(|group| assert!((group.ratio - 1.0).abs() < 0.27, "seed {seed}: {group:?}"));
+    }
+    // 12 draws of a unit normal variable, somewhat less wide for the stated uncertainty of the noise: mean within 4 / sqrt(12).
+    let mean = z.iter().sum::<f64>() / z.len() as f64;
+    assert!(mean.abs() < 1.15, "{z:?}");
+    // Groups: over eight hundred of them the mean square of unit normal variables is 1 within a quarter.
+    let square = groups.iter().map(|z| z * z).sum::<f64>() / groups.len() as f64;
+    assert!((0.75..1.25).contains(&square), "{square} over {}", groups.len());
+}
+
+#[test]
+fn strips_that_are_not_elastic_reject_an_elastic_model_and_the_worst_place_is_named() {
+    let elastic = "model = \"linear-elastic\"\nE_MPa = 72000.0\nnu = 0.33\n";
+    let folder = folder(3, 0.02, elastic, COHESIVE, &stated(0.02), THREE);
+    let fit = fitted(&folder);
+    assert!(misfit(&fit).z > 10.0, "{}", misfit(&fit).z);
+    assert_eq!(fit.verdict.outcome, Outcome::Rejected);
+    let text = fit.verdict.sentences.join(". ");
+    for words in ["the data contradict the model", "strip", "times expected", "from the adhesive"] {
+        assert!(text.contains(words) || words == "from the adhesive" && text.contains("beside the adhesive"), "{text}");
+    }
+    // The program: exit status 1, and intervals labelled.
+    let case = folder.path().join("case.toml");
+    let out = folder.path().join("out");
+    let arguments = ["identify", case.to_str().unwrap(), "--output", out.to_str().unwrap()];
+    let done = Command::new(env!("CARGO_BIN_EXE_quadrille")).args(arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(said.contains("verdict: model rejected") && said.contains("if the model were true"), "{said}");
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("fit.json")).unwrap()).unwrap();
+    assert_eq!(json["verdict"]["conditional"], true);
+    assert!(json["misfit"]["rejected"] == true && !json["misfit"]["worst"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn a_prescribed_parameter_that_is_wrong_is_found_out_by_trying_it_as_an_unknown() {
+    let six = COHESIVE.replace("r = 4.0", "r = 6.0");
+    let prescribed = fitted(&folder(5, 0.01, SUBSTRATE, &six, &stated(0.01), THREE));
+    let released = prescribed.released.as_ref().unwrap();
+    let four = "parameters = [\"phi_n\", \"delta_n\", \"delta_t\", \"r\"]\n";
+    let free = fitted(&folder(5, 0.01, SUBSTRATE, &six, &stated(0.01), four));
+    assert!(free.released.is_none(), "nothing is left to be tried");
+    // Both are minima of the same objective, ended at a scaled step of 1e-4 and less.
+    let fall = prescribed.omega - free.omega;
+    assert!((released.gain - fall).abs() < 0.01 * fall.max(1.0), "{} and {fall}", released.gain);
+    assert!(released.significant() && released.gain > 50.0, "{released:?}");
+    let r = &released.parameters[0];
+    let found = &free.parameters[3];
+    assert!(r.name == "r" && (r.value - found.value).abs() < 1e-3 * found.value, "{r:?} {found:?}");
+    assert!((r.std.unwrap() / found.std.unwrap() - 1.0).abs() < 0.05, "{r:?} {found:?}");
+    let text = prescribed.verdict.sentences.join(". ");
+    assert!(text.contains("r = 6") && text.contains("omega falls by"), "{text}");
+}
+
+#[test]
+fn a_right_prescription_lets_omega_fall_by_no_more_than_chance() {
+    let fit = fitted(&folder(6, 0.05, SUBSTRATE, COHESIVE, &stated(0.05), THREE));
+    let released = fit.released.as_ref().unwrap();
+    // The quantile of a chi-square of one degree at one in a thousand.
+    assert!((released.limit - 10.8276).abs() < 1e-3, "{released:?}");
+    assert!(released.converged && !released.significant(), "{released:?}");
+    let text = fit.verdict.sentences.join(". ");
+    assert!(text.contains("with r as unknown omega falls by") && text.contains("no more than chance"), "{text}");
+}
+
+#[test]
+fn a_stated_noise_that_the_residual_contradicts_is_never_determined() {
+    // Stated too large: the intervals are too wide.
+    let loud = fitted(&folder(7, 0.02, SUBSTRATE, COHESIVE, &stated(0.1), THREE));
+    assert_eq!(loud.verdict.outcome, Outcome::NotDetermined, "{:?}", loud.verdict);
+    assert!(loud.verdict.sentences.join(". ").contains("noise is not what was stated"), "{:?}", loud.verdict);
+    // Too small: noise and model cannot be told apart by the residual alone.
+    let quiet = fitted(&folder(7, 0.02, SUBSTRATE, COHESIVE, &stated(0.002), THREE));
+    assert_eq!(quiet.verdict.outcome, Outcome::Rejected, "{:?}", quiet.verdict);
+}
+
+#[test]
+fn without_a_stated_noise_the_whole_is_not_tested_but_places_still_are() {
+    let right = fitted(&folder(8, 0.02, SUBSTRATE, COHESIVE, "", THREE));
+    assert!(!misfit(&right).tested && !misfit(&right).rejected(), "{:?}", right.misfit);
+    assert!(right.verdict.sentences.join(". ").contains("not tested"), "{:?}", right.verdict);
+    let elastic = "model = \"linear-elastic\"\nE_MPa = 72000.0\nnu = 0.33\n";
+    let wrong = fitted(&folder(8, 0.02, elastic, COHESIVE, "", THREE));
+    assert_eq!(wrong.verdict.outcome, Outcome::Rejected, "{:?}", wrong.verdict);
+}
+
+#[test]
+fn a_parameter_on_its_bound_is_never_determined() {
+    let bounded = format!("{THREE}[fit.upper]\ndelta_t = 0.046\n");
+    let fit = fitted(&folder(9, 0.001, SUBSTRATE, COHESIVE, "", &bounded));
+    assert!(fit.parameters[2].at_bound, "{:?}", fit.parameters[2]);
+    assert_ne!(fit.verdict.outcome, Outcome::Determined);
+    assert!(fit.verdict.sentences.join(". ").contains("delta_t is not determined: it ended on its bound"));
+}
