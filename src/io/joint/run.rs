@@ -62,6 +62,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         nodes,
         groups: measured.zones().to_vec(),
         element_group: measured.element_zone().to_vec(),
+        mm_per_px: Some(scale.mm_per_px()),
         ..JointMeshFile::default()
     };
     let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
