@@ -173,8 +173,8 @@ impl Problem<'_> {
         let asked: Vec<&Constant> = constants.iter().filter(|c| c.std > 0.0 && !self.is_fitted(&c.kind)).collect();
         let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
         let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| moved(model, &c.kind)).collect();
-        let tangent_needed = moved.iter().any(Option::is_some)
-            || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
+        let tangent_needed =
+            moved.iter().any(Option::is_some) || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
         let of_instant = |observed: &super::observation::ObservedInstant| -> Vec<Option<Change>> {
             let instant = &evaluation.solution.instants[observed.index];
             let u = &instant.displacement;
@@ -238,8 +238,7 @@ impl Problem<'_> {
             };
             let place: BTreeMap<usize, usize> =
                 self.observation.instants.iter().enumerate().map(|(k, instant)| (instant.index, k)).collect();
-            let mut scaled =
-                self.shift(statistics, |instant, node, c| std * changes[place[&instant]].nodes[node][c]);
+            let mut scaled = self.shift(statistics, |instant, node, c| std * changes[place[&instant]].nodes[node][c]);
             if constant.kind == ConstantKind::PixelSize {
                 for (k, unknown) in self.unknowns.list().iter().enumerate() {
                     scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];

@@ -281,9 +281,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         },
     );
     let known = statistics.is_some();
-    let interval = |value: f64, parts: Parts| {
-        known.then(|| interval95(value, [NORMAL_95 * parts.noise; 2], parts.others))
-    };
+    let interval =
+        |value: f64, parts: Parts| known.then(|| interval95(value, [NORMAL_95 * parts.noise; 2], parts.others));
     let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
     let at_bound = |k: usize| {
         let [low, high] = unknowns.list()[k].bounds;

@@ -130,8 +130,10 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
             );
             found.push(Implausible::new(p.name, value, "N/mm", what));
         } else if value > WORK[1] {
-            let what =
-                format!("{} = {value:.4} N/mm (kJ/m^2) is more than any adhesive takes: are E in MPa and lengths in mm?", p.name);
+            let what = format!(
+                "{} = {value:.4} N/mm (kJ/m^2) is more than any adhesive takes: are E in MPa and lengths in mm?",
+                p.name
+            );
             found.push(Implausible::new(p.name, value, "N/mm", what));
         }
     }
@@ -142,9 +144,13 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
         for (mode, reached, at) in &weak {
             let rest = match weak.len() {
                 2 => "only the first slope of the law was loaded, all else of it is extrapolated",
-                _ => "of this mode only the first slope was loaded, what the fit says of the rest comes from the other mode alone",
+                _ => {
+                    "of this mode only the first slope was loaded, what the fit says of the rest comes from the other mode alone"
+                }
             };
-            let what = format!("the joint's largest {mode} is {reached:.3e} mm, the law's largest traction lies at {at:.3e} mm: {rest}");
+            let what = format!(
+                "the joint's largest {mode} is {reached:.3e} mm, the law's largest traction lies at {at:.3e} mm: {rest}"
+            );
             found.push(Implausible::new(*mode, *reached, "mm", what));
         }
     }
@@ -190,7 +196,10 @@ fn of_material(material: &dyn SubstrateLaw, of: &str, law: &dyn CohesiveLaw, fou
             let meant = if sigma_0 < YIELD[0] { "GPa meant?" } else { "Pa meant?" };
             add("sigma_0", sigma_0, "MPa", format!("sigma_0{of} = {sigma_0} MPa: nothing yields there; {meant}"));
         } else if sigma_0 < YIELD_STRAIN[0] * young {
-            let what = format!("sigma_0{of} = {sigma_0} MPa is {:.1e} of E = {young} MPa: no metal is so soft", sigma_0 / young);
+            let what = format!(
+                "sigma_0{of} = {sigma_0} MPa is {:.1e} of E = {young} MPa: no metal is so soft",
+                sigma_0 / young
+            );
             add("sigma_0", sigma_0, "MPa", what);
         }
     }
@@ -220,7 +229,12 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) 
     }
     let height = strip_height(joint);
     if gap > THICKEST {
-        found.push(Implausible::new("thickness", gap, "mm", format!("an adhesive of {gap:.4} mm: are all lengths in mm?")));
+        found.push(Implausible::new(
+            "thickness",
+            gap,
+            "mm",
+            format!("an adhesive of {gap:.4} mm: are all lengths in mm?"),
+        ));
     } else if gap > height {
         let what = format!("the adhesive of {gap:.3e} mm is thicker than a strip of {height:.3e} mm beside it");
         found.push(Implausible::new("thickness", gap, "mm", what));
@@ -267,10 +281,7 @@ fn largest_jumps(problem: &Problem<'_>) -> Option<Jump> {
                 let normal = (d[1] * t[0] - d[0] * t[1]) / length;
                 let tangential = ((d[0] * t[0] + d[1] * t[1]) / length).abs();
                 let before = most.unwrap_or_default();
-                most = Some(Jump {
-                    normal: before.normal.max(normal),
-                    tangential: before.tangential.max(tangential),
-                });
+                most = Some(Jump { normal: before.normal.max(normal), tangential: before.tangential.max(tangential) });
             }
         }
     }

@@ -56,7 +56,9 @@ fn exact_of(section: &'static str, value: Option<&Value>, known: &[&str]) -> Res
             let mut exact = vec![false; known.len()];
             for name in list {
                 let at = name.as_str().and_then(|name| known.iter().position(|known| *known == name));
-                let unknown = || wrong(section, format!("{EXACT} names {name}: there is no such constant; there are {}", there()));
+                let unknown = || {
+                    wrong(section, format!("{EXACT} names {name}: there is no such constant; there are {}", there()))
+                };
                 exact[at.ok_or_else(unknown)?] = true;
             }
             Ok(exact)
@@ -82,9 +84,10 @@ fn std_of(section: &'static str, table: &Table, key: &str) -> Result<Option<f64>
 fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
     match value.is_finite() && value > 0.0 {
         true => Ok(value),
-        false => {
-            Err(wrong(section, format!("{key} = {value}: it must be a finite number above zero; exact says that there is none")))
-        }
+        false => Err(wrong(
+            section,
+            format!("{key} = {value}: it must be a finite number above zero; exact says that there is none"),
+        )),
     }
 }
 
@@ -97,7 +100,9 @@ fn choose(
     default: Option<f64>,
 ) -> Result<(f64, Source), FitError> {
     match (stated, exact, default.filter(|std| std.is_finite() && *std > 0.0)) {
-        (Some(_), true, _) => Err(wrong(section, format!("{key} is given, and {EXACT} says that there is none; take one away"))),
+        (Some(_), true, _) => {
+            Err(wrong(section, format!("{key} is given, and {EXACT} says that there is none; take one away")))
+        }
         (Some(std), false, _) => Ok((std, Source::Stated)),
         (None, true, _) => Ok((0.0, Source::Exact)),
         (None, false, Some(std)) => Ok((std, Source::Default)),
@@ -127,29 +132,38 @@ fn materials(joint: &Joint, substrate: &Table) -> Result<Vec<Constant>, FitError
     if shared.is_empty()
         && let Some(key) = substrate.keys().find(|key| key.ends_with(STD))
     {
-        let what = format!("{key}: every group of elements has a table of its own; state it in [substrate.{}]", groups[0]);
+        let what =
+            format!("{key}: every group of elements has a table of its own; state it in [substrate.{}]", groups[0]);
         return Err(wrong(section, what));
     }
     let mut list = Vec::new();
-    let mut of_table = |table: &Table, exact: Option<&Value>, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
-        let Some(&first) = members.first() else { return Ok(()) };
-        let material = &model.materials()[first];
-        let names: Vec<&str> = material.parameters().iter().map(|p| p.name).collect();
-        let exact = exact_of(section, exact, &names)?;
-        for (index, (p, value)) in material.parameters().iter().zip(material.values()).enumerate() {
-            let key = format!("{}{STD}", p.key());
-            let default = match p.name {
-                "E" => DEFAULT_E * value,
-                "nu" => DEFAULT_NU,
-                "alpha" => DEFAULT_ALPHA * value,
-                _ => DEFAULT_YIELD * value,
-            };
-            let (std, source) = choose(section, &key, std_of(section, table, &key)?, exact[index], Some(default))?;
-            let kind = ConstantKind::Material { groups: members.clone(), index };
-            list.push(Constant { name: format!("{}{suffix}", p.name), kind, value: Some(value), unit: p.unit, std, source });
-        }
-        Ok(())
-    };
+    let mut of_table =
+        |table: &Table, exact: Option<&Value>, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
+            let Some(&first) = members.first() else { return Ok(()) };
+            let material = &model.materials()[first];
+            let names: Vec<&str> = material.parameters().iter().map(|p| p.name).collect();
+            let exact = exact_of(section, exact, &names)?;
+            for (index, (p, value)) in material.parameters().iter().zip(material.values()).enumerate() {
+                let key = format!("{}{STD}", p.key());
+                let default = match p.name {
+                    "E" => DEFAULT_E * value,
+                    "nu" => DEFAULT_NU,
+                    "alpha" => DEFAULT_ALPHA * value,
+                    _ => DEFAULT_YIELD * value,
+                };
+                let (std, source) = choose(section, &key, std_of(section, table, &key)?, exact[index], Some(default))?;
+                let kind = ConstantKind::Material { groups: members.clone(), index };
+                list.push(Constant {
+                    name: format!("{}{suffix}", p.name),
+                    kind,
+                    value: Some(value),
+                    unit: p.unit,
+                    std,
+                    source,
+                });
+            }
+            Ok(())
+        };
     of_table(substrate, substrate.get(EXACT), shared, "")?;
     for (g, name) in groups.iter().enumerate() {
         if let Some(table) = own(name) {

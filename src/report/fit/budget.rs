@@ -32,9 +32,8 @@ pub fn defaults_used(fit: &FitJson) -> Vec<String> {
         (Some(std), None) => format!("{} {std:.3e} {}", line.name, line.unit),
         (None, _) => line.name.clone(),
     };
-    let list = |source: &str| {
-        fit.budget.iter().filter(|line| line.source == source).map(of).collect::<Vec<_>>().join(", ")
-    };
+    let list =
+        |source: &str| fit.budget.iter().filter(|line| line.source == source).map(of).collect::<Vec<_>>().join(", ");
     let (defaults, unknown) = (list("default"), list("not stated"));
     let mut said = Vec::new();
     if !defaults.is_empty() {
@@ -60,10 +59,15 @@ impl FitReport<'_> {
     pub fn write_budget<W: Write>(&self, mut out: W) -> io::Result<()> {
         let fit = self.fit;
         writeln!(out, "# quadrille {}", env!("CARGO_PKG_VERSION"))?;
-        writeln!(out, "# error budget: effect of each standard uncertainty; lines that are included add up as squares")?;
+        writeln!(
+            out,
+            "# error budget: effect of each standard uncertainty; lines that are included add up as squares"
+        )?;
         let mut columns: Vec<String> = ["line", "source", "included", "value", "std", "unit"].map(str::to_owned).into();
         columns.extend(fit.parameters.iter().map(|p| p.parameter.key()));
-        columns.extend(fit.derived.iter().map(|q| format!("{}_{}", q.quantity.name, q.quantity.unit.replace('/', "_per_"))));
+        columns.extend(
+            fit.derived.iter().map(|q| format!("{}_{}", q.quantity.name, q.quantity.unit.replace('/', "_per_"))),
+        );
         writeln!(out, "{}", columns.join(","))?;
         let number = |value: Option<f64>| value.map_or("NaN".to_owned(), |value| format!("{value:e}"));
         for line in &fit.budget.lines {
