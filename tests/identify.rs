@@ -72,12 +72,12 @@ fn noisy(sigma: f64, seed: u64) -> Vec<Vec<[f64; 2]>> {
     truth().iter().map(|field| field.iter().zip(&common).map(|(u, e)| add(u, e)).collect()).collect()
 }
 
-/// A case of the reference test: the measurement's table and the fit's table are given, files stand in `folder`.
+/// A case of the reference test, whose constants are exact because its data are computed: the measurement's table and the fit's table are given, files stand in `folder`.
 fn case_text(base: &Path, measurement: &str, fit: &str, border: &str) -> String {
     format!(
         "[mesh]\nfile = \"{0}/mesh.json\"\n[boundary]\nfile = \"{border}\"\n[substrate]\nmodel = \"ramberg-osgood\"\n\
-         E_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\nn = 7.0\n[cohesive]\nphi_n_N_per_mm = 1.0\n\
-         delta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\n[measurement]\nfile = \"measured.csv\"\n{measurement}\n[fit]\n{fit}\n",
+         E_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\nn = 7.0\nexact = true\n[cohesive]\nphi_n_N_per_mm = 1.0\n\
+         delta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\nexact = true\n[measurement]\nfile = \"measured.csv\"\n{measurement}\n[fit]\nexact = true\n{fit}\n",
         base.display()
     )
 }

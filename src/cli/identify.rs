@@ -6,7 +6,7 @@ use super::simulate::write_solution;
 use super::{Outcome, Result, plural};
 use crate::identify::{Case, FitStatus, SweepRow, fit, profile, sweep};
 use crate::io::joint::{JointInput, read_joint};
-use crate::report::fit::{FitJson, FitReport, SweepJson, write_sweep};
+use crate::report::fit::{FitJson, FitReport, SweepJson, budget_lines, defaults_used, write_sweep};
 use crate::report::joint::JointReport;
 use crate::report::{Axis, Plot, Series, Style};
 use rayon::ThreadPool;
@@ -55,6 +55,7 @@ pub(super) fn identify(
     folder.write("fit-history.csv", |out| report.write_history(out))?;
     folder.write("traction-bands.csv", |out| report.write_bands(out))?;
     folder.write("law.csv", |out| report.write_law(out))?;
+    folder.write("budget.csv", |out| report.write_budget(out))?;
     let save = |name: String, picture: crate::report::Picture| -> Result<()> {
         let path = folder.path().join(FIGURES);
         picture.save(path.join(format!("{name}.png")))?;
@@ -88,6 +89,11 @@ pub(super) fn say(json: &FitJson, output: &Path) {
         };
         eprintln!("{name} = {:.6} {}{spread}{}", p.value, p.unit, if p.at_bound { ", on its bound" } else { "" });
     }
+    let parts = budget_lines(json);
+    if !parts.is_empty() {
+        eprintln!("largest standard uncertainties: {}", parts.join("; "));
+    }
+    defaults_used(json).iter().for_each(|line| eprintln!("{line}"));
     let verdict = &json.verdict;
     eprintln!("verdict: {}. {} ({})", verdict.outcome, verdict.text, verdict.thresholds);
     let evaluations = plural(json.evaluations, "evaluation");
@@ -154,6 +160,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
     if !args.quiet {
         joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
+        case.implausible.iter().for_each(|value| eprintln!("warning: {}", value.text));
         for row in &rows {
             let of = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
             let values: Vec<String> = row.fit.parameters.iter().map(of).collect();

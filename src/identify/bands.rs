@@ -1,6 +1,7 @@
 //! Confidence bands: tractions along the joint, and the law itself.
 
 use super::FitError;
+use super::constants::ConstantEffect;
 use super::fit::Fit;
 use super::objective::Problem;
 use crate::linalg::Dense;
@@ -49,12 +50,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let sigma2 = statistics.sigma * statistics.sigma;
     let mut all = Dense::zeros(observation.n_rows(), n);
     statistics.v.iter().for_each(|v| all.add(1.0, v));
-    // Noise of the parameters plus what the constants add.
-    let mut of_parameters = statistics.covariance.clone();
-    for effect in &fit.constants {
-        let shift = Dense::from_fn(n, 1, |r, _| effect.scaled[r]);
-        of_parameters.add(1.0, &shift.times(&Dense::from_fn(1, n, |_, k| effect.scaled[k])));
-    }
+    let of_parameters = statistics.covariance.clone();
     let estimated = fit.largest_correction.is_some();
     let of = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
         let instant = &fit.solution().instants[observed.index];
@@ -109,7 +105,21 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
             }
             (false, true) => joint_variance(problem, fit, i, &g, &h_border, &of_parameters),
         };
-        let std = |k: usize| variance[k].max(0.0).sqrt();
+        // A constant moves the parameters, the law where it is one of its own, and the jumps: together, they hardly differ.
+        let mut of_constants = vec![0.0; 2 * n_pairs];
+        for effect in &fit.constants {
+            for (pair, &jump) in jumps.iter().enumerate() {
+                let change = law_change(&*law, problem, effect, jump);
+                let moved = effect.jumps[i][pair];
+                let tangent = law.response(jump).tangent;
+                for (d, change) in [change.normal, change.tangential].into_iter().enumerate() {
+                    let by_parameters: f64 = (0..n).map(|k| g[(k, 2 * pair + d)] * effect.scaled[k]).sum();
+                    let by_jump = tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
+                    of_constants[2 * pair + d] += (by_parameters + change + by_jump).powi(2);
+                }
+            }
+        }
+        let std = |k: usize| (variance[k].max(0.0) + of_constants[k]).sqrt();
         Ok(Band {
             instant: observed.index + 1,
             traction: jumps.iter().map(|&jump| law.response(jump).traction).collect(),
@@ -117,6 +127,18 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
         })
     };
     observation.instants.par_iter().enumerate().map(of).collect()
+}
+
+/// Change of the traction at `jump` by the prescribed parameters of the law that `effect` moves.
+fn law_change(law: &dyn CohesiveLaw, problem: &Problem<'_>, effect: &ConstantEffect, jump: Jump) -> Traction {
+    let mut by = vec![Traction::default(); law.parameters().len()];
+    law.by_parameters(jump, &mut by);
+    let fitted = |index: usize| problem.unknowns.list().iter().any(|unknown| unknown.index == index);
+    let prescribed = by.iter().zip(&effect.law).enumerate().filter(|(index, _)| !fitted(*index));
+    prescribed.fold(Traction::default(), |sum, (_, (by, change))| Traction {
+        normal: sum.normal + by.normal * change,
+        tangential: sum.tangential + by.tangential * change,
+    })
 }
 
 /// `(a^T b)_kk` for each column.
@@ -166,7 +188,7 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
         }
         sliding *= 1.3;
     }
-    let list = problem.unknowns.list();
+    let (list, scale) = (problem.unknowns.list(), problem.unknowns.slopes(&fit.evaluation.x));
     let band = |largest: f64, normal: bool| {
         let jumps: Vec<Jump> = (0..=100)
             .map(|k| {
@@ -176,12 +198,14 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
             .collect();
         let pick = |t: Traction| if normal { t.normal } else { t.tangential };
         let std = |&jump: &Jump| {
-            let Some(covariance) = &fit.covariance else { return 0.0 };
-            let mut slopes = vec![Traction::default(); law.parameters().len()];
-            law.by_parameters(jump, &mut slopes);
-            let g: Vec<f64> = list.iter().map(|unknown| pick(slopes[unknown.index])).collect();
-            let of = |r: usize| (0..g.len()).map(|k| g[r] * covariance[(r, k)] * g[k]).sum::<f64>();
-            (0..g.len()).map(of).sum::<f64>().max(0.0).sqrt()
+            let Some(statistics) = &fit.statistics else { return 0.0 };
+            let mut by = vec![Traction::default(); law.parameters().len()];
+            law.by_parameters(jump, &mut by);
+            let g: Vec<f64> = list.iter().zip(&scale).map(|(unknown, z)| z * pick(by[unknown.index])).collect();
+            let of = |r: usize| (0..g.len()).map(|k| g[r] * statistics.covariance[(r, k)] * g[k]).sum::<f64>();
+            let noise = (0..g.len()).map(of).sum::<f64>().max(0.0);
+            let of = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
+            (noise + fit.constants.iter().map(|effect| of(effect).powi(2)).sum::<f64>()).sqrt()
         };
         CurveBand {
             traction: jumps.iter().map(|&jump| pick(law.response(jump).traction)).collect(),

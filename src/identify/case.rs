@@ -1,14 +1,15 @@
 //! An identification as its case file describes it.
 
-use super::constants::{Constant, ConstantKind};
 use super::discretisation::Discretisation;
 use super::error::FitError;
 use super::fit::FitOptions;
 use super::noise::{Noise, Precision};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
+use super::plausibility::{Implausible, implausible_joint};
 use super::starts::latin_hypercube;
 use super::trust_region::TrustRegionOptions;
+use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
 use super::weights::WeightKind;
 use crate::io::joint::{
@@ -20,7 +21,6 @@ use crate::mechanics::Joint;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
-use toml::{Table, Value};
 
 /// What a case file says about the identification of its joint.
 #[derive(Debug)]
@@ -39,34 +39,21 @@ pub struct Case<'a> {
     pub boundary: &'static str,
     /// What is possible, but hardly meant.
     pub doubts: Vec<String>,
+    /// Values of the case that hardly anything has.
+    pub implausible: Vec<Implausible>,
 }
-
-/// Keys of `[substrate]` that state an uncertainty end so.
-const STD: &str = "_std";
 
 fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
     FitError::Key { section, what: what.into() }
 }
 
-/// The case without the keys that state uncertainties, which the forward model does not know.
-pub(super) fn without_uncertainties(table: &Table) -> Table {
-    let keep = |(key, value): (&String, &Value)| match value {
-        Value::Table(inner) => Some((key.clone(), Value::Table(without_uncertainties(inner)))),
-        _ if key.ends_with(STD) => None,
-        _ => Some((key.clone(), value.clone())),
-    };
-    table.iter().filter_map(keep).collect()
-}
-
 impl<'a> Case<'a> {
-    /// The joint of a case whose `[substrate]` may state uncertainties.
+    /// The joint of a case.
     ///
     /// # Errors
     /// See [`crate::mechanics::JointError`].
     pub fn joint(input: &JointInput) -> Result<Joint, FitError> {
-        let mut plain = input.clone();
-        plain.case.substrate = without_uncertainties(&input.case.substrate);
-        Ok(Joint::new(&plain)?)
+        Ok(Joint::new(input)?)
     }
 
     /// What is to be identified of `joint`, which [`Case::joint`] made of the same `input`; `path` is named in errors.
@@ -126,7 +113,7 @@ impl<'a> Case<'a> {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
                 ..TrustRegionOptions::default()
             },
-            constants: constants(joint, &case.substrate, table)?,
+            constants: uncertainties::constants(joint, input, table, measurement, &mut doubts)?,
             doubt: true,
             discretisation: match table.discretisation.as_deref() {
                 None if of_run => Discretisation::Included,
@@ -176,7 +163,8 @@ impl<'a> Case<'a> {
             noise.source
         );
         let problem = Problem { joint, observation: Arc::new(observation), noise: Arc::new(noise), unknowns };
-        Ok(Self { problem, options, profile, sweep, about, boundary, doubts })
+        let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
+        Ok(Self { problem, options, profile, sweep, about, boundary, doubts, implausible })
     }
 }
 
@@ -274,48 +262,6 @@ fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitErro
         true => Ok(value),
         false => Err(wrong(section, format!("{key} = {value}: it must be a finite number above zero"))),
     }
-}
-
-fn constants(joint: &Joint, substrate: &Table, table: &CaseFit) -> Result<Vec<Constant>, FitError> {
-    let mut list = Vec::new();
-    let model = &joint.model;
-    let groups = model.mesh().groups();
-    let mut of_table = |table: &Table, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
-        for (key, value) in table.iter().filter(|(key, value)| key.ends_with(STD) && !value.is_table()) {
-            let plain = &key[..key.len() - STD.len()];
-            let std = match value {
-                Value::Float(std) => *std,
-                Value::Integer(std) => *std as f64,
-                other => return Err(wrong("substrate", format!("{key} = {other}: give a number"))),
-            };
-            let std = positive("substrate", key, std)?;
-            let Some(&first) = members.first() else { continue };
-            let parameters = model.materials()[first].parameters();
-            let Some(index) = parameters.iter().position(|p| p.key() == plain) else {
-                let keys: Vec<String> = parameters.iter().map(|p| format!("{}{STD}", p.key())).collect();
-                return Err(wrong("substrate", format!("{key}: there is no such key; there are {}", keys.join(", "))));
-            };
-            let kind = ConstantKind::Material { groups: members.clone(), index };
-            list.push(Constant { name: format!("{}{suffix}", parameters[index].name), kind, std });
-        }
-        Ok(())
-    };
-    let own = |name: &String| substrate.get(name).is_some_and(Value::is_table);
-    of_table(substrate, (0..groups.len()).filter(|&g| !own(&groups[g])).collect(), "")?;
-    for (g, name) in groups.iter().enumerate() {
-        if let Some(Value::Table(table)) = substrate.get(name) {
-            of_table(table, vec![g], &format!("_{name}"))?;
-        }
-    }
-    if let Some(std) = table.thickness_mm_std {
-        let std = positive("fit", "thickness_mm_std", std)?;
-        list.push(Constant { name: "thickness".into(), kind: ConstantKind::Thickness, std });
-    }
-    if let Some(std) = table.pixel_size_relative_std {
-        let std = positive("fit", "pixel_size_relative_std", std)?;
-        list.push(Constant { name: "pixel_size".into(), kind: ConstantKind::PixelSize, std });
-    }
-    Ok(list)
 }
 
 impl Problem<'_> {
@@ -500,11 +446,7 @@ fn observation(
         false => Vec::new(),
     };
     let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
-    let pixel_size_mm = match measured {
-        MeasurementInput::Run(run) => Some(run.pixel_size_mm),
-        MeasurementInput::Table(_) => None,
-    };
-    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm })
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm: uncertainties::mm_per_px(input) })
 }
 
 fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {

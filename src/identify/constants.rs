@@ -1,9 +1,18 @@
-//! Model constants that are not known exactly: what their uncertainty adds to that of the parameters (THEORY 7).
+//! Constants of the model that are not known exactly: what their uncertainty does to the estimate (THEORY 7, 11).
+//!
+//! To first order `dX/dc = -A J^T W dU/dc`. The derivatives of the displacements come from the tangent at the solution: the change
+//! of the internal forces when the constant moves, solved for the free nodes. No further forward run is needed.
 
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use crate::linalg::Dense;
-use crate::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, Model, ModelError};
+use crate::mechanics::cohesive::{CohesiveLaw, Jump};
+use crate::mechanics::{JointMesh, JointParts, Kinematics, Linearised, Model, NodalField};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Step by which a face or the thickness is moved, by the size of the elements: its square is the error of the derivative.
+const STEP: f64 = 1e-5;
 
 /// A constant with its standard uncertainty.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,8 +21,51 @@ pub struct Constant {
     pub name: String,
     /// Which.
     pub kind: ConstantKind,
-    /// Its standard uncertainty, in its own unit.
+    /// Its value, where it is a number.
+    pub value: Option<f64>,
+    /// The unit of value and standard uncertainty, `1` for a pure number.
+    pub unit: &'static str,
+    /// Its standard uncertainty; zero where it is exact or nothing is known.
     pub std: f64,
+    /// Where the standard uncertainty comes from.
+    pub source: Source,
+}
+
+/// Where a standard uncertainty comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// The case states it.
+    Stated,
+    /// The case states none: a default.
+    Default,
+    /// The case says that there is none.
+    Exact,
+    /// The case states none, and there is nothing that a default could be made of: no scale, or a value of zero.
+    Unknown,
+    /// It follows from the data.
+    Computed,
+}
+
+impl Source {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stated => "stated",
+            Self::Default => "default",
+            Self::Exact => "exact",
+            Self::Unknown => "not stated",
+            Self::Computed => "computed",
+        }
+    }
+}
+
+/// A face of the adhesive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Face {
+    /// That of the lower strip.
+    Lower,
+    /// That of the upper strip.
+    Upper,
 }
 
 /// A kind of constant.
@@ -26,86 +78,192 @@ pub enum ConstantKind {
         /// Place among the parameters of their material.
         index: usize,
     },
-    /// Thickness of the adhesive, mm.
+    /// A parameter of the law that is prescribed; nothing while it is fitted.
+    Law {
+        /// Its place among the parameters of the law.
+        index: usize,
+    },
+    /// Thickness of the adhesive, mm: the upper strip lies further away. Only the objective jump knows it.
     Thickness,
-    /// Pixel size, relative.
+    /// Position of a face along the normal (from the lower to the upper strip), mm: the strip is taller, and what was measured at
+    /// its first row of nodes is continued along the edges of its elements.
+    Face(Face),
+    /// Pixel size: all lengths, measured and of the mesh, grow alike.
     PixelSize,
+    /// Relative size of the noise: it moves no estimate and scales what the noise does.
+    NoiseLevel,
 }
 
-/// What a constant does to the scaled unknowns when it is off by its standard uncertainty.
+/// What a constant does when it is off by its standard uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConstantEffect {
     /// The constant.
     pub constant: Constant,
     /// Change of each scaled unknown.
     pub scaled: Vec<f64>,
+    /// Change of each parameter of the law: of those fitted what `scaled` says, of a prescribed one its own.
+    pub law: Vec<f64>,
+    /// Change of the computed jumps at each instant compared, with the parameters of the law as they are.
+    pub jumps: Vec<Vec<Jump>>,
+}
+
+/// Change of an instant for a unit of the constant, with the parameters of the law as they are.
+struct Change {
+    /// Of computed less measured displacement at every node.
+    nodes: NodalField,
+    jumps: Vec<Jump>,
+}
+
+/// The model with a face or the thickness moved by `by`.
+struct Moved {
+    model: Model,
+    by: f64,
+    /// Nodes that were moved against their strip: with the node behind and its distance along the normal.
+    face: Vec<[u32; 2]>,
+    distance: Vec<f64>,
+}
+
+impl Moved {
+    /// Derivative along the normal of the field `u` at the nodes of the face; zero elsewhere.
+    fn slope(&self, u: &[[f64; 2]]) -> NodalField {
+        let mut slope = vec![[0.0; 2]; u.len()];
+        for (&[node, behind], distance) in self.face.iter().zip(&self.distance) {
+            let (a, b) = (u[node as usize], u[behind as usize]);
+            slope[node as usize] = [0, 1].map(|c| (a[c] - b[c]) / distance);
+        }
+        slope
+    }
+
+    /// What a unit of the constant changes at the field `u` that `base` was linearised at.
+    fn change(&self, base: &Model, law: &dyn CohesiveLaw, tangent: &Linearised<'_>, u: &[[f64; 2]]) -> Change {
+        let slope = self.slope(u);
+        // The prescribed nodes of the face keep what was measured, continued to their new place.
+        let mut lead = vec![[0.0; 2]; u.len()];
+        base.prescribed().iter().for_each(|&node| lead[node as usize] = slope[node as usize]);
+        let along = |by: &NodalField| -> NodalField {
+            u.iter().zip(by).map(|(u, by)| [0, 1].map(|c| u[c] + self.by * by[c])).collect()
+        };
+        let (more, before) = (self.model.forces(law, &along(&lead)), base.forces(law, u));
+        let force = more.iter().zip(&before).map(|(a, b)| [0, 1].map(|c| (a[c] - b[c]) / self.by)).collect();
+        let mut nodes = tangent.by_force(&[force]).swap_remove(0);
+        nodes.iter_mut().zip(&lead).for_each(|(u, lead)| *u = [0, 1].map(|c| u[c] + lead[c]));
+        let (after, jumps) = (self.model.jumps(&along(&nodes)), base.jumps(u));
+        let of = |(a, b): (&Jump, &Jump)| Jump {
+            normal: (a.normal - b.normal) / self.by,
+            tangential: (a.tangential - b.tangential) / self.by,
+        };
+        let jumps = after.iter().zip(&jumps).map(of).collect();
+        nodes.iter_mut().zip(&slope).for_each(|(u, slope)| *u = [0, 1].map(|c| u[c] - slope[c]));
+        Change { nodes, jumps }
+    }
 }
 
 impl Problem<'_> {
-    /// The effect of each constant on the unknowns, to first order.
-    ///
-    /// # Errors
-    /// Those of the forward model.
+    /// The effect of each constant on the unknowns, to first order; without those that are exact, that are fitted, or whose effect
+    /// cannot be computed at some instant (no tangent, no mesh).
     pub(super) fn constant_effects(
         &self,
         evaluation: &Evaluation,
         statistics: &Statistics,
         constants: &[Constant],
-        boundary: &BoundaryHistory,
-    ) -> Result<Vec<ConstantEffect>, ModelError> {
-        let Ok(law) = self.unknowns.law_at(&evaluation.x) else { return Ok(Vec::new()) };
-        let of_material = constants.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
-        let solution = match of_material {
-            true => {
-                let options = ForwardOptions { substrate_sensitivities: true, ..ForwardOptions::default() };
-                Some(self.joint.model.forward(&*law, boundary, &options)?)
-            }
-            false => None,
-        };
-        let n_parameters: Vec<usize> = self.joint.model.materials().iter().map(|law| law.parameters().len()).collect();
-        let mut effects = Vec::with_capacity(constants.len());
-        for constant in constants {
-            let scaled = match &constant.kind {
-                ConstantKind::PixelSize => {
-                    // All lengths grow alike and stresses stay: a parameter follows by the power of mm in its unit.
-                    let slopes = self.unknowns.slopes(&evaluation.x);
-                    let of = |(k, unknown): (usize, &super::unknowns::Unknown)| {
-                        power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k]
-                    };
-                    self.unknowns.list().iter().enumerate().map(of).collect()
-                }
-                ConstantKind::Material { groups, index } => {
-                    let solution = solution.as_ref().expect("a run with the derivatives by the materials");
-                    let places: Vec<usize> =
-                        groups.iter().map(|&group| n_parameters[..group].iter().sum::<usize>() + index).collect();
-                    self.shift(statistics, |instant, node, c| {
-                        let fields = &solution.instants[instant].sensitivities;
-                        places.iter().map(|&place| fields[place][node][c]).sum()
-                    })
-                }
-                ConstantKind::Thickness => {
-                    let h = 1e-3 * self.joint.model.mesh().gap().max(constant.std);
-                    let moved = [h, -h].map(|h| -> Result<_, ModelError> {
-                        let model = &self.joint.model;
-                        let Some(mesh) = thicker(model.mesh(), h) else { return Ok(None) };
-                        let model = Model::new(mesh, model.materials().to_vec(), model.prescribed(), *model.options())?;
-                        model.forward(&*law, boundary, &ForwardOptions::default()).map(Some)
-                    });
-                    let [Some(more), Some(less)] = [moved[0].clone()?, moved[1].clone()?] else { continue };
-                    if !(more.converged() && less.converged()) {
-                        continue;
+    ) -> Vec<ConstantEffect> {
+        let Ok(law) = self.unknowns.law_at(&evaluation.x) else { return Vec::new() };
+        let law = &*law;
+        let model = &self.joint.model;
+        let asked: Vec<&Constant> = constants.iter().filter(|c| c.std > 0.0 && !self.is_fitted(&c.kind)).collect();
+        let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
+        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| moved(model, &c.kind)).collect();
+        let tangent_needed =
+            moved.iter().any(Option::is_some) || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
+        let of_instant = |observed: &super::observation::ObservedInstant| -> Vec<Option<Change>> {
+            let instant = &evaluation.solution.instants[observed.index];
+            let u = &instant.displacement;
+            let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
+            let mut by_group: BTreeMap<usize, Vec<NodalField>> = BTreeMap::new();
+            let still = || vec![[0.0; 2]; u.len()];
+            let mut of = |(constant, moved): (&&Constant, &Option<Moved>)| -> Option<Change> {
+                match &constant.kind {
+                    ConstantKind::Material { groups, index } => {
+                        let tangent = tangent.as_ref()?;
+                        let mut nodes = still();
+                        for &group in groups {
+                            let fields = by_group.entry(group).or_insert_with(|| tangent.by_material(group));
+                            add(&mut nodes, 1.0, fields.get(*index)?);
+                        }
+                        let jumps = model.jumps(&nodes);
+                        Some(Change { nodes, jumps })
                     }
-                    self.shift(statistics, |instant, node, c| {
-                        let at =
-                            |solution: &crate::mechanics::Solution| solution.instants[instant].displacement[node][c];
-                        (at(&more) - at(&less)) / (2.0 * h)
-                    })
+                    ConstantKind::Law { index } => {
+                        let nodes = instant.sensitivities.get(*index)?.clone();
+                        let jumps = model.jumps(&nodes);
+                        Some(Change { nodes, jumps })
+                    }
+                    ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
+                        Some(Change { nodes: still(), jumps: vec![Jump::default(); model.mesh().pairs().len()] })
+                    }
+                    ConstantKind::Thickness | ConstantKind::Face(_) => {
+                        Some(moved.as_ref()?.change(model, law, tangent.as_ref()?, u))
+                    }
+                    ConstantKind::PixelSize => {
+                        // Were all parameters of the law to grow by their power of mm, the solution would grow as the data do:
+                        // what a prescribed one, which does not, takes away. Those fitted follow, see below.
+                        let (mut nodes, mut all) = (still(), u.clone());
+                        let fitted = |index: usize| self.unknowns.list().iter().any(|unknown| unknown.index == index);
+                        for (index, (p, value)) in law.parameters().iter().zip(law.values()).enumerate() {
+                            let grown = -power_of_length(p.unit) * value;
+                            let field = instant.sensitivities.get(index)?;
+                            add(&mut all, grown, field);
+                            if !fitted(index) {
+                                add(&mut nodes, grown, field);
+                            }
+                        }
+                        Some(Change { nodes, jumps: model.jumps(&all) })
+                    }
+                    ConstantKind::NoiseLevel => None,
                 }
             };
-            let scaled = scaled.into_iter().map(|z: f64| z * constant.std).collect();
-            effects.push(ConstantEffect { constant: constant.clone(), scaled });
+            asked.iter().zip(&moved).map(&mut of).collect()
+        };
+        let changes: Vec<Vec<Option<Change>>> = self.observation.instants.par_iter().map(of_instant).collect();
+        let slopes = self.unknowns.slopes(&evaluation.x);
+        let mut effects = Vec::with_capacity(asked.len());
+        for (k, &constant) in asked.iter().enumerate() {
+            let Some(changes) = changes.iter().map(|list| list[k].as_ref()).collect::<Option<Vec<&Change>>>() else {
+                continue;
+            };
+            // Of the pixel size a relative change is meant.
+            let std = match (&constant.kind, constant.value) {
+                (ConstantKind::PixelSize, Some(value)) => constant.std / value,
+                _ => constant.std,
+            };
+            let place: BTreeMap<usize, usize> =
+                self.observation.instants.iter().enumerate().map(|(k, instant)| (instant.index, k)).collect();
+            let mut scaled = self.shift(statistics, |instant, node, c| std * changes[place[&instant]].nodes[node][c]);
+            if constant.kind == ConstantKind::PixelSize {
+                for (k, unknown) in self.unknowns.list().iter().enumerate() {
+                    scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];
+                }
+            }
+            let mut by_law = vec![0.0; law.parameters().len()];
+            if let ConstantKind::Law { index } = constant.kind {
+                by_law[index] = std;
+            }
+            for (k, unknown) in self.unknowns.list().iter().enumerate() {
+                by_law[unknown.index] = slopes[k] * scaled[k];
+            }
+            if scaled.iter().any(|z| !z.is_finite()) {
+                continue;
+            }
+            let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
+            let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
+            effects.push(ConstantEffect { constant: constant.clone(), scaled, law: by_law, jumps });
         }
-        Ok(effects)
+        effects
+    }
+
+    /// Whether a constant is among the unknowns.
+    pub(super) fn is_fitted(&self, kind: &ConstantKind) -> bool {
+        matches!(kind, ConstantKind::Law { index } if self.unknowns.list().iter().any(|u| u.index == *index))
     }
 
     /// `-A sum_i v_i^T U_p`: how the estimate moves with a constant that moves the computed displacements by `U_p`.
@@ -121,6 +279,11 @@ impl Problem<'_> {
     }
 }
 
+/// `sum += factor field`.
+fn add(sum: &mut NodalField, factor: f64, field: &NodalField) {
+    sum.iter_mut().zip(field).for_each(|(sum, u)| *sum = [0, 1].map(|c| sum[c] + factor * u[c]));
+}
+
 /// Power of mm in the unit of a parameter.
 fn power_of_length(unit: &str) -> f64 {
     match unit {
@@ -130,13 +293,85 @@ fn power_of_length(unit: &str) -> f64 {
     }
 }
 
-/// The mesh with the faces of the adhesive `by` further apart: the upper strip is moved along the mean normal.
-fn thicker(mesh: &JointMesh, by: f64) -> Option<JointMesh> {
-    let mut normal = [0.0; 2];
+/// The model with the constant moved a little; `None` where it is another kind, or such a mesh cannot be made.
+fn moved(model: &Model, kind: &ConstantKind) -> Option<Moved> {
+    let mesh = model.mesh();
+    let by = STEP * mesh.element_size();
+    let (nodes, face, distance) = match kind {
+        ConstantKind::Thickness if model.options().kinematics != Kinematics::Paper => {
+            (thicker(mesh, by)?, Vec::new(), Vec::new())
+        }
+        ConstantKind::Face(face) => {
+            let normals = normals(mesh, *face);
+            let mut nodes = mesh.nodes().to_vec();
+            for (&node, n) in &normals {
+                nodes[node as usize] = [0, 1].map(|c| nodes[node as usize][c] + by * n[c]);
+            }
+            let (face, distance) = behind(mesh, &normals).into_iter().unzip();
+            (nodes, face, distance)
+        }
+        _ => return None,
+    };
+    let mesh = JointMesh::new(JointParts {
+        nodes,
+        elements: mesh.elements().to_vec(),
+        interfaces: mesh.interfaces().to_vec(),
+        groups: mesh.groups().to_vec(),
+        element_group: mesh.element_group().to_vec(),
+        ..JointParts::default()
+    });
+    let model = Model::new(mesh.ok()?, model.materials().to_vec(), model.prescribed(), *model.options()).ok()?;
+    Some(Moved { model, by, face, distance })
+}
+
+/// Unit normal, from the lower to the upper strip, at each node of a face.
+fn normals(mesh: &JointMesh, face: Face) -> BTreeMap<u32, [f64; 2]> {
+    let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
     for &[l1, l2, u1, u2] in mesh.interfaces() {
         let at = |node: u32| mesh.nodes()[node as usize];
         let t = [0, 1].map(|c| at(l2)[c] + at(u2)[c] - at(l1)[c] - at(u1)[c]);
-        normal = [normal[0] - t[1], normal[1] + t[0]];
+        let ends = match face {
+            Face::Lower => [l1, l2],
+            Face::Upper => [u1, u2],
+        };
+        for node in ends {
+            let sum = sums.entry(node).or_default();
+            *sum = [sum[0] - t[1], sum[1] + t[0]];
+        }
+    }
+    sums.retain(|_, n| n[0].hypot(n[1]) > 0.0);
+    sums.values_mut().for_each(|n| *n = n.map(|c| c / n[0].hypot(n[1])));
+    sums
+}
+
+/// Of each node of a face the node behind it: at the other end of the edge that leaves the face most steeply, with its distance
+/// along the normal (from there to the face).
+fn behind(mesh: &JointMesh, normals: &BTreeMap<u32, [f64; 2]>) -> Vec<([u32; 2], f64)> {
+    let mut steepest: BTreeMap<u32, (f64, u32, f64)> = BTreeMap::new();
+    for corners in mesh.elements() {
+        for k in 0..4 {
+            let edge = [corners[k], corners[(k + 1) % 4]];
+            for [node, other] in [edge, [edge[1], edge[0]]] {
+                let Some(n) = normals.get(&node).filter(|_| !normals.contains_key(&other)) else { continue };
+                let (a, b) = (mesh.nodes()[node as usize], mesh.nodes()[other as usize]);
+                let edge = [a[0] - b[0], a[1] - b[1]];
+                let along = edge[0] * n[0] + edge[1] * n[1];
+                let share = along.abs() / edge[0].hypot(edge[1]);
+                let better = steepest.get(&node).is_none_or(|&(most, before, _)| (share, before) > (most, other));
+                if share > 0.1 && better {
+                    steepest.insert(node, (share, other, along));
+                }
+            }
+        }
+    }
+    steepest.into_iter().map(|(node, (_, other, along))| ([node, other], along)).collect()
+}
+
+/// The nodes with the faces of the adhesive `by` further apart: the upper strip is moved along the mean normal.
+fn thicker(mesh: &JointMesh, by: f64) -> Option<Vec<[f64; 2]>> {
+    let mut normal = [0.0; 2];
+    for n in normals(mesh, Face::Upper).values() {
+        normal = [normal[0] + n[0], normal[1] + n[1]];
     }
     let length = normal[0].hypot(normal[1]);
     let upper = mesh.strip()[mesh.pairs()[0][1] as usize];
@@ -144,13 +379,5 @@ fn thicker(mesh: &JointMesh, by: f64) -> Option<JointMesh> {
         true => [x + by * normal[0] / length, y + by * normal[1] / length],
         false => [x, y],
     };
-    JointMesh::new(JointParts {
-        nodes: mesh.nodes().iter().zip(mesh.strip()).map(moved).collect(),
-        elements: mesh.elements().to_vec(),
-        interfaces: mesh.interfaces().to_vec(),
-        groups: mesh.groups().to_vec(),
-        element_group: mesh.element_group().to_vec(),
-        ..JointParts::default()
-    })
-    .ok()
+    (length > 0.0).then(|| mesh.nodes().iter().zip(mesh.strip()).map(moved).collect())
 }

@@ -1,10 +1,12 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
+use super::budget::{Budget, Ingredients, Parts, budget, interval95};
 use super::constants::{Constant, ConstantEffect};
-use super::derived::{Derived, derived};
+use super::derived::Derived;
 use super::discretisation::Discretisation;
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
+use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
@@ -31,7 +33,7 @@ pub struct FitOptions {
     pub starts: Vec<Vec<f64>>,
     /// The iteration.
     pub region: TrustRegionOptions,
-    /// Model constants that are not known exactly.
+    /// Model constants; those that are not named are exact.
     pub constants: Vec<Constant>,
     /// What becomes of the effect of the element size.
     pub discretisation: Discretisation,
@@ -64,9 +66,11 @@ pub struct FittedParameter {
     pub value: f64,
     /// Its standard uncertainty, from noise and uncertain constants; `None` when the data do not give one.
     pub std: Option<f64>,
+    /// The part of the noise alone.
+    pub std_noise: Option<f64>,
     /// Its change if the elements were half as large.
     pub discretisation: Option<f64>,
-    /// 95 % interval, with the change by the element size as one more standard uncertainty where that was asked for.
+    /// 95 % interval: the root of the sum of all lines of the budget, see [`interval95`].
     pub interval95: Option<[f64; 2]>,
     /// Where the fit started.
     pub start: f64,
@@ -81,8 +85,10 @@ pub struct FittedParameter {
 pub struct FittedQuantity {
     /// The quantity.
     pub quantity: Derived,
-    /// Its standard uncertainty.
+    /// Its standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
+    /// The part of the noise alone.
+    pub std_noise: Option<f64>,
     /// Its change if the elements were half as large.
     pub discretisation: Option<f64>,
     /// 95 % interval, as that of a parameter.
@@ -147,6 +153,10 @@ pub struct Fit {
     pub statistics: Option<Statistics>,
     /// What each uncertain constant does to the parameters.
     pub constants: Vec<ConstantEffect>,
+    /// What noise, each constant and the size of the elements add to the intervals; no lines without covariance.
+    pub budget: Budget,
+    /// Values of the result that hardly anything has.
+    pub implausible: Vec<Implausible>,
     /// The objective's ingredients at the end.
     pub evaluation: Evaluation,
     /// The prescribed displacements of the end: as measured, or as estimated.
@@ -274,21 +284,10 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let statistics = Statistics::new(problem, &evaluation, &weights)?;
     let x = evaluation.x.clone();
     let slopes = unknowns.slopes(&x);
-    let n = x.len();
-    let mut constants = Vec::new();
-    let covariance = match &statistics {
-        None => None,
-        Some(statistics) => {
-            constants = problem.constant_effects(&evaluation, statistics, &options.constants, &boundary)?;
-            let mut scaled = statistics.covariance.clone();
-            for effect in &constants {
-                let shift = Dense::from_fn(n, 1, |r, _| effect.scaled[r]);
-                scaled.add(1.0, &shift.times(&Dense::from_fn(1, n, |_, c| effect.scaled[c])));
-            }
-            Some(Dense::from_fn(n, n, |r, c| slopes[r] * scaled[(r, c)] * slopes[c]))
-        }
+    let constants = match &statistics {
+        Some(statistics) => problem.constant_effects(&evaluation, statistics, &options.constants),
+        None => Vec::new(),
     };
-    let std = |k: usize| covariance.as_ref().map(|c| c[(k, k)].max(0.0).sqrt());
     let refined = match options.discretisation {
         Discretisation::Off => None,
         _ => problem.refinement_change(&evaluation, &boundary),
@@ -299,10 +298,20 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
         _ => None,
     };
-    let interval = |value: f64, std: Option<f64>, discretisation: Option<f64>| {
-        let more = discretisation.filter(|_| options.discretisation == Discretisation::Included).unwrap_or(0.0);
-        std.map(|std| Fit::interval95(value, std.hypot(more)))
-    };
+    let (budget, quantities, covariance) = budget(
+        problem,
+        &Ingredients {
+            x: &x,
+            statistics: statistics.as_ref(),
+            constants: &options.constants,
+            effects: &constants,
+            by_refinement: by_refinement.as_deref(),
+            discretisation: options.discretisation,
+        },
+    );
+    let known = statistics.is_some();
+    let interval =
+        |value: f64, parts: Parts| known.then(|| interval95(value, [NORMAL_95 * parts.noise; 2], parts.others));
     let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
     let at_bound = |k: usize| {
         let [low, high] = unknowns.list()[k].bounds;
@@ -310,13 +319,14 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     };
     let parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
         .map(|(k, unknown)| {
-            let (std, discretisation) = (std(k), by_refinement.as_ref().map(|change| change[k]));
+            let parts = budget.parameter(k);
             FittedParameter {
                 parameter: unknown.parameter,
                 value: x[k],
-                std,
-                discretisation,
-                interval95: interval(x[k], std, discretisation),
+                std: known.then_some(parts.std),
+                std_noise: known.then_some(parts.noise),
+                discretisation: by_refinement.as_ref().map(|change| change[k]),
+                interval95: interval(x[k], parts),
                 start: unknown.start,
                 bounds: unknown.bounds,
                 at_bound: at_bound(k),
@@ -332,10 +342,13 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         ),
         _ => (None, None),
     };
-    let verdict = match &correlation {
+    // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
+    let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
+    let verdict = match &of_noise {
         None => Verdict::singular(&parameters),
         Some(correlation) => {
-            let prescribed = released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released));
+            let prescribed =
+                released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
             let grounds = Grounds {
                 correlation,
                 misfit: misfit.as_ref(),
@@ -351,7 +364,19 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
     Ok(Fit {
-        derived: with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval),
+        derived: (quantities.into_iter().enumerate())
+            .map(|(q, quantity)| {
+                let parts = budget.quantity(q);
+                let discretisation = by_refinement.as_ref().and_then(|_| budget.lines.last()?.derived.get(q).copied());
+                FittedQuantity {
+                    quantity,
+                    std: known.then_some(parts.std),
+                    std_noise: known.then_some(parts.noise),
+                    discretisation,
+                    interval95: interval(quantity.value, parts),
+                }
+            })
+            .collect(),
         parameters,
         values: law.values(),
         covariance,
@@ -369,6 +394,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         verdict,
         statistics,
         constants,
+        budget,
+        implausible: implausible_result(problem, &*law),
         evaluation,
         boundary,
         largest_correction,
@@ -492,41 +519,4 @@ fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense 
         if r == c { 1.0 } else { value.clamp(-1.0, 1.0) }
     };
     Dense::from_fn(n, n, entry)
-}
-
-/// Derived quantities at `x`, with the uncertainty that the covariance of the parameters gives them.
-fn with_uncertainty(
-    unknowns: &Unknowns,
-    x: &[f64],
-    covariance: Option<&Dense>,
-    by_refinement: Option<&[f64]>,
-    interval: impl Fn(f64, Option<f64>, Option<f64>) -> Option<[f64; 2]>,
-) -> Vec<FittedQuantity> {
-    let at = |x: &[f64]| unknowns.law_at(x).map(|law| derived(&*law)).unwrap_or_default();
-    let slopes: Vec<Vec<f64>> = (0..x.len())
-        .map(|k| {
-            let h = 1e-6 * x[k].abs().max(1e-12);
-            let moved = |h: f64| {
-                let mut x = x.to_vec();
-                x[k] += h;
-                at(&x)
-            };
-            moved(h).iter().zip(moved(-h)).map(|(more, less)| (more.value - less.value) / (2.0 * h)).collect()
-        })
-        .collect();
-    let slope = |k: usize, q: usize| slopes[k].get(q).copied().unwrap_or(0.0);
-    let std = |q: usize| {
-        let covariance = covariance?;
-        let slope = |k: usize| slope(k, q);
-        let n = x.len();
-        let variance: f64 = (0..n).map(|r| (0..n).map(|c| slope(r) * covariance[(r, c)] * slope(c)).sum::<f64>()).sum();
-        Some(variance.max(0.0).sqrt())
-    };
-    let of = |(q, quantity): (usize, Derived)| {
-        let discretisation =
-            by_refinement.map(|change| change.iter().enumerate().map(|(k, change)| slope(k, q) * change).sum());
-        let std = std(q);
-        FittedQuantity { quantity, std, discretisation, interval95: interval(quantity.value, std, discretisation) }
-    };
-    at(x).into_iter().enumerate().map(of).collect()
 }

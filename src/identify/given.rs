@@ -1,10 +1,8 @@
 //! What a fit takes for granted, in words: the values that its intervals are conditional on.
 
+use super::constants::{Constant, ConstantKind};
 use super::objective::Problem;
-use super::released::Released;
-
-/// Relative standard uncertainty of a prescribed parameter of the law that states none.
-const PRESCRIBED_STD: f64 = 0.25;
+use super::released::{Released, ReleasedParameter};
 
 impl Problem<'_> {
     /// The prescribed values: parameters of the law and of the strips, thickness, size of a pixel.
@@ -37,9 +35,15 @@ impl Problem<'_> {
         given
     }
 
-    /// Standard uncertainty of each released parameter as a prescribed one.
-    pub(super) fn prescribed_std(&self, released: &Released) -> Vec<f64> {
-        released.parameters.iter().map(|p| PRESCRIBED_STD * p.prescribed.abs()).collect()
+    /// Standard uncertainty of each released parameter as a prescribed one; zero where it is exact.
+    pub(super) fn prescribed_std(&self, released: &Released, constants: &[Constant]) -> Vec<f64> {
+        let parameters = self.unknowns.law().parameters();
+        let of = |p: &ReleasedParameter| {
+            let same =
+                |kind: &ConstantKind| matches!(kind, ConstantKind::Law { index } if parameters[*index].name == p.name);
+            constants.iter().find(|constant| same(&constant.kind)).map_or(0.0, |constant| constant.std)
+        };
+        released.parameters.iter().map(of).collect()
     }
 }
 

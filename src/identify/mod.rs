@@ -5,6 +5,7 @@
 //! the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
 mod bands;
+mod budget;
 mod case;
 mod cone_step;
 mod constants;
@@ -18,20 +19,23 @@ mod misfit;
 mod noise;
 mod objective;
 mod observation;
+mod plausibility;
 mod profile;
 mod released;
 mod starts;
 mod statistics;
 mod sweep;
 mod trust_region;
+mod uncertainties;
 mod unknowns;
 mod verdict;
 mod weights;
 
 pub use bands::{Band, CurveBand, bands, curve_bands};
+pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, Parts, interval95};
 pub use case::Case;
 pub use cone_step::{StepRegion, cone_step};
-pub use constants::{Constant, ConstantEffect, ConstantKind};
+pub use constants::{Constant, ConstantEffect, ConstantKind, Face, Source};
 pub use derived::{Derived, derived};
 pub use discretisation::Discretisation;
 pub use error::FitError;
@@ -40,12 +44,17 @@ pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
 pub use noise::{Noise, Precision};
 pub use objective::{Evaluation, Problem};
 pub use observation::{Observation, ObservedInstant, largest_without_rigid_motion};
+pub use plausibility::{Implausible, implausible_joint, implausible_result};
 pub use profile::{Profile, profile};
 pub use released::{Released, ReleasedParameter};
 pub use starts::latin_hypercube;
 pub use statistics::Statistics;
 pub use sweep::{SweepRow, sweep};
 pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
+pub use uncertainties::{
+    DEFAULT_ALPHA, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU, DEFAULT_PIXEL_SIZE,
+    DEFAULT_THICKNESS_PX, DEFAULT_YIELD,
+};
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
 pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};
 pub use weights::{InverseCovariance, WeightKind, Weights};

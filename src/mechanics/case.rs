@@ -322,7 +322,13 @@ fn name<'a>(table: &'a Table, section: &str, key: &str) -> Result<Option<&'a str
     }
 }
 
-/// The values of a law's parameters, when no other keys are there than those and `others`.
+/// Keys of `[substrate]` and `[cohesive]` that state the standard uncertainty of a value are that of the value and this.
+pub const STD: &str = "_std";
+/// Key of `[substrate]`, `[cohesive]` and `[fit]` that names constants without uncertainty: `true` for all of the table, or a list.
+pub const EXACT: &str = "exact";
+
+/// The values of a law's parameters, when no other keys are there than those, `others`, and what states uncertainties (which
+/// the model does not need).
 fn values(
     table: &Table,
     section: &str,
@@ -332,10 +338,13 @@ fn values(
 ) -> Result<Vec<f64>, JointError> {
     let keys: Vec<String> = parameters.iter().map(Parameter::key).collect();
     let needed = keys.join(", ");
-    let known = |key: &String| keys.contains(key) || others.contains(&key.as_str());
-    if let Some(key) = table.keys().find(|key| !known(key)) {
-        let others = others.join(", ");
-        let what = format!("{key}: there is no such key; model = \"{model}\" needs {needed}; also {others}");
+    let std: Vec<String> = keys.iter().map(|key| format!("{key}{STD}")).collect();
+    let known = |key: &String| keys.contains(key) || std.contains(key) || others.contains(&key.as_str());
+    if let Some(key) = table.keys().find(|key| !known(key) && *key != EXACT) {
+        let (others, std) = (others.join(", "), std.join(", "));
+        let what = format!(
+            "{key}: there is no such key; model = \"{model}\" needs {needed}; also {others}; standard uncertainties: {std}, {EXACT}"
+        );
         return Err(wrong(section, what));
     }
     keys.iter().map(|key| number(table, section, key, model, &needed)).collect()

@@ -59,6 +59,16 @@ impl Linearised<'_> {
         solve(self.model, &self.work, &loads(self.model, &forces))
     }
 
+    /// `-K_ff^-1 F_f` for each of `forces` (internal nodal forces, N/mm): how the free nodes follow when something else than the
+    /// displacements adds the force, to first order; zero at prescribed nodes.
+    ///
+    /// # Panics
+    /// When a field has not one vector per node.
+    pub fn by_force(&self, forces: &[NodalField]) -> Vec<NodalField> {
+        assert!(forces.iter().all(|force| force.len() == self.u.len()), "one force per node");
+        solve(self.model, &self.work, &loads(self.model, forces))
+    }
+
     /// `dU/dU_D V` for each column of `columns`: how the whole field follows when the prescribed nodes move by
     /// the column (one vector per prescribed node, in the model's order). At the unknowns that is
     /// `-K_ff^-1 K_fD V`, at prescribed nodes `V` itself.

@@ -166,6 +166,7 @@ impl Experiment {
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.
     pub fn options() -> FitOptions {
         let discretisation = Discretisation::Off;
+        // No constant is named: all are exact, since the data are computed with the same ones.
         FitOptions { weights: WeightKind::Paper, discretisation, doubt: false, ..FitOptions::default() }
     }
 }

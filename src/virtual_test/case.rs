@@ -44,6 +44,7 @@ impl VirtualTest {
              sigma_0_MPa = {sigma_0:?}\n\
              alpha = {alpha:?}\n\
              n = {n:?}\n\
+             exact = true                          # the images were computed with these very values; else state E_MPa_std = ...\n\
              \n\
              [cohesive]\n\
              model = \"extended-xu-needleman\"\n\
@@ -51,6 +52,7 @@ impl VirtualTest {
              delta_n_mm = 0.0035\n\
              delta_t_mm = 0.07\n\
              r = {r:?}\n\
+             exact = true                          # and with this r; else state r_std = ...\n\
              \n\
              [measurement]\n\
              nodes = \"free\"\n\
@@ -59,6 +61,7 @@ impl VirtualTest {
              \n\
              [fit]\n\
              parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
+             exact = [\"thickness\", \"faces\", \"pixel_size\"]   # the zones and the scale are those of the computed images\n\
              \n\
              [fit.start]                           # N/mm, mm, mm\n\
              phi_n = 1.5\n\

@@ -48,6 +48,8 @@ pub struct CaseMeasurement {
     /// Standard deviation of each nodal displacement of one frame, mm. Of a table without it, it is estimated from
     /// the residual.
     pub noise_mm: Option<f64>,
+    /// Relative standard uncertainty of the noise itself; default 0.1, or what the residual tells where it is estimated from that.
+    pub noise_relative_std: Option<f64>,
     /// Whether all frames were compared with one noisy reference; default true.
     pub common_reference: Option<bool>,
     /// Scale of a table in pixels (`ux_px`, `uy_px`, with y up), mm per pixel.
@@ -98,6 +100,12 @@ pub struct CaseFit {
     pub thickness_mm_std: Option<f64>,
     /// Relative standard uncertainty of the pixel size.
     pub pixel_size_relative_std: Option<f64>,
+    /// Standard uncertainty of the position of each face of the adhesive, px.
+    pub face_position_px_std: Option<f64>,
+    /// The same in mm.
+    pub face_position_mm_std: Option<f64>,
+    /// Constants without uncertainty: `true`, or a list of `thickness`, `faces`, `pixel_size`, `noise_level`.
+    pub exact: Option<toml::Value>,
     /// `quadrille sweep`: values at which a parameter is prescribed.
     #[serde(default)]
     pub sweep: BTreeMap<String, Vec<f64>>,

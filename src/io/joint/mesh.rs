@@ -29,6 +29,8 @@ pub struct JointMeshFile {
     pub element_group: Vec<u32>,
     /// Whether the file gives its nodes no numbers from 0, so that positions tell them.
     pub by_position: bool,
+    /// Scale of the images that the mesh was drawn on, mm per pixel; `None` of a mesh that knows no image.
+    pub mm_per_px: Option<f64>,
 }
 
 /// Physical groups of curves of a `.msh` file that a joint knows.
@@ -85,6 +87,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
             groups: mesh.groups,
             element_group: mesh.quad_group,
             by_position: false,
+            mm_per_px: None,
         });
     }
     let MeshFile { zones, curves, .. } = parse_mesh(&bytes, path)?;

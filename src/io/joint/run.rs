@@ -32,8 +32,6 @@ pub struct JointRun {
     pub n_references: usize,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
-    /// Size of a pixel, mm.
-    pub pixel_size_mm: f64,
     /// What the correlation warned of (`messages` of its `summary.json`); empty where that is not beside the store.
     pub warnings: Vec<String>,
 }
@@ -69,6 +67,7 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         nodes,
         groups: measured.zones().to_vec(),
         element_group: measured.element_zone().to_vec(),
+        mm_per_px: Some(scale.mm_per_px()),
         ..JointMeshFile::default()
     };
     let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -104,7 +103,6 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         normal_matrix,
         n_references,
         left_out,
-        pixel_size_mm: scale.mm_per_px(),
         warnings: warnings_beside(path),
     })
 }

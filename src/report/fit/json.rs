@@ -2,7 +2,8 @@
 
 use super::FitReport;
 use crate::identify::{
-    Case, Discretisation, Fit, Iteration, Misfit, MisfitGroup, Outcome, Released, ReleasedParameter, SweepRow,
+    BudgetLine, Case, Discretisation, Fit, Iteration, Misfit, MisfitGroup, Outcome, Released, ReleasedParameter,
+    SweepRow,
 };
 use crate::mechanics::Status;
 use serde::Serialize;
@@ -74,8 +75,8 @@ pub struct FitJson {
     pub misfit: Option<MisfitJson>,
     /// What the prescribed parameters of the law would be as unknowns.
     pub released: Option<ReleasedJson>,
-    /// What each uncertain constant adds: the change of each parameter for one standard uncertainty.
-    pub constants: BTreeMap<String, ConstantJson>,
+    /// The error budget: what noise, each constant and the size of the elements add to the intervals.
+    pub budget: Vec<BudgetJson>,
     /// The profile likelihood, where it was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileJson>,
@@ -113,6 +114,8 @@ pub struct ParameterJson {
     pub meaning: &'static str,
     /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
+    /// The part of the noise alone.
+    pub std_noise: Option<f64>,
     /// Its change if the elements were half as large; null where that was not computed.
     pub discretisation: Option<f64>,
     /// 95 % interval.
@@ -136,6 +139,8 @@ pub struct QuantityJson {
     pub unit: &'static str,
     /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
+    /// The part of the noise alone.
+    pub std_noise: Option<f64>,
     /// Its change if the elements were half as large; null where that was not computed.
     pub discretisation: Option<f64>,
     /// 95 % interval.
@@ -313,13 +318,41 @@ impl ReleasedJson {
     }
 }
 
-/// An uncertain constant.
+/// A line of the error budget; the lines of an interval add up as squares.
 #[derive(Debug, Clone, Serialize)]
-pub struct ConstantJson {
-    /// Its standard uncertainty.
-    pub std: f64,
-    /// What each parameter changes by with it.
-    pub change: BTreeMap<&'static str, f64>,
+pub struct BudgetJson {
+    /// `noise`, the name of a constant, or `element_size`.
+    pub name: String,
+    /// Where its standard uncertainty comes from: `stated`, `default`, `exact`, `not stated`, `computed`.
+    pub source: &'static str,
+    /// The value of the constant, where it is a number.
+    pub value: Option<f64>,
+    /// Its standard uncertainty; null where nothing is known, and of noise and element size.
+    pub std: Option<f64>,
+    /// The unit of both.
+    pub unit: &'static str,
+    /// Whether it is part of the intervals.
+    pub included: bool,
+    /// What it does to each parameter per standard uncertainty, in the unit of the parameter.
+    pub parameters: BTreeMap<&'static str, f64>,
+    /// What it does to each derived quantity.
+    pub derived: BTreeMap<&'static str, f64>,
+}
+
+impl BudgetJson {
+    fn list(fit: &Fit) -> Vec<Self> {
+        let of = |line: &BudgetLine| Self {
+            name: line.name.clone(),
+            source: line.source.name(),
+            value: line.value,
+            std: line.std,
+            unit: line.unit,
+            included: line.included,
+            parameters: fit.parameters.iter().map(|p| p.parameter.name).zip(line.parameters.iter().copied()).collect(),
+            derived: fit.derived.iter().map(|q| q.quantity.name).zip(line.derived.iter().copied()).collect(),
+        };
+        fit.budget.lines.iter().map(of).collect()
+    }
 }
 
 /// A profile likelihood.
@@ -376,6 +409,7 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
             unit: p.parameter.unit,
             meaning: p.parameter.meaning,
             std: p.std,
+            std_noise: p.std_noise,
             discretisation: p.discretisation,
             interval95: p.interval95,
             start: p.start,
@@ -390,9 +424,9 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
 
 fn quantities(fit: &Fit) -> BTreeMap<&'static str, QuantityJson> {
     let of = |q: &crate::identify::FittedQuantity| {
-        let (value, unit, std) = (q.quantity.value, q.quantity.unit, q.std);
+        let (value, unit, std, std_noise) = (q.quantity.value, q.quantity.unit, q.std, q.std_noise);
         let (discretisation, interval95) = (q.discretisation, q.interval95);
-        (q.quantity.name, QuantityJson { value, unit, std, discretisation, interval95 })
+        (q.quantity.name, QuantityJson { value, unit, std, std_noise, discretisation, interval95 })
     };
     fit.derived.iter().map(of).collect()
 }
@@ -400,7 +434,7 @@ fn quantities(fit: &Fit) -> BTreeMap<&'static str, QuantityJson> {
 impl FitReport<'_> {
     /// What `fit.json` holds; the fit of the case file `case` took `seconds`.
     pub fn json(&self, case: String, seconds: f64) -> FitJson {
-        let Case { problem, options, about, boundary, doubts, .. } = self.case;
+        let Case { problem, options, about, boundary, doubts, implausible, .. } = self.case;
         let fit = self.fit;
         let names: Vec<&'static str> = fit.parameters.iter().map(|p| p.parameter.name).collect();
         let law = problem.unknowns.law();
@@ -408,6 +442,14 @@ impl FitReport<'_> {
             (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
         };
         let mut warnings = doubts.clone();
+        warnings.extend(implausible.iter().chain(&fit.implausible).map(|value| value.text.clone()));
+        let missing = fit.budget.missing();
+        if !missing.is_empty() {
+            warnings.push(format!(
+                "the effect of {} could not be computed: the intervals are without it",
+                missing.join(", ")
+            ));
+        }
         warnings.extend(fit.parameters.iter().filter(|p| p.at_bound).map(|p| {
             let [low, high] = p.bounds;
             format!(
@@ -437,14 +479,6 @@ impl FitReport<'_> {
             ));
         }
         let statistics = fit.statistics.as_ref();
-        let constants = (fit.constants.iter())
-            .map(|effect| {
-                let change = (effect.scaled.iter().zip(&names).zip(problem.unknowns.slopes(&fit.evaluation.x)))
-                    .map(|((z, name), slope)| (*name, z * slope))
-                    .collect();
-                (effect.constant.name.clone(), ConstantJson { std: effect.constant.std, change })
-            })
-            .collect();
         let iteration = |i: &Iteration| IterationJson {
             stage: i.stage,
             x: i.z.clone(),
@@ -513,7 +547,7 @@ impl FitReport<'_> {
             },
             misfit: fit.misfit.as_ref().map(MisfitJson::of),
             released: fit.released.as_ref().map(ReleasedJson::of),
-            constants,
+            budget: BudgetJson::list(fit),
             profile: self.profile.as_ref().map(|p| ProfileJson {
                 parameter: p.name,
                 values: p.values.clone(),

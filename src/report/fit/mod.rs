@@ -1,10 +1,12 @@
 //! What an identification gives people and programs: `fit.json`, tables, figures.
 
+mod budget;
 mod figures;
 mod json;
 mod tables;
 
-pub use json::{FitJson, SweepJson};
+pub use budget::{budget_lines, defaults_used};
+pub use json::{BudgetJson, FitJson, SweepJson};
 pub use tables::write_sweep;
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};

@@ -1,0 +1,247 @@
+//! What a case states of the uncertainty of its constants, and the defaults for what it does not state.
+
+use super::constants::{Constant, ConstantKind, Face, Source};
+use super::error::FitError;
+use crate::io::joint::{CaseFit, CaseMeasurement, JointInput, MeasurementInput, MeshInput};
+use crate::mechanics::cohesive::Parameter;
+use crate::mechanics::{EXACT, Joint, STD};
+use toml::{Table, Value};
+
+/// Default standard uncertainty of Young's modulus, by its value.
+pub const DEFAULT_E: f64 = 0.03;
+/// Default standard uncertainty of Poisson's ratio.
+pub const DEFAULT_NU: f64 = 0.01;
+/// Default standard uncertainty of `sigma_0` and `n`, by their value.
+pub const DEFAULT_YIELD: f64 = 0.05;
+/// Default standard uncertainty of `alpha`, by its value.
+pub const DEFAULT_ALPHA: f64 = 0.2;
+/// Default standard uncertainty of a prescribed parameter of the law, by its value.
+pub const DEFAULT_LAW: f64 = 0.25;
+/// Default standard uncertainty of the thickness of the adhesive, px.
+pub const DEFAULT_THICKNESS_PX: f64 = 1.0;
+/// Default standard uncertainty of the position of each face, px.
+pub const DEFAULT_FACE_PX: f64 = 0.5;
+/// Default standard uncertainty of the pixel size, by its value.
+pub const DEFAULT_PIXEL_SIZE: f64 = 0.005;
+/// Default standard uncertainty of the noise, by its value.
+pub const DEFAULT_NOISE: f64 = 0.1;
+
+/// What `[fit] exact` may name.
+const OF_FIT: [&str; 4] = ["thickness", "faces", "pixel_size", "noise_level"];
+
+fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
+    FitError::Key { section, what: what.into() }
+}
+
+/// Scale of the images behind a case, mm per pixel, where it is known.
+pub(super) fn mm_per_px(input: &JointInput) -> Option<f64> {
+    let of_mesh = match &input.mesh {
+        MeshInput::File(file) | MeshInput::Run(file) => file.mm_per_px,
+        MeshInput::Rectangle { .. } => None,
+    };
+    let of_run = match &input.measurement {
+        Some(MeasurementInput::Run(run)) => run.mesh.mm_per_px,
+        _ => None,
+    };
+    of_run.or(of_mesh).or(input.case.measurement.as_ref().and_then(|table| table.pixel_size_mm))
+}
+
+/// Whether each of `known` is named by the key `exact` of a table.
+fn exact_of(section: &'static str, value: Option<&Value>, known: &[&str]) -> Result<Vec<bool>, FitError> {
+    let there = || known.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    match value {
+        None => Ok(vec![false; known.len()]),
+        Some(Value::Boolean(all)) => Ok(vec![*all; known.len()]),
+        Some(Value::Array(list)) => {
+            let mut exact = vec![false; known.len()];
+            for name in list {
+                let at = name.as_str().and_then(|name| known.iter().position(|known| *known == name));
+                let unknown = || {
+                    wrong(section, format!("{EXACT} names {name}: there is no such constant; there are {}", there()))
+                };
+                exact[at.ok_or_else(unknown)?] = true;
+            }
+            Ok(exact)
+        }
+        Some(other) => {
+            let what = format!("{EXACT} = {other}: give true for all of the table, or a list of {}", there());
+            Err(wrong(section, what))
+        }
+    }
+}
+
+/// The standard uncertainty under `key`, above zero.
+fn std_of(section: &'static str, table: &Table, key: &str) -> Result<Option<f64>, FitError> {
+    let std = match table.get(key) {
+        None => return Ok(None),
+        Some(Value::Float(std)) => *std,
+        Some(Value::Integer(std)) => *std as f64,
+        Some(other) => return Err(wrong(section, format!("{key} = {other}: give a number"))),
+    };
+    Ok(Some(positive(section, key, std)?))
+}
+
+fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(wrong(
+            section,
+            format!("{key} = {value}: it must be a finite number above zero; exact says that there is none"),
+        )),
+    }
+}
+
+/// What holds of a constant: stated, exact, the default, or nothing.
+fn choose(
+    section: &'static str,
+    key: &str,
+    stated: Option<f64>,
+    exact: bool,
+    default: Option<f64>,
+) -> Result<(f64, Source), FitError> {
+    match (stated, exact, default.filter(|std| std.is_finite() && *std > 0.0)) {
+        (Some(_), true, _) => {
+            Err(wrong(section, format!("{key} is given, and {EXACT} says that there is none; take one away")))
+        }
+        (Some(std), false, _) => Ok((std, Source::Stated)),
+        (None, true, _) => Ok((0.0, Source::Exact)),
+        (None, false, Some(std)) => Ok((std, Source::Default)),
+        (None, false, None) => Ok((0.0, Source::Unknown)),
+    }
+}
+
+/// The constants of a case, each with what the case states of it, or the default; what is stated and not used is named in `doubts`.
+pub(super) fn constants(
+    joint: &Joint,
+    input: &JointInput,
+    fit: &CaseFit,
+    measurement: &CaseMeasurement,
+    doubts: &mut Vec<String>,
+) -> Result<Vec<Constant>, FitError> {
+    let mut list = materials(joint, &input.case.substrate)?;
+    list.extend(law(joint, &input.case.cohesive, fit, doubts)?);
+    list.extend(lengths(joint, mm_per_px(input), fit, measurement)?);
+    Ok(list)
+}
+
+fn materials(joint: &Joint, substrate: &Table) -> Result<Vec<Constant>, FitError> {
+    let section = "substrate";
+    let (model, groups) = (&joint.model, joint.model.mesh().groups());
+    let own = |group: &String| substrate.get(group).and_then(Value::as_table);
+    let shared: Vec<usize> = (0..groups.len()).filter(|&g| own(&groups[g]).is_none()).collect();
+    if shared.is_empty()
+        && let Some(key) = substrate.keys().find(|key| key.ends_with(STD))
+    {
+        let what =
+            format!("{key}: every group of elements has a table of its own; state it in [substrate.{}]", groups[0]);
+        return Err(wrong(section, what));
+    }
+    let mut list = Vec::new();
+    let mut of_table =
+        |table: &Table, exact: Option<&Value>, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
+            let Some(&first) = members.first() else { return Ok(()) };
+            let material = &model.materials()[first];
+            let names: Vec<&str> = material.parameters().iter().map(|p| p.name).collect();
+            let exact = exact_of(section, exact, &names)?;
+            for (index, (p, value)) in material.parameters().iter().zip(material.values()).enumerate() {
+                let key = format!("{}{STD}", p.key());
+                let default = match p.name {
+                    "E" => DEFAULT_E * value,
+                    "nu" => DEFAULT_NU,
+                    "alpha" => DEFAULT_ALPHA * value,
+                    _ => DEFAULT_YIELD * value,
+                };
+                let (std, source) = choose(section, &key, std_of(section, table, &key)?, exact[index], Some(default))?;
+                let kind = ConstantKind::Material { groups: members.clone(), index };
+                list.push(Constant {
+                    name: format!("{}{suffix}", p.name),
+                    kind,
+                    value: Some(value),
+                    unit: p.unit,
+                    std,
+                    source,
+                });
+            }
+            Ok(())
+        };
+    of_table(substrate, substrate.get(EXACT), shared, "")?;
+    for (g, name) in groups.iter().enumerate() {
+        if let Some(table) = own(name) {
+            of_table(table, table.get(EXACT).or(substrate.get(EXACT)), vec![g], &format!("_{name}"))?;
+        }
+    }
+    Ok(list)
+}
+
+fn law(joint: &Joint, table: &Table, fit: &CaseFit, doubts: &mut Vec<String>) -> Result<Vec<Constant>, FitError> {
+    let section = "cohesive";
+    let parameters: &[Parameter] = joint.law.parameters();
+    let names: Vec<&str> = parameters.iter().map(|p| p.name).collect();
+    let exact = exact_of(section, table.get(EXACT), &names)?;
+    let mut list = Vec::new();
+    for (index, (p, value)) in parameters.iter().zip(joint.law.values()).enumerate() {
+        let key = format!("{}{STD}", p.key());
+        let stated = std_of(section, table, &key)?;
+        if fit.parameters.iter().any(|name| name == p.name) {
+            if stated.is_some() {
+                doubts.push(format!("[{section}] {key} is not used: {} is fitted", p.name));
+            }
+            continue;
+        }
+        let default = DEFAULT_LAW * value.abs();
+        let (std, source) = choose(section, &key, stated, exact[index], Some(default))?;
+        let kind = ConstantKind::Law { index };
+        list.push(Constant { name: p.name.to_owned(), kind, value: Some(value), unit: p.unit, std, source });
+    }
+    Ok(list)
+}
+
+fn lengths(
+    joint: &Joint,
+    mm_per_px: Option<f64>,
+    fit: &CaseFit,
+    measurement: &CaseMeasurement,
+) -> Result<Vec<Constant>, FitError> {
+    let section = "fit";
+    let exact = exact_of(section, fit.exact.as_ref(), &OF_FIT)?;
+    let given = |key: &str, std: Option<f64>| std.map(|std| positive(section, key, std)).transpose();
+    let in_px = |px: f64| mm_per_px.map(|mm| px * mm);
+    let key = "thickness_mm_std";
+    let stated = given(key, fit.thickness_mm_std)?;
+    let (std, source) = choose(section, key, stated, exact[0], in_px(DEFAULT_THICKNESS_PX))?;
+    let constant = |name: &str, kind, value, unit, (std, source): (f64, Source)| Constant {
+        name: name.to_owned(),
+        kind,
+        value,
+        unit,
+        std,
+        source,
+    };
+    let gap = Some(joint.model.mesh().gap());
+    let mut list = vec![constant("thickness", ConstantKind::Thickness, gap, "mm", (std, source))];
+    let px = given("face_position_px_std", fit.face_position_px_std)?;
+    let mm = given("face_position_mm_std", fit.face_position_mm_std)?;
+    let stated = match (px, mm) {
+        (Some(_), Some(_)) => {
+            return Err(wrong(section, "face_position_px_std and face_position_mm_std are both given; take one away"));
+        }
+        (Some(px), None) => Some(in_px(px).ok_or_else(|| {
+            wrong(section, "face_position_px_std: the size of a pixel is not known here; give face_position_mm_std")
+        })?),
+        (None, mm) => mm,
+    };
+    let faces = choose(section, "face_position_px_std", stated, exact[1], in_px(DEFAULT_FACE_PX))?;
+    list.push(constant("face_lower", ConstantKind::Face(Face::Lower), None, "mm", faces));
+    list.push(constant("face_upper", ConstantKind::Face(Face::Upper), None, "mm", faces));
+    let key = "pixel_size_relative_std";
+    let default = mm_per_px.map(|_| DEFAULT_PIXEL_SIZE);
+    let (std, source) = choose(section, key, given(key, fit.pixel_size_relative_std)?, exact[2], default)?;
+    // Without a scale the relative size is meant.
+    let (value, unit) = mm_per_px.map_or((1.0, "1"), |mm| (mm, "mm"));
+    list.push(constant("pixel_size", ConstantKind::PixelSize, Some(value), unit, (std * value, source)));
+    let key = "noise_relative_std";
+    let stated = measurement.noise_relative_std.map(|std| positive("measurement", key, std)).transpose()?;
+    let noise = choose("measurement", key, stated, exact[3], Some(DEFAULT_NOISE))?;
+    list.push(constant("noise_level", ConstantKind::NoiseLevel, None, "1", noise));
+    Ok(list)
+}

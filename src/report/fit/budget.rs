@@ -1,0 +1,82 @@
+//! The error budget in words and as a table.
+
+use super::{BudgetJson, FitJson, FitReport};
+use std::io::{self, Write};
+
+/// So many of its largest parts are named for each parameter.
+const NAMED: usize = 3;
+
+/// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %, noise 0.5 %`.
+pub fn budget_lines(fit: &FitJson) -> Vec<String> {
+    let of = |name: &&'static str| {
+        let value = fit.parameters.get(name)?.value.abs();
+        let effect = |line: &BudgetJson| Some((line.name.clone(), line.parameters.get(name)?.abs()));
+        let mut parts: Vec<(String, f64)> = fit.budget.iter().filter(|line| line.included).filter_map(effect).collect();
+        parts.retain(|(_, effect)| *effect > 0.0);
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let named = parts.iter().take(NAMED).map(|(part, effect)| format!("{part} {:.2} %", 100.0 * effect / value));
+        let named: Vec<String> = named.collect();
+        (!named.is_empty()).then(|| format!("{name}: {}", named.join(", ")))
+    };
+    fit.parameter_order.iter().filter_map(of).collect()
+}
+
+/// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a sentence each.
+pub fn defaults_used(fit: &FitJson) -> Vec<String> {
+    let of = |line: &BudgetJson| match (line.std, line.value) {
+        (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
+            format!("{} +- {std}", line.name)
+        }
+        (Some(std), Some(value)) => format!("{} {:.3} %", line.name, 100.0 * std / value.abs()),
+        (Some(std), None) if line.unit == "1" => format!("{} {:.3} %", line.name, 100.0 * std),
+        (Some(std), None) => format!("{} {std:.3e} {}", line.name, line.unit),
+        (None, _) => line.name.clone(),
+    };
+    let list =
+        |source: &str| fit.budget.iter().filter(|line| line.source == source).map(of).collect::<Vec<_>>().join(", ");
+    let (defaults, unknown) = (list("default"), list("not stated"));
+    let mut said = Vec::new();
+    if !defaults.is_empty() {
+        said.push(format!(
+            "standard uncertainties that the case does not state, by default: {defaults}; state them, or exact = true where there \
+             is none"
+        ));
+    }
+    if !unknown.is_empty() {
+        said.push(format!(
+            "not stated, and without a scale of the images not part of the intervals: the uncertainty of {unknown}"
+        ));
+    }
+    said
+}
+
+impl FitReport<'_> {
+    /// Writes `budget.csv`: of each line what one standard uncertainty does to each parameter and derived quantity, in its unit;
+    /// NaN where there is nothing.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_budget<W: Write>(&self, mut out: W) -> io::Result<()> {
+        let fit = self.fit;
+        writeln!(out, "# quadrille {}", env!("CARGO_PKG_VERSION"))?;
+        writeln!(
+            out,
+            "# error budget: effect of each standard uncertainty; lines that are included add up as squares"
+        )?;
+        let mut columns: Vec<String> = ["line", "source", "included", "value", "std", "unit"].map(str::to_owned).into();
+        columns.extend(fit.parameters.iter().map(|p| p.parameter.key()));
+        columns.extend(
+            fit.derived.iter().map(|q| format!("{}_{}", q.quantity.name, q.quantity.unit.replace('/', "_per_"))),
+        );
+        writeln!(out, "{}", columns.join(","))?;
+        let number = |value: Option<f64>| value.map_or("NaN".to_owned(), |value| format!("{value:e}"));
+        for line in &fit.budget.lines {
+            let mut row = vec![line.name.clone(), line.source.name().to_owned(), u8::from(line.included).to_string()];
+            row.extend([number(line.value), number(line.std), line.unit.to_owned()]);
+            row.extend((0..fit.parameters.len()).map(|k| number(line.parameters.get(k).copied())));
+            row.extend((0..fit.derived.len()).map(|q| number(line.derived.get(q).copied())));
+            writeln!(out, "{}", row.join(","))?;
+        }
+        Ok(())
+    }
+}
