@@ -1,6 +1,7 @@
 //! One parameter prescribed at several values, the others fitted: the paper's Table 2.
 
 use super::FitError;
+use super::constants::ConstantKind;
 use super::fit::{Fit, FitOptions, fit};
 use super::objective::Problem;
 use rayon::prelude::*;
@@ -24,6 +25,10 @@ pub fn sweep(
     index: usize,
     values: &[f64],
 ) -> Result<Vec<SweepRow>, FitError> {
+    // The values are chosen, not known: their uncertainty is no part of a row.
+    let chosen = ConstantKind::Law { index };
+    let constants = options.constants.iter().filter(|constant| constant.kind != chosen).cloned().collect();
+    let options = &FitOptions { constants, ..options.clone() };
     let row = |&value: &f64| {
         let unknowns = problem.unknowns.with_prescribed(index, value)?;
         Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })
