@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 const JOINT: &str = "[mesh]\nelement_size_mm = 0.0309\ncolumns = 8\nrows = 3\ngap_mm = 0.06\n[boundary]\n\
                      file = \"border.csv\"\n[substrate]\nE_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\n\
-                     n = 7.0\n[cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\n";
+                     n = 7.0\nexact = true\n[cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\nexact = true\n";
 const MEASUREMENT: &str = "[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\n";
 const FIT: &str =
     "[fit]\nparameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n[fit.start]\nphi_n = 1.4\ndelta_n = 0.006\n";

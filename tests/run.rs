@@ -74,6 +74,51 @@ fn the_parameters_of_the_virtual_test_are_found_within_their_uncertainty() {
 }
 
 #[test]
+fn the_virtual_test_states_its_constants_as_exact_and_nothing_of_it_is_implausible() {
+    let fit = json(made().join("run/fit.json"));
+    for line in fit["budget"].as_array().unwrap() {
+        let name = line["name"].as_str().unwrap();
+        let wanted = match name {
+            "noise" => "stated",
+            "noise_level" => "default",
+            "element_size" => "computed",
+            _ => "exact",
+        };
+        assert_eq!(line["source"], wanted, "{line}");
+        let has_effect = line["parameters"].as_object().is_some_and(|map| !map.is_empty());
+        assert_eq!(has_effect, wanted != "exact", "{line}");
+    }
+    assert_eq!(fit["warnings"], serde_json::json!([]));
+    let table = text(made().join("run/budget.csv"));
+    assert!(table.lines().any(|line| line.starts_with("E,exact,0,")), "{table}");
+}
+
+#[test]
+fn a_constant_that_is_off_by_twice_its_default_is_held_by_the_intervals() {
+    let truth = [("phi_n", 1.0), ("delta_n", 0.005), ("delta_t", 0.05)];
+    let folder = tempfile::tempdir().unwrap();
+    let (case, out) = (folder.path().join("identify.toml"), folder.path().join("out"));
+    let base = text(made().join("run/identify.toml"))
+        .replace("correlation/", &format!("{}/run/correlation/", made().display()));
+    let base: String =
+        base.lines().filter(|line| !line.starts_with("exact = ")).map(|line| format!("{line}\n")).collect();
+    for (from, to) in [("E_MPa = 72000.0", "E_MPa = 68400.0"), ("r = 4.0", "r = 3.0")] {
+        assert!(base.contains(from), "{base}");
+        std::fs::write(&case, base.replace(from, to) + "\n[output]\nfigures = []\n").unwrap();
+        let done = quadrille(&["identify", case.to_str().unwrap(), "--overwrite", "--output", out.to_str().unwrap()]);
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(0), "{said}");
+        assert!(said.contains("by default: E 3 %, nu +- 0.01, sigma_0 5 %"), "{said}");
+        assert!(said.contains("largest standard uncertainties: phi_n: r "), "{said}");
+        let fit = json(out.join("fit.json"));
+        for (name, truth) in truth {
+            let [low, high] = [0, 1].map(|k| fit["parameters"][name]["interval95"][k].as_f64().unwrap());
+            assert!(low < truth && truth < high, "{to}: {name} {low} to {high}");
+        }
+    }
+}
+
+#[test]
 fn the_report_tells_everything_and_needs_nothing_else() {
     let folder = made().join("run");
     let (html, fit) = (text(folder.join("report.html")), json(folder.join("fit.json")));
@@ -95,6 +140,8 @@ fn the_report_tells_everything_and_needs_nothing_else() {
         "Sliding along the joint",
         // The fit.
         "The fit converged",
+        "Where the uncertainty comes from",
+        "phi_n: in all",
         "Correlation of the parameters",
         "How the fit went",
         "95 % interval",

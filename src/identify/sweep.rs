@@ -1,6 +1,7 @@
 //! One parameter prescribed at several values, the others fitted: the paper's Table 2.
 
 use super::FitError;
+use super::constants::ConstantKind;
 use super::fit::{Fit, FitOptions, fit};
 use super::objective::Problem;
 use rayon::prelude::*;
@@ -24,10 +25,13 @@ pub fn sweep(
     index: usize,
     values: &[f64],
 ) -> Result<Vec<SweepRow>, FitError> {
-    let options = FitOptions { doubt: false, ..options.clone() };
+    // The values are chosen, not known: their uncertainty is no part of a row.
+    let chosen = ConstantKind::Law { index };
+    let constants = options.constants.iter().filter(|constant| constant.kind != chosen).cloned().collect();
+    let options = &FitOptions { constants, doubt: false, ..options.clone() };
     let row = |&value: &f64| {
         let unknowns = problem.unknowns.with_prescribed(index, value)?;
-        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), &options)? })
+        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })
     };
     values.par_iter().map(row).collect()
 }

@@ -1,6 +1,6 @@
 //! The report from images to the law of an adhesive: what was measured, what was found, how far it can be trusted.
 
-use super::page::{Block, Curves, Map, Page, Section};
+use super::page::{Block, Curves, Map, Page, Part, Section};
 use super::{Axis, Backdrop, MapOptions, Palette, Plot, ReportError, Series, Style, element_map_on, nodal_map_on};
 use crate::field::{Measurement, RigidMotion};
 use crate::imaging::Image;
@@ -232,13 +232,14 @@ impl IdentificationReport<'_> {
             .collect();
         blocks.push(Block::Table { columns, rows });
         blocks.push(Block::Text(match fit["discretisation"].as_str() {
-            Some("included") => "The standard uncertainty is that of noise and uncertain constants. The 95 % interval also holds, as \
+            Some("included") => "The standard uncertainty is that of noise and constants. The 95 % interval also holds, as \
                                  one more standard uncertainty, the change that elements of half the size would make."
                 .into(),
             _ => "Standard uncertainty and 95 % interval are those of noise and uncertain constants; what elements of half the size \
                   would change is not part of them."
                 .into(),
         }));
+        blocks.extend(self.budget());
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
             .map(|(p, value)| {
@@ -290,6 +291,59 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Facts(facts));
         }
         Ok(Section { title: "Result".into(), blocks })
+    }
+
+    /// Where the uncertainty of each parameter comes from, as bars, and what the case left to defaults.
+    fn budget(&self) -> Vec<Block> {
+        let lines: Vec<&Value> = self.fit.and_then(|fit| fit["budget"].as_array()).into_iter().flatten().collect();
+        if lines.is_empty() {
+            return Vec::new();
+        }
+        let mut blocks = vec![
+            Block::Heading("Where the uncertainty comes from".into()),
+            Block::Text(
+                "Change of the parameter for one standard uncertainty of each source, in per cent of its value; the interval is 1.96 \
+                 times the root of the sum of their squares. Grey: stated, and not part of the interval."
+                    .into(),
+            ),
+        ];
+        for name in self.fitted() {
+            let value = self.fit.and_then(|fit| fit["parameters"][&name]["value"].as_f64()).unwrap_or(f64::NAN).abs();
+            let effect = |line: &&Value| line["parameters"][&name].as_f64().map(|effect| effect.abs() / value);
+            let mut parts: Vec<(&Value, f64)> = lines.iter().filter_map(|line| Some((*line, effect(line)?))).collect();
+            parts.retain(|(_, effect)| *effect > 0.0);
+            parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let most = parts.first().map_or(1.0, |(_, effect)| *effect);
+            let total: f64 = parts.iter().filter(|(line, _)| line["included"] == true).map(|(_, e)| e * e).sum();
+            // What is below a hundredth of the largest is in the table.
+            parts.retain(|(_, effect)| *effect >= 0.01 * most);
+            let bar = |(line, effect): &(&Value, f64)| Part {
+                name: text(&line["name"]).replace('_', " "),
+                length: effect / most,
+                text: format!("{} %", significant(100.0 * effect, 2)),
+                apart: line["included"] != true,
+            };
+            blocks.push(Block::Text(format!("{name}: in all {} %", significant(100.0 * total.sqrt(), 2))));
+            blocks.push(Block::Parts(parts.iter().map(bar).collect()));
+        }
+        let rows = lines.iter().map(|line| {
+            let number = |key: &str| line[key].as_f64().map_or("-".to_owned(), |value| significant(value, 4));
+            let unit = line["unit"].as_str().filter(|unit| *unit != "1").unwrap_or("");
+            let with_unit = |key: &str| format!("{} {unit}", number(key)).trim_end().to_owned();
+            let name = text(&line["name"]).replace('_', " ");
+            vec![name, with_unit("value"), with_unit("std"), text(&line["source"])]
+        });
+        blocks.push(Block::Table {
+            columns: ["source of uncertainty", "value", "standard uncertainty", "where from"].map(str::to_owned).into(),
+            rows: rows.collect(),
+        });
+        blocks.push(Block::Text(
+            "\"default\": the case states nothing; \"exact\": the case says that there is none; \"not stated\": nothing is known, and \
+             it is not part of the intervals. Not in any interval: another law, another model of the strips, \
+             a measurement that is wrong by more than its noise."
+                .into(),
+        ));
+        blocks
     }
 
     /// Symbol and meaning of a parameter.

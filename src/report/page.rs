@@ -31,6 +31,11 @@ figure img{display:block;width:100%;height:auto}\
 figcaption{font-size:.875rem;color:#333}\
 .bar{display:grid;grid-template-columns:auto 1fr auto;gap:.5rem;align-items:center;font-size:.875rem;margin:.25rem 0}\
 .bar img{height:.9rem;width:100%;border:1px solid #333}\
+.parts{display:grid;grid-template-columns:auto 1fr auto;gap:.2rem .6rem;align-items:center;font-size:.9375rem;margin:.5rem 0;max-width:46rem;break-inside:avoid}\
+.parts .track{background:#eee;height:.9rem;min-width:2rem;print-color-adjust:exact;-webkit-print-color-adjust:exact}\
+.parts .fill{background:#2b5c8a;height:100%}\
+.parts .fill.apart{background:#b5b5b5}\
+.parts .n{font-variant-numeric:tabular-nums;text-align:right}\
 table{border-collapse:collapse;width:100%;font-size:.9375rem;margin:.5rem 0;break-inside:avoid}\
 th,td{text-align:left;padding:.3rem .5rem;border-bottom:1px solid #ccc;vertical-align:top}\
 thead th{border-bottom:2px solid #333}\
@@ -96,12 +101,27 @@ pub enum Block {
         /// Its rows.
         rows: Vec<Vec<String>>,
     },
+    /// Parts of a whole, each with a bar.
+    Parts(Vec<Part>),
     /// Curves.
     Curves(Curves),
     /// A field over an image.
     Map(Map),
     /// Pieces side by side where there is room.
     Grid(Vec<Block>),
+}
+
+/// One bar among others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Before the bar.
+    pub name: String,
+    /// Length of the bar, 0 to 1.
+    pub length: f64,
+    /// After the bar.
+    pub text: String,
+    /// Whether it stands beside the whole and is no part of it.
+    pub apart: bool,
 }
 
 /// Curves, drawn for wide and for narrow screens.
@@ -214,6 +234,18 @@ impl Block {
                         @for (name, row) in names.iter().zip(rows) {
                             tr { th scope="row" { (name) } @for value in row { td.n { (value) } } }
                         }
+                    }
+                }
+            },
+            Self::Parts(parts) => html! {
+                div.parts {
+                    @for part in parts {
+                        span { (part.name) }
+                        div.track {
+                            div class=(if part.apart { "fill apart" } else { "fill" })
+                                style=(format!("width:{:.1}%", 100.0 * part.length.clamp(0.0, 1.0))) {}
+                        }
+                        span.n { (part.text) }
                     }
                 }
             },

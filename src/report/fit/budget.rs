@@ -21,14 +21,19 @@ pub fn budget_lines(fit: &FitJson) -> Vec<String> {
     fit.parameter_order.iter().filter_map(of).collect()
 }
 
+/// With three digits behind the point at most.
+fn short(value: f64) -> String {
+    format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a sentence each.
 pub fn defaults_used(fit: &FitJson) -> Vec<String> {
     let of = |line: &BudgetJson| match (line.std, line.value) {
         (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
             format!("{} +- {std}", line.name)
         }
-        (Some(std), Some(value)) => format!("{} {:.3} %", line.name, 100.0 * std / value.abs()),
-        (Some(std), None) if line.unit == "1" => format!("{} {:.3} %", line.name, 100.0 * std),
+        (Some(std), Some(value)) => format!("{} {} %", line.name, short(100.0 * std / value.abs())),
+        (Some(std), None) if line.unit == "1" => format!("{} {} %", line.name, short(100.0 * std)),
         (Some(std), None) => format!("{} {std:.3e} {}", line.name, line.unit),
         (None, _) => line.name.clone(),
     };
