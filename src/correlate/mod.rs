@@ -5,6 +5,7 @@ mod chain;
 mod correlator;
 mod error;
 mod finest;
+mod gradient_noise;
 mod iterate;
 mod level;
 mod options;
