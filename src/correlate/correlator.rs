@@ -3,7 +3,7 @@
 use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
-use super::gradient_noise::{AssumedNoise, element_lambda, gradient_sums, mass_matrices};
+use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::Level;
 use super::options::Options;
@@ -289,6 +289,14 @@ impl<B: Backend> Correlator<B> {
         plain.then(|| level.moments.iter().map(|moments| moments.matrix()).collect())
     }
 
+    /// What noise in the reference adds to [`Correlator::normal_matrices`], per element: `G n / k` with the noise gain G of
+    /// the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise of one image
+    /// squared and [`crate::mesh::mean_products`] (THEORY 10).
+    pub fn gradient_noise(&self) -> Vec<f64> {
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        self.levels[0].moments.iter().map(|moments| gain * moments.n).collect()
+    }
+
     /// Correction below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
     /// standard uncertainty of a node if that is more, for the noise that the reference seems to have (at most the stated
     /// one; THEORY 10).
@@ -504,7 +512,8 @@ impl<B: Backend> Correlator<B> {
         let mut status = self.judge(&outcome, &elements, &matches);
         let own_spread = outcome.own.as_ref().map(|own| {
             let moments = &outcome.own_moments;
-            let (masses, lambda) = (mass_matrices(mesh, moments), element_lambda(moments, level.lambda));
+            let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
+            let lambda = element_lambda(&matrices, &masses, level.lambda);
             spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref(), &masses, &lambda)
         });
         let spread = own_spread.as_ref().unwrap_or(&self.spread);

@@ -57,7 +57,7 @@ pub(super) fn finest_level<B: Backend>(
         }
         if found.is_empty() {
             let seen = textured(&keep, &held);
-            let taken_off = element_lambda(&moments, lambda);
+            let taken_off = element_lambda(&matrices, &masses, lambda);
             let mut matrix = without_noise(&mesh, &pattern, &matrices, &masses, &taken_off);
             matrix.hold(&keep);
             let spread_of = |solver: &Solver, regulariser: Option<&Regulariser>| {

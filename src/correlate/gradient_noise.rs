@@ -2,18 +2,17 @@
 //! `E[M] = M0 + lambda P`, `lambda = sigma^2 G / k`.
 
 use super::options::Options;
-use super::regularisation::mass_matrix;
 use super::texture::assumed_noise;
 use crate::backend::{ElementMoments, KernelOptions};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
-use crate::linalg::{BlockMatrix, ElementMatrix, Pattern};
-use crate::mesh::Mesh;
+use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
+use crate::mesh::{Mesh, mean_products};
 use crate::units::Px;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Steps are made with at least this share of the normal matrix of every element, whatever noise is taken off: were the
+/// Steps are made with at least this share of the normal matrix of every element in every direction, whatever noise is taken off: were the
 /// noise nothing but fine texture, they would be too long by 1/0.6 and converge all the same.
 pub(super) const LEAST_SHARE_OF_STEPS: f64 = 0.6;
 /// The inverse variance of a node keeps at least this share of what the matrix with its noise gives: what is left is
@@ -68,14 +67,47 @@ pub(super) fn element_matrices(moments: &[ElementMoments], options: &KernelOptio
 /// `sum psi_i psi_j` over the pixels of each element. Of an element that is cut by the border of its zone only the number
 /// of pixels counts, as if they lay evenly.
 pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<ElementMatrix> {
-    let of = |(element, m): (usize, &ElementMoments)| mass_matrix(mesh.corners(element), m.n);
+    let of = |(element, m): (usize, &ElementMoments)| alike(mean_products(mesh.corners(element)), m.n);
     moments.par_iter().enumerate().with_min_len(256).map(of).collect()
 }
 
-/// What is taken off each element: `lambda`, or of an element whose gradient holds little beside noise so much less that
-/// [`LEAST_SHARE_OF_STEPS`] is left.
-pub(super) fn element_lambda(moments: &[ElementMoments], lambda: f64) -> Vec<f64> {
-    moments.iter().map(|m| lambda.min((1.0 - LEAST_SHARE_OF_STEPS) * weakest(m))).collect()
+/// What is taken off each element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
+/// its matrix in every direction. So `M0` is positive definite where `M` is.
+pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix], lambda: f64) -> Vec<f64> {
+    /// Less than this part of it is not worth taking off.
+    const LEAST: f64 = 0.02;
+    let of = |(matrix, mass): (&ElementMatrix, &ElementMatrix)| {
+        let mut taken = lambda;
+        while taken > LEAST * lambda {
+            if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]))
+            {
+                return taken;
+            }
+            taken *= 0.75;
+        }
+        0.0
+    };
+    if lambda <= 0.0 {
+        return vec![0.0; matrices.len()];
+    }
+    matrices.par_iter().zip(masses).with_min_len(64).map(of).collect()
+}
+
+/// Whether a symmetric matrix has a Cholesky factor.
+fn is_positive_definite(mut matrix: ElementMatrix) -> bool {
+    for k in 0..8 {
+        let pivot = matrix[upper(k, k)];
+        if !(pivot > 0.0) {
+            return false;
+        }
+        for i in k + 1..8 {
+            let factor = matrix[upper(k, i)] / pivot;
+            for j in i..8 {
+                matrix[upper(i, j)] -= factor * matrix[upper(k, j)];
+            }
+        }
+    }
+    true
 }
 
 /// `M0 = M - lambda P`, element by element.
@@ -98,16 +130,6 @@ pub(super) fn gradient_sums(moments: &ElementMoments) -> [f64; 3] {
     // The weights (1-s)^2, s(1-s), s^2 add up to 1 with the middle one twice.
     let sum = |w: [f64; 3]| w[0] + 2.0 * w[1] + w[2];
     moments.gradient.map(|by| sum(by.map(sum)))
-}
-
-/// Mean square of the gradient in its weakest direction over the pixels of an element.
-fn weakest(moments: &ElementMoments) -> f64 {
-    if moments.n <= 0.0 {
-        return 0.0;
-    }
-    let [xx, xy, yy] = gradient_sums(moments).map(|sum| sum / moments.n);
-    let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
-    (mean - half).max(0.0)
 }
 
 /// White noise of an image by its fourth differences along both axes, which texture that a camera resolves hardly has,

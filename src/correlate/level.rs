@@ -46,7 +46,9 @@ pub(super) fn step_matrix(
     if lambda <= 0.0 {
         return BlockMatrix::assemble(pattern, mesh.elements(), &matrices);
     }
-    without_noise(mesh, pattern, &matrices, &mass_matrices(mesh, moments), &element_lambda(moments, lambda))
+    let masses = mass_matrices(mesh, moments);
+    let taken_off = element_lambda(&matrices, &masses, lambda);
+    without_noise(mesh, pattern, &matrices, &masses, &taken_off)
 }
 
 /// Elimination order of all zones, one after the other.

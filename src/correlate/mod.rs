@@ -23,3 +23,4 @@ pub use options::Options;
 pub use regularisation::Regularisation;
 pub use series::{History, Start, Tracker};
 pub use texture::{Lack, TextureFault, assumed_noise};
+pub use uncertainty::NOISE_CONTRADICTED;

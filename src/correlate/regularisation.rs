@@ -265,20 +265,6 @@ fn element_matrix(corners: &Corners, block: impl Fn(&GaussPoint, usize, usize) -
     matrix
 }
 
-/// The products of the shape functions of an element, summed over `n_pixels` that lie evenly on it, for both components
-/// alike.
-pub(super) fn mass_matrix(corners: [[f64; 2]; 4], n_pixels: f64) -> ElementMatrix {
-    let corners = Corners(corners);
-    let area: f64 = corners.gauss_points().map(|point| point.area).sum();
-    if area <= 0.0 {
-        return [0.0; 36];
-    }
-    element_matrix(&corners, |point, i, j| {
-        let product = n_pixels / area * point.shape[i] * point.shape[j];
-        [product, 0.0, 0.0, product]
-    })
-}
-
 /// A matrix assembled from the active elements.
 fn assemble(
     mesh: &Mesh<Px>,

@@ -11,6 +11,11 @@ use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, Spread, inverse
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 
+/// A residual that says less than the first of these times the stated noise, or more than the second, contradicts it.
+/// Misfit only adds to the residual, so that less is the plainer of the two; a quarter more is more than interpolation
+/// and 8 bit rounding make of any noise that matters.
+pub const NOISE_CONTRADICTED: [f64; 2] = [0.8, 1.25];
+
 /// What the noise of the images does to every node, and what the nodes take from the residual (THEORY 10).
 #[derive(Debug)]
 pub(super) struct NodalSpread {

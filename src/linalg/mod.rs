@@ -17,7 +17,7 @@ mod spread;
 
 pub use banded_lu::BandedLu;
 pub(crate) use blocks::upper;
-pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
+pub use blocks::{BlockMatrix, ElementMatrix, Pattern, alike};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dense::{Dense, DenseCholesky};
