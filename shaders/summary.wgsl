@@ -126,7 +126,15 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             zones[z].rr = total[7];
             // Kept where the sums say nothing: no sensible change of light turns dark into bright.
             if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
-                let gain = covariance / variance_g;
+                // Both images are noisy: the line closest to the pairs in both directions.
+                let half = 0.5 * (variance_f - variance_g);
+                let root = length(vec2<f32>(half, covariance));
+                var gain = 0.0;
+                if half > 0.0 {
+                    gain = (half + root) / covariance;
+                } else {
+                    gain = covariance / (root - half);
+                }
                 transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
             }
             if summary.brightness == ELEMENT {

@@ -57,17 +57,24 @@ impl PixelSums {
         if variance > 0.0 { (1.0 - self.rr / variance).max(0.0).sqrt() } else { 0.0 }
     }
 
-    /// Gain and offset that bring g closest to f: `(gain, offset)`; `None` when g is constant or the
-    /// two are not positively correlated (no sensible change of light turns dark into bright).
+    /// Gain and offset that bring g to f: `(gain, offset)`; `None` when g is constant or the two are not positively
+    /// correlated (no sensible change of light turns dark into bright).
+    ///
+    /// Both images are noisy alike. The gain that leaves the least residual would be too small by the share that noise
+    /// has in the variance of g, so the line is the one closest to the pairs (f, g) in both directions (Deming 1943),
+    /// whose slope noise does not change.
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
         if self.n < 2.0 {
             return None;
         }
-        let (_, vg, c) = self.covariances();
+        let (vf, vg, c) = self.covariances();
         if !(vg > 0.0 && c > 0.0) {
             return None;
         }
-        let gain = c / vg;
+        // Without cancellation, whichever of the two varies more.
+        let half = 0.5 * (vf - vg);
+        let root = half.hypot(c);
+        let gain = if half > 0.0 { (half + root) / c } else { c / (root - half) };
         Some(super::GreyTransfer { gain, offset: (self.f - gain * self.g) / self.n })
     }
 

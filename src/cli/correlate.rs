@@ -177,6 +177,7 @@ pub(super) fn run_series(
         }
         if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
             writer.write_normal_matrices(&matrices)?;
+            writer.write_gradient_noise(&correlator.gradient_noise())?;
         }
         if !folder.has_case() {
             folder.write_case(&record.case(&BTreeMap::new()))?;
@@ -461,6 +462,8 @@ fn empty_summary(
         n_levels: correlator.n_levels(),
         solver: correlator.solver_name(),
         tolerance_px: plan.options.tolerance_px,
+        tolerance_in_effect_px: (correlator.tolerance_px() > plan.options.tolerance_px)
+            .then(|| correlator.tolerance_px()),
         seconds_reference: 0.0,
         seconds_total: 0.0,
         nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),

@@ -6,7 +6,7 @@ use super::plan::Plan;
 use super::progress::Spent;
 use super::restart::FrameRecord;
 use super::run_folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
-use crate::correlate::Correlation;
+use crate::correlate::{Correlation, ZoneResult};
 use crate::field::{StartFrom, StrainField};
 use crate::io::store::{Store, StoreWriter};
 use crate::report::summary::FrameSummary;
@@ -57,11 +57,15 @@ impl Output<'_> {
         let file = frame_in_words(&summary.file, summary.reference_frame);
         let mut files = Vec::new();
         // A diverged field is no measurement: its numbers are not spread.
-        if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| status.has_field()) {
+        if let Some(Correlation { measurement, zones, .. }) = result.as_ref().filter(|_| status.has_field()) {
             // The length is the one that the store says, to the last digit.
             let length_px = about.element_size_px();
             let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
             store.write_field(number, measurement, &strain)?;
+            let rms = |of: fn(&ZoneResult) -> f64| {
+                (zones.iter().map(|zone| of(zone).powi(2)).sum::<f64>() / zones.len().max(1) as f64).sqrt()
+            };
+            store.write_noise(number, [rms(|zone| zone.noise), rms(|zone| zone.residual_noise)])?;
             let mut of_store = self.fields.field_files(number);
             if kept.is_some() {
                 store.write_reference_frame(number, summary.reference_frame)?;

@@ -3,17 +3,18 @@
 use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
+use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate};
-use super::level::{Level, support};
+use super::level::Level;
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
-use super::texture::{TextureFault, assumed_noise, rounding};
-use super::uncertainty::{NoiseGain, spread_of};
+use super::texture::{TextureFault, rounding};
+use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
 use crate::field::{Brightness, Measurement, RigidMotion, Status};
 use crate::imaging::Image;
-use crate::linalg::{ElementMatrix, Spread};
+use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
@@ -46,6 +47,9 @@ pub struct ZoneResult {
     pub residual_rms: f64,
     /// Noise of one image, grey levels, that the uncertainty is made with.
     pub noise: f64,
+    /// What the residual says of that noise, grey levels: the same where none was stated. Misfit makes it larger, so
+    /// that a stated noise it is well below, or above by more than misfit explains, is doubtful.
+    pub residual_noise: f64,
 }
 
 /// The result for one frame.
@@ -75,6 +79,9 @@ pub struct Correlation {
     pub start: StartUsed,
     /// Nodes not measured because their elements have left the deformed image.
     pub nodes_left: usize,
+    /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
+    /// (THEORY 10).
+    pub nodes_at_bound: usize,
     /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
     /// a shadow, or a false match).
     pub poor_elements: usize,
@@ -97,10 +104,14 @@ const MATCHED: f64 = 0.5;
 const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
+/// Corrections below this share of the smallest standard uncertainty of a node mean nothing (THEORY 10).
+const TOLERANCE_BY_SIGMA: f64 = 0.01;
+/// A frame whose corrections stay below this share of it has converged in every sense that matters.
+const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// A zone of which this share of elements has left the deformed image is lost.
 pub(super) const LEFT_SHARE: f64 = 0.5;
 /// On coarse levels: good enough for the next finer one.
-const COARSE: Limits = Limits { tolerance_px: 0.03, max_iterations: 12 };
+const COARSE: Limits = Limits { tolerance_px: 0.03, enough_px: 0.03, max_iterations: 12 };
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -118,8 +129,9 @@ pub struct Correlator<B: Backend> {
     /// The pixels of each zone that are summed over, on the finest and on the coarsest level.
     zone_pixels: Vec<PixelSet>,
     search_pixels: Vec<PixelSet>,
-    spread: Spread,
+    spread: NodalSpread,
     noise_gain: NoiseGain,
+    tolerance_px: f64,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
@@ -160,26 +172,40 @@ impl<B: Backend> Correlator<B> {
         let (low, high) = reference.range();
         let kernel =
             KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
-        let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
+        let noise = AssumedNoise::of(&reference, &options);
+        let noise_gain = NoiseGain::new(options.interpolation, options.n_references);
         let rounding = rounding(&reference);
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
         let Finest { level, spread, dropped, held } =
-            finest_level(&backend, &mut frame, &laid, noise, &kernel, &options)?;
+            finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
+        let tolerance_px = {
+            let (keep, at_rest) = (&level.keep, noise_gain.at_rest());
+            let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
+            let of = |(node, c)| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
+            let nodes = (0..keep.len()).filter(|&node| keep[node]).flat_map(|node| [(node, 0), (node, 1)]);
+            let smallest = nodes.map(of).fold(f64::INFINITY, f64::min);
+            if smallest.is_finite() {
+                options.tolerance_px.max(TOLERANCE_BY_SIGMA * smallest)
+            } else {
+                options.tolerance_px
+            }
+        };
         let mut levels = vec![level];
         for level in 1..=search_level(&laid.mesh) {
             let size = size.map(|n| n >> level);
             let Some(coarse) = laid.halved(options.element_size, size) else { break };
             let coarse_level =
-                Level::coarse(&backend, &mut frame, level, &coarse, noise, &kernel, options.regularisation)?;
+                Level::coarse(&backend, &mut frame, level, &coarse, &noise, &kernel, options.regularisation)?;
             levels[level - 1].link(&backend, &coarse_level.mesh)?;
             levels.push(coarse_level);
             laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         Ok(Self {
-            noise_gain: NoiseGain::new(options.interpolation, options.n_references),
+            noise_gain,
+            tolerance_px,
             grey_range: f64::from(high - low),
             rounding,
             backend,
@@ -252,7 +278,7 @@ impl<B: Backend> Correlator<B> {
     /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`. With the mean of k references 1 + 1/k stands for 2.
     pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
         let both = self.options.noise_of_both();
-        self.spread.variance.iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
+        self.spread.variance().iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
     }
 
     /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
@@ -261,6 +287,21 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let plain = level.regulariser.is_none() && self.options.brightness != Brightness::Element;
         plain.then(|| level.moments.iter().map(|moments| moments.matrix()).collect())
+    }
+
+    /// What noise in the reference adds to [`Correlator::normal_matrices`], per element: `G n / k` with the noise gain G of
+    /// the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise of one image
+    /// squared and [`crate::mesh::mean_products`] (THEORY 10).
+    pub fn gradient_noise(&self) -> Vec<f64> {
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        self.levels[0].moments.iter().map(|moments| gain * moments.n).collect()
+    }
+
+    /// Correction below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
+    /// standard uncertainty of a node if that is more, for the noise that the reference seems to have (at most the stated
+    /// one; THEORY 10).
+    pub fn tolerance_px(&self) -> f64 {
+        self.tolerance_px
     }
 
     /// The pixels of each zone that are summed over.
@@ -287,11 +328,9 @@ impl<B: Backend> Correlator<B> {
     /// grey levels: `G noise^2 / g^2` with the noise gain G of the gradient, at most 1.
     pub(super) fn noise_share(&self, zone: usize, noise: f64) -> f64 {
         let level = &self.levels[0];
-        let (matrix, support) = (level.solver.data(), support(&level.mesh, &level.moments));
-        let nodes = || level.mesh.zone_nodes(zone).filter(|&node| level.keep[node]);
-        let trace = |node: usize| matrix.diagonal(node)[0] + matrix.diagonal(node)[2];
-        let power: f64 = nodes().map(trace).sum();
-        let support: f64 = nodes().map(|node| 2.0 * support[node]).sum();
+        let moments = &level.moments[level.mesh.zone_elements(zone)];
+        let power: f64 = moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
+        let support: f64 = moments.iter().map(|m| 2.0 * m.n).sum();
         let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
         if from_noise < power { from_noise / power } else { 1.0 }
     }
@@ -348,7 +387,11 @@ impl<B: Backend> Correlator<B> {
     }
 
     fn limits(&self) -> Limits {
-        Limits { tolerance_px: self.options.tolerance_px, max_iterations: self.options.max_iterations }
+        Limits {
+            tolerance_px: self.tolerance_px,
+            enough_px: ENOUGH_BY_SIGMA / TOLERANCE_BY_SIGMA * self.tolerance_px,
+            max_iterations: self.options.max_iterations,
+        }
     }
 
     fn follow_prediction(
@@ -466,12 +509,17 @@ impl<B: Backend> Correlator<B> {
             nodes_left += usize::from(level.keep[node] && !measured[node]);
             measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
         }
-        let status = self.judge(&outcome, &elements, &matches);
-        let own_spread =
-            outcome.own.as_ref().map(|own| spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref()));
-        let Spread { variance, freedom } = own_spread.as_ref().unwrap_or(&self.spread);
+        let mut status = self.judge(&outcome, &elements, &matches);
+        let own_spread = outcome.own.as_ref().map(|own| {
+            let moments = &outcome.own_moments;
+            let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
+            let lambda = element_lambda(&matrices, &masses, level.lambda);
+            spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref(), &masses, &lambda)
+        });
+        let spread = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
+        let (mut smallest_sigma, mut nodes_at_bound) = (f64::INFINITY, 0);
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
@@ -481,15 +529,17 @@ impl<B: Backend> Correlator<B> {
                 Brightness::Element => mesh.zone_elements(zone).len(),
                 Brightness::Off => 0,
             };
-            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| freedom[node]).sum();
+            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
             let unknowns = taken + 2.0 * n_transfers as f64;
-            let noise = self.options.noise.unwrap_or_else(|| {
-                let gain = &self.noise_gain;
-                let noise = gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns);
-                noise.max(self.rounding) // identical images still hold the same rounding
-            });
+            let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer);
+            // Identical images still hold the same rounding.
+            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
+            let noise = self.options.noise.unwrap_or(residual_noise);
             for node in nodes.clone().filter(|&node| measured[node]) {
-                sigma[node] = variance[node].map(|v| noise * (self.options.noise_of_both() * v).sqrt());
+                let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
+                nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
+                sigma[node] = [0, 1].map(|c| gain.variance(noise, at[c], c).sqrt());
+                smallest_sigma = smallest_sigma.min(sigma[node][0].min(sigma[node][1]));
             }
             zones.push(ZoneResult {
                 name: name.clone(),
@@ -498,7 +548,12 @@ impl<B: Backend> Correlator<B> {
                 correlation: matches[zone],
                 residual_rms: sums.residual_rms(),
                 noise,
+                residual_noise,
             });
+        }
+        let enough = smallest_sigma.is_finite() && outcome.correction_px < ENOUGH_BY_SIGMA * smallest_sigma;
+        if status == Status::IterationLimit && enough {
+            status = Status::Converged;
         }
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
@@ -525,6 +580,7 @@ impl<B: Backend> Correlator<B> {
             zones,
             start,
             nodes_left,
+            nodes_at_bound,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
             full_displacement,

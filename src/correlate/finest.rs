@@ -1,13 +1,14 @@
 //! The finest level of a reference, with its texture check.
 
 use super::error::CorrelationError;
-use super::level::{Level, assemble, elimination_order, support};
+use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
+use super::level::{Level, elimination_order, support};
 use super::options::Options;
 use super::regularisation::{Regularisation, Regulariser, Texture};
 use super::texture::{TextureFault, faults, least_determined, undetermined};
-use super::uncertainty::spread_of;
+use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, KernelOptions};
-use crate::linalg::{Pattern, Solver, Spread};
+use crate::linalg::{BlockMatrix, Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 pub(super) struct Finest<B: Backend> {
     pub level: Level<B>,
     /// Variances for image noise of one grey level, per node.
-    pub spread: Spread,
+    pub spread: NodalSpread,
     /// Nodes left out.
     pub dropped: Vec<TextureFault>,
     /// Nodes without texture that the regularisation holds.
@@ -29,7 +30,8 @@ pub(super) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
     mesh: &PixelMesh,
-    noise: f64,
+    noise: &AssumedNoise,
+    noise_gain: &NoiseGain,
     kernel: &KernelOptions,
     options: &Options,
 ) -> Result<Finest<B>, CorrelationError> {
@@ -39,10 +41,14 @@ pub(super) fn finest_level<B: Backend>(
     let mut keep = vec![true; mesh.n_nodes()];
     let mut active = vec![true; mesh.n_elements()];
     let mut dropped: Vec<TextureFault> = Vec::new();
+    let lambda = noise.lambda(kernel.interpolation);
     loop {
-        let mut matrix = assemble(&mesh, &pattern, &moments, kernel);
+        let matrices = element_matrices(&moments, kernel);
+        let masses = mass_matrices(&mesh, &moments);
         let support = support(&mesh, &moments);
-        let mut found = faults(&mesh, &matrix, &support, noise, kernel.interpolation);
+        let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
+        let mut found = faults(&mesh, &with_noise, &support, noise, kernel.interpolation);
+        drop(with_noise);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
         if !options.drop_textureless && options.regularisation != Regularisation::None {
@@ -51,19 +57,24 @@ pub(super) fn finest_level<B: Backend>(
         }
         if found.is_empty() {
             let seen = textured(&keep, &held);
+            let taken_off = element_lambda(&matrices, &masses, lambda);
+            let mut matrix = without_noise(&mesh, &pattern, &matrices, &masses, &taken_off);
             matrix.hold(&keep);
+            let spread_of = |solver: &Solver, regulariser: Option<&Regulariser>| {
+                spread_of(backend.host_isa(), &mesh, solver, regulariser, &masses, &taken_off)
+            };
             let texture = Texture { matrix: &matrix, support: &support, seen: &seen };
             let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &active, &texture);
             let (solver, spread, has_factor) = match &regulariser {
                 Some(regulariser) => match regulariser.solver(matrix.clone()) {
                     Ok(solver) => {
-                        let spread = spread_of(backend.host_isa(), &mesh, &solver, Some(regulariser));
+                        let spread = spread_of(&solver, Some(regulariser));
                         (solver, spread, true)
                     }
                     // The images alone say which nodes are to blame.
                     Err(_) => {
                         let solver = Solver::iterative(matrix);
-                        let spread = spread_of(backend.host_isa(), &mesh, &solver, None);
+                        let spread = spread_of(&solver, None);
                         (solver, spread, false)
                     }
                 },
@@ -72,21 +83,27 @@ pub(super) fn finest_level<B: Backend>(
                     // Two long pieces of work that need the matrix alone.
                     let (factor, spread) = rayon::join(
                         || solver.factor(backend.solver_choice(options.solver), || elimination_order(&mesh, &pattern)),
-                        || spread_of(backend.host_isa(), &mesh, &solver, None),
+                        || spread_of(&solver, None),
                     );
                     let has_factor = factor.is_ok();
                     (solver.with_factor(factor.unwrap_or(None)), spread, has_factor)
                 }
             };
-            found = undetermined(&mesh, &spread.variance, &keep, noise);
+            let at_rest = noise_gain.at_rest();
+            found = undetermined(&mesh, &keep, |node| {
+                [0, 1].map(|c| {
+                    let at = spread.at(node, c, at_rest.lambda(noise.of_check));
+                    at_rest.variance(noise.of_check, at, c).sqrt()
+                })
+            });
             if !has_factor && found.is_empty() {
-                found = least_determined(&mesh, &spread.variance, &keep);
+                found = least_determined(&mesh, spread.variance(), &keep);
             }
             if found.is_empty() {
                 backend.restrict(&mut prepared, &active)?;
                 let solver = backend.solver(&prepared, solver)?;
                 dropped.sort_by_key(|fault| fault.node);
-                let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser };
+                let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
                 return Ok(Finest { level, spread, dropped, held });
             }
         }

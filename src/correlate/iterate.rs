@@ -1,7 +1,7 @@
 //! The Gauss-Newton iteration on one level.
 
-use super::level::{Level, assemble};
-use crate::backend::{Backend, BackendError, KernelOptions};
+use super::level::{Level, step_matrix};
+use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
 use crate::field::Status;
 use crate::linalg::Solver;
 
@@ -9,6 +9,8 @@ use crate::linalg::Solver;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub tolerance_px: f64,
+    /// Corrections below this that no longer fall are good enough: a small part of the standard uncertainty.
+    pub enough_px: f64,
     pub max_iterations: usize,
 }
 
@@ -27,6 +29,8 @@ pub(super) struct Outcome<B: Backend> {
     pub gained: f64,
     /// The frame's own solver, when it has lost pixels.
     pub own: Option<B::Solver>,
+    /// and what that is made of.
+    pub own_moments: Vec<ElementMoments>,
 }
 
 /// The frame's own matrix is renewed when the pixels counted have changed by this share since.
@@ -62,6 +66,7 @@ pub(super) fn iterate<B: Backend>(
         first_correlation: 0.0,
         gained: 0.0,
         own: None,
+        own_moments: Vec::new(),
     };
     // The last two corrections, the latest first.
     let (mut before, mut stalls) = ([f64::INFINITY; 2], 0);
@@ -71,7 +76,8 @@ pub(super) fn iterate<B: Backend>(
         if let Some(counted) = counted_now
             && counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted)
         {
-            let own = own_solver(backend, level, frame, field, options)?;
+            let (own, moments) = own_solver(backend, level, frame, field, options)?;
+            outcome.own_moments = moments;
             outcome.own = Some(backend.solver(&level.prepared, own)?);
             counted_then = Some(counted);
         }
@@ -96,6 +102,10 @@ pub(super) fn iterate<B: Backend>(
         }
         let settled = correction < ROUND_OFF_PX || error_left(correction, before) < limits.tolerance_px;
         if correction < limits.tolerance_px && settled {
+            outcome.status = Status::Converged;
+            break;
+        }
+        if stalls > 3 && correction < limits.enough_px {
             outcome.status = Status::Converged;
             break;
         }
@@ -124,14 +134,14 @@ fn own_solver<B: Backend>(
     frame: &mut B::Frame,
     field: &B::Field,
     options: &KernelOptions,
-) -> Result<Solver, BackendError> {
+) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
     let mut moments = level.moments.clone();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
         moments[element] = partial;
     }
-    let mut matrix = assemble(&level.mesh, &level.pattern, &moments, options);
+    let mut matrix = step_matrix(&level.mesh, &level.pattern, &moments, options, level.lambda);
     matrix.hold(&level.keep);
     // What the regularisation held with all pixels it may fail to hold with fewer: iterate then.
     let regularised = level.regulariser.as_ref().and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
-    Ok(regularised.unwrap_or_else(|| Solver::iterative(matrix)))
+    Ok((regularised.unwrap_or_else(|| Solver::iterative(matrix)), moments))
 }

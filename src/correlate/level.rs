@@ -1,9 +1,9 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its factor.
 
+use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
 use super::regularisation::{Regularisation, Regulariser, Texture};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place};
-use crate::field::Brightness;
-use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
+use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
 use std::sync::Arc;
@@ -19,6 +19,9 @@ pub(super) struct Level<B: Backend> {
     pub keep: Vec<bool>,
     /// What holds the displacement beside the images, if anything does.
     pub regulariser: Option<Regulariser>,
+    /// What the noise of the reference adds to the mean square of each component of its gradient, as far as it was
+    /// taken off the matrix (THEORY 10).
+    pub lambda: f64,
 }
 
 /// Position on the finer level of the point `x` of the next coarser one, and back: a coarse pixel is the
@@ -31,18 +34,21 @@ fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 
-/// The normal matrix of the given moments.
-pub(super) fn assemble(
+/// The normal matrix of the given moments without the noise of the gradient, for steps.
+pub(super) fn step_matrix(
     mesh: &Mesh<Px>,
     pattern: &Arc<Pattern>,
     moments: &[ElementMoments],
     options: &KernelOptions,
+    lambda: f64,
 ) -> BlockMatrix {
-    let matrices: Vec<ElementMatrix> = moments
-        .iter()
-        .map(|m| if options.brightness == Brightness::Element { m.matrix_without_transfer() } else { m.matrix() })
-        .collect();
-    BlockMatrix::assemble(pattern, mesh.elements(), &matrices)
+    let matrices = element_matrices(moments, options);
+    if lambda <= 0.0 {
+        return BlockMatrix::assemble(pattern, mesh.elements(), &matrices);
+    }
+    let masses = mass_matrices(mesh, moments);
+    let taken_off = element_lambda(&matrices, &masses, lambda);
+    without_noise(mesh, pattern, &matrices, &masses, &taken_off)
 }
 
 /// Elimination order of all zones, one after the other.
@@ -90,21 +96,23 @@ impl<B: Backend> Level<B> {
         frame: &mut B::Frame,
         level: usize,
         mesh: &PixelMesh,
-        noise: f64,
+        noise: &AssumedNoise,
         options: &KernelOptions,
         regularisation: Regularisation,
     ) -> Result<Self, BackendError> {
         let (prepared, moments) = backend.reference(frame, level, mesh, options)?;
         let mesh = mesh.mesh.clone();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-        let mut matrix = assemble(&mesh, &pattern, &moments, options);
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
-        let noise = noise / f64::from(1u32 << level.min(30));
+        let noise = noise.at_level(level);
         let mut keep = vec![true; mesh.n_nodes()];
         let support = support(&mesh, &moments);
-        for fault in super::texture::faults(&mesh, &matrix, &support, noise, options.interpolation) {
+        let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &element_matrices(&moments, options));
+        for fault in super::texture::faults(&mesh, &with_noise, &support, &noise, options.interpolation) {
             keep[fault.node] = false;
         }
+        let lambda = noise.lambda(options.interpolation);
+        let mut matrix = step_matrix(&mesh, &pattern, &moments, options, lambda);
         let active = vec![true; mesh.n_elements()];
         let texture = Texture { matrix: &matrix, support: &support, seen: &keep };
         let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
@@ -113,12 +121,12 @@ impl<B: Backend> Level<B> {
         {
             let keep = vec![true; mesh.n_nodes()];
             let solver = backend.solver(&prepared, solver)?;
-            return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser) });
+            return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser), lambda });
         }
         matrix.hold(&keep);
         let solver = iterative_or_direct(backend, matrix, &mesh);
         let solver = backend.solver(&prepared, solver)?;
-        Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None })
+        Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None, lambda })
     }
 
     /// Tells the device where the nodes lie in the next coarser level.

@@ -1,5 +1,6 @@
 //! Does every node see texture? (THEORY 2)
 
+use super::gradient_noise::AssumedNoise;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::BlockMatrix;
 use crate::mesh::Mesh;
@@ -9,8 +10,12 @@ use crate::units::Px;
 /// image noise alone would put there on average. The sums over few pixels scatter: a node of `support` (sum
 /// of psi^2) sees about 2.8 times as many independent pixels, and the margin is five and a half standard
 /// deviations of their mean square.
-fn noise_margin(support: f64) -> f64 {
-    1.5 + 4.8 / support.max(1.0).sqrt()
+///
+/// An assumed noise may be too small, so that half as much again is asked for; of a stated one it is enough that more is
+/// there than the noise can scatter by: that something is left of the matrix without its noise (THEORY 10).
+fn noise_margin(support: f64, is_stated: bool) -> f64 {
+    let safety = if is_stated { 1.0 } else { 1.5 };
+    safety + 4.8 / support.max(1.0).sqrt()
 }
 
 /// A node that cannot be measured, and why.
@@ -75,21 +80,22 @@ impl std::fmt::Display for TextureFault {
 /// those without any pixel (`support` zero) among them.
 ///
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square
-/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient.
+/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: `matrix` is the
+/// one with its noise.
 pub(super) fn faults(
     mesh: &Mesh<Px>,
     matrix: &BlockMatrix,
     support: &[f64],
-    noise: f64,
+    noise: &AssumedNoise,
     interpolation: Interpolation,
 ) -> Vec<TextureFault> {
-    let from_noise = noise * noise * interpolation.gradient_noise_gain();
+    let from_noise = noise.of_check * noise.of_check * interpolation.gradient_noise_gain();
     (0..mesh.n_nodes())
         .filter_map(|node| {
             let [xx, xy, yy] = matrix.diagonal(node);
             let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
             let weight = support[node].max(f64::MIN_POSITIVE);
-            let needed = noise_margin(weight) * from_noise;
+            let needed = noise_margin(weight, noise.is_stated) * from_noise;
             let (weakest, strongest) = ((mean - half).max(0.0) / weight, (mean + half) / weight);
             // The relative floor catches exact stripes in noise-free images, where f32 leaves a rest.
             let fault = support[node] <= 0.0 || weakest <= needed || weakest <= 1e-5 * strongest;
@@ -109,15 +115,10 @@ pub(super) fn faults(
 /// A node less certain than this (px, standard uncertainty) is not measured but guessed.
 const LEAST_CERTAIN_PX: f64 = 0.5;
 
-/// The nodes that their neighbourhood does not determine: texture confined to a spot gives every node
+/// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture confined to a spot gives every node
 /// around it a regular block, but not all of them together a displacement.
-pub(super) fn undetermined(
-    mesh: &Mesh<Px>,
-    inverse_variance: &[[f64; 2]],
-    keep: &[bool],
-    noise: f64,
-) -> Vec<TextureFault> {
-    let sigma = |node: usize| noise * (2.0 * larger(inverse_variance[node])).sqrt();
+pub(super) fn undetermined(mesh: &Mesh<Px>, keep: &[bool], sigma_px: impl Fn(usize) -> [f64; 2]) -> Vec<TextureFault> {
+    let sigma = |node: usize| larger(sigma_px(node));
     (0..mesh.n_nodes())
         .filter(|&node| keep[node] && sigma(node) > LEAST_CERTAIN_PX)
         .map(|node| fault_of_precision(mesh, node, sigma(node)))

@@ -12,6 +12,7 @@ use super::trust_region::TrustRegionOptions;
 use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
 use super::weights::WeightKind;
+use crate::correlate::NOISE_CONTRADICTED;
 use crate::io::joint::{
     CaseFit, CaseMeasurement, CaseNodes, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable,
     MeshInput, RunMatrix,
@@ -42,6 +43,10 @@ pub struct Case<'a> {
     /// Values of the case that hardly anything has.
     pub implausible: Vec<Implausible>,
 }
+
+/// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
+/// sub-pixel displacements along both axes, cubic interpolation (1 at whole pixels, 0.57 halfway).
+const NOISE_PASSED: f64 = 0.77;
 
 fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
     FitError::Key { section, what: what.into() }
@@ -486,7 +491,6 @@ fn noise(
             })
         }
         MeasurementInput::Run(run) => {
-            let common = if shared { 1.0 / run.n_references as f64 } else { 0.0 };
             let mesh = &joint.measured.mesh;
             let (matrix, of) = match &run.normal_matrix {
                 Some(matrix) => (matrix.clone(), "normal matrix of the correlation"),
@@ -499,6 +503,14 @@ fn noise(
                     (even_texture(mesh.nodes(), mesh.elements()), "even texture")
                 }
             };
+            let [least, most] = NOISE_CONTRADICTED;
+            if let Some(ratio) = run.noise_ratio.filter(|ratio| !(least..=most).contains(ratio)) {
+                doubts.push(format!(
+                    "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as \
+                     much: the standard uncertainties of the displacements, and all intervals with them, are wrong by \
+                     about that factor"
+                ));
+            }
             let staged = observation.instants.iter().map(|instant| instant.index);
             let staged: Vec<usize> = staged.filter(|&instant| run.measured_from[instant] > 0).collect();
             if let Some(&first) = staged.first() {
@@ -512,10 +524,20 @@ fn noise(
                     run.measured_from[first]
                 ));
             }
-            let RunMatrix { corners, matrices } = matrix;
-            let precision = Precision::of_matrix(mesh.nodes(), &corners, &matrices, &observation.nodes)
-                .map_err(|fault| FitError::Covariance { row: fault.node })?;
-            let mut noise = Noise { precision, common, on_boundary, sigma: None, source: String::new(), ratio: None };
+            let precision_of = |matrix: &RunMatrix| {
+                Precision::of_matrix(mesh.nodes(), &matrix.corners, &matrix.matrices, &observation.nodes)
+            };
+            let (texture, kappa) = matrix.without_noise(run.noise_grey.unwrap_or(0.0));
+            let (precision, kappa) = match precision_of(&texture) {
+                Ok(precision) => (precision, kappa),
+                // Too little is left somewhere: the matrix with its noise says more than none.
+                Err(_) => (precision_of(&matrix).map_err(|fault| FitError::Covariance { row: fault.node })?, 0.0),
+            };
+            // Of the reference `M0^-1 / k`, of each frame `M0^-1 M M0^-1`, about (1 + v kappa) M0^-1 (THEORY 10).
+            let own = 1.0 + NOISE_PASSED * kappa;
+            let common = if shared { 1.0 / (own * run.n_references as f64) } else { 0.0 };
+            let mut noise =
+                Noise { precision, common, on_boundary, sigma: None, source: String::new(), ratio: run.noise_ratio };
             let (variance, stated) = (noise.mean_variance(), mean_stated_variance(run, observation));
             let variance_given = given.map(|noise| noise * noise).or(stated);
             noise.sigma = variance_given.map(|stated| (stated / variance).sqrt());
@@ -562,5 +584,5 @@ pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatr
         let mut places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
         std::array::from_fn(|_| places.next().map_or(0.0, |at| full[at]))
     };
-    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(of).collect() }
+    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(of).collect(), of_noise: Vec::new() }
 }

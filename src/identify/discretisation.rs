@@ -79,7 +79,7 @@ struct Projection<'a> {
 impl<'a> Projection<'a> {
     fn new(mesh: &JointMesh, fine: &JointMesh, carry: &'a Carry) -> Option<Self> {
         let mass = |mesh: &JointMesh| {
-            let RunMatrix { corners, matrices } = even_texture(mesh.nodes(), mesh.elements());
+            let RunMatrix { corners, matrices, .. } = even_texture(mesh.nodes(), mesh.elements());
             let all: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
             Precision::of_matrix(mesh.nodes(), &corners, &matrices, &all).ok()
         };

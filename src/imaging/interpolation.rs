@@ -84,17 +84,42 @@ impl Interpolation {
 
     /// Variance of the reference gradient at a pixel, per axis, for white noise of variance 1.
     pub fn gradient_noise_gain(self) -> f64 {
+        (-REACH..=REACH).map(|k| self.gradient_weight(k).powi(2)).sum()
+    }
+
+    /// Weight, in the reference gradient along an axis, of the pixel `k` px away.
+    fn gradient_weight(self, k: i32) -> f64 {
         let h = 1e-5; // central difference of a C1 function: error h^2, round-off 1e-11
-        (-REACH..=REACH)
-            .map(|k| {
-                let slope = match self {
-                    // The reference gradient of these two is the central difference.
-                    Interpolation::Keys | Interpolation::Bilinear => [0.0, 0.5][usize::from(k.abs() == 1)],
-                    _ => (self.cardinal(f64::from(k) + h) - self.cardinal(f64::from(k) - h)) / (2.0 * h),
-                };
-                slope * slope
-            })
-            .sum()
+        match self {
+            // The reference gradient of these two is the central difference.
+            Interpolation::Keys | Interpolation::Bilinear => {
+                [0.0, 0.5 * f64::from(k.signum())][usize::from(k.abs() == 1)]
+            }
+            _ => (self.cardinal(f64::from(k) + h) - self.cardinal(f64::from(k) - h)) / (2.0 * h),
+        }
+    }
+
+    /// Share, along one axis, of the product of two noises that is left in a sum over pixels: the noise of the reference
+    /// in its gradient along the axis, and that of the deformed image interpolated `t` px beyond its pixels (THEORY 10).
+    ///
+    /// `v_D(t) = sum_j R_D(j) R_t(j) / R_D(0)` with the autocorrelations of the weights of both; 1 at whole pixels. It is
+    /// not [`noise_gain`](Self::noise_gain): both filters tie neighbouring pixels together.
+    ///
+    /// ```
+    /// use quadrille::imaging::Interpolation;
+    /// assert!((Interpolation::Cubic.gradient_noise_passed(0.0) - 1.0).abs() < 1e-9);
+    /// let half = Interpolation::Cubic.gradient_noise_passed(0.5);
+    /// assert!(half > 0.5 && half < 1.0);
+    /// ```
+    pub fn gradient_noise_passed(self, t: f64) -> f64 {
+        const FAR: i32 = 12; // beyond, what is left is below 1e-6
+        let reach = -REACH..=REACH;
+        let slopes: Vec<f64> = reach.clone().map(|k| self.gradient_weight(k)).collect();
+        let values: Vec<f64> = reach.map(|k| self.cardinal(t + f64::from(k))).collect();
+        let correlated =
+            |weights: &[f64], j: usize| -> f64 { weights.iter().zip(weights.iter().skip(j)).map(|(a, b)| a * b).sum() };
+        let product = |j: i32| correlated(&slopes, j as usize) * correlated(&values, j as usize);
+        (product(0) + 2.0 * (1..=FAR).map(product).sum::<f64>()) / correlated(&slopes, 0)
     }
 }
 

@@ -8,6 +8,17 @@ use std::sync::Arc;
 /// `c` of the element's node `k`.
 pub type ElementMatrix = [f64; 36];
 
+/// `factor` times the matrix of the products of corners, for both components alike.
+pub fn alike(products: [[f64; 4]; 4], factor: f64) -> ElementMatrix {
+    let mut matrix = [0.0; 36];
+    for (i, row) in products.iter().enumerate() {
+        for (j, product) in row.iter().enumerate().skip(i) {
+            (0..2).for_each(|c| matrix[upper(2 * i + c, 2 * j + c)] = factor * product);
+        }
+    }
+    matrix
+}
+
 /// Place of entry (row, col), in either order, in an [`ElementMatrix`].
 pub(crate) fn upper(row: usize, col: usize) -> usize {
     let (r, c) = if row <= col { (row, col) } else { (col, row) };

@@ -16,12 +16,13 @@ mod sparse;
 mod spread;
 
 pub use banded_lu::BandedLu;
-pub use blocks::{BlockMatrix, ElementMatrix, Pattern};
+pub(crate) use blocks::upper;
+pub use blocks::{BlockMatrix, ElementMatrix, Pattern, alike};
 pub use cholesky::{Cholesky, NotPositiveDefinite};
 pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dense::{Dense, DenseCholesky};
 pub use dissection::{dissection, nested_dissection};
-pub use inverse_diagonal::inverse_diagonal;
+pub use inverse_diagonal::{inverse_diagonal, inverse_diagonal_with};
 pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan, PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};

@@ -7,6 +7,7 @@ mod lay;
 mod pixel_set;
 mod pixels;
 mod polygon;
+mod products;
 mod q4;
 mod zone;
 
@@ -16,5 +17,6 @@ pub use grid::{Grid, local_coordinates, shape_functions};
 pub use lay::{ELEMENT_SHARE, PixelMesh};
 pub use pixel_set::PixelSet;
 pub use pixels::{ElementPixels, PixelMap, Run};
+pub use products::mean_products;
 pub use q4::Mesh;
 pub use zone::{Guard, Mask, Roi, Zone, ZoneElements};

@@ -1,7 +1,7 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
 use crate::backend::{Backend, Traffic};
-use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
+use crate::correlate::{Correlation, Correlator, NOISE_CONTRADICTED, StartUsed, TextureFault, ZoneResult};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -31,6 +31,9 @@ pub struct Summary {
     pub solver: &'static str,
     /// Correction below which a frame counts as converged.
     pub tolerance_px: f64,
+    /// The one in effect: a hundredth of the smallest standard uncertainty where that is more, absent where it is not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance_in_effect_px: Option<f64>,
     /// Decoded reference to factorised matrix, pyramid and uncertainty of all nodes, seconds.
     pub seconds_reference: f64,
     /// The whole run so far, files included, seconds.
@@ -93,6 +96,36 @@ pub fn saturation_message(found: Saturation) -> Option<String> {
     })
 }
 
+/// What to say about a stated noise that the residual of a zone contradicts; `None` where it does not.
+fn contradiction(zone: &ZoneResult) -> Option<String> {
+    let ratio = zone.residual_noise / zone.noise;
+    let [least, most] = NOISE_CONTRADICTED;
+    if !(ratio.is_finite() && (ratio < least || ratio > most)) {
+        return None;
+    }
+    let what = match ratio < least {
+        true => "less than it can be with that noise: standard uncertainties are too large",
+        false => {
+            "more than that noise explains: the noise is larger, or the displacement is not followed, and standard \
+                  uncertainties are too small"
+        }
+    };
+    Some(format!(
+        "warning: zone {}: the noise is stated as {:.3} grey levels, and the residual says {:.3} ({ratio:.2} times), {what}",
+        zone.name, zone.noise, zone.residual_noise
+    ))
+}
+
+/// What to say about nodes whose standard uncertainty is a lower bound; `None` where there are none.
+fn bound_message(n_nodes: usize) -> Option<String> {
+    (n_nodes > 0).then(|| {
+        format!(
+            "warning: around {n_nodes} nodes the gradient of the reference holds little beside noise: their standard \
+             uncertainty is a lower bound; enlarge the elements, or average several images of the reference"
+        )
+    })
+}
+
 /// A node without texture.
 #[derive(Debug, Clone, Serialize)]
 pub struct NodeWithoutTexture {
@@ -147,6 +180,9 @@ pub struct FrameSummary {
     pub nodes_measured: usize,
     /// Nodes without one because they moved out of the image.
     pub nodes_left_image: usize,
+    /// Nodes whose standard uncertainty is a lower bound: there is little beside noise around them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub nodes_at_noise_bound: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
@@ -203,6 +239,9 @@ pub struct ZoneSummary {
     /// Noise of one image that the uncertainty is made with.
     #[serde(deserialize_with = "number")]
     pub noise_grey: f64,
+    /// What the residual says of that noise; absent where it is where the noise is from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_residual_grey: Option<f64>,
     /// Factor that brings the deformed image to the reference's contrast, `1 + c`.
     #[serde(deserialize_with = "number")]
     pub gain: f64,
@@ -235,6 +274,7 @@ impl FrameSummary {
             zones: Vec::new(),
             nodes_measured: 0,
             nodes_left_image: 0,
+            nodes_at_noise_bound: 0,
             elements_poor: 0,
             saturated_percent: None,
             start: None,
@@ -256,12 +296,18 @@ impl FrameSummary {
     ) -> Self {
         // JSON has no infinity: a number that is none is left out.
         let finite = |v: f64| v.is_finite().then_some(v);
+        let mut messages = messages;
+        if result.measurement.status.has_field() {
+            messages.extend(result.zones.iter().filter_map(contradiction));
+            messages.extend(bound_message(result.nodes_at_bound));
+        }
         let zones = result.zones.iter().map(|zone| ZoneSummary {
             name: zone.name.clone(),
             rigid_motion: zone.rigid.map(Into::into),
             correlation: zone.correlation,
             residual_grey: zone.residual_rms,
             noise_grey: zone.noise,
+            noise_residual_grey: (zone.residual_noise != zone.noise).then_some(zone.residual_noise),
             gain: zone.transfer.gain,
             offset_grey: correlator.offset_of(zone.transfer),
         });
@@ -281,6 +327,7 @@ impl FrameSummary {
             zones: zones.collect(),
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
+            nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
             saturated_percent: None,
             start: Some(result.start),

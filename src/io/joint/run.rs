@@ -3,7 +3,8 @@
 use super::{JointFileError, JointMeshFile, counter_clockwise};
 use crate::field::Status;
 use crate::io::store::Store;
-use crate::linalg::ElementMatrix;
+use crate::linalg::{ElementMatrix, alike};
+use crate::mesh::mean_products;
 use crate::units::PixelSize;
 use std::path::{Path, PathBuf};
 
@@ -30,19 +31,57 @@ pub struct JointRun {
     pub normal_matrix: Option<RunMatrix>,
     /// How many images the reference is the mean of.
     pub n_references: usize,
+    /// Noise of one image that the frames' uncertainties are made with, grey levels, root mean square over frames and
+    /// zones; `None` in stores of earlier versions.
+    pub noise_grey: Option<f64>,
+    /// What the residuals say of that noise, by it: rms over frames and zones; 1 unless a noise was stated. A stated noise
+    /// that is contradicted makes every interval wrong by this factor.
+    pub noise_ratio: Option<f64>,
     /// Frames that did not converge, or were not done: no instants are made of them.
     pub left_out: Vec<usize>,
     /// What the correlation warned of (`messages` of its `summary.json`); empty where that is not beside the store.
     pub warnings: Vec<String>,
 }
 
-/// The normal matrix `M` of a correlation, element by element: displacements have the covariance `2 sigma^2 M^-1`.
+/// The normal matrix `M` of a correlation, element by element. It holds the noise of the gradient: displacements have the
+/// covariance of THEORY 10 with `M0 = M - sigma^2 N`, which for little noise is `2 sigma^2 M^-1`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunMatrix {
     /// Nodes of each element, in the order that its matrix has them.
     pub corners: Vec<[u32; 4]>,
     /// Matrix of each element, grey levels^2/mm^2, y up.
     pub matrices: Vec<ElementMatrix>,
+    /// `N`: what noise of one grey level in one image adds to them; empty when the run did not keep it.
+    pub of_noise: Vec<ElementMatrix>,
+}
+
+impl RunMatrix {
+    /// Of each element at least this share is left.
+    const LEAST_SHARE: f64 = 0.2;
+
+    /// `M0 = M - sigma^2 N` for `noise` grey levels in one image, and `kappa`, what was taken off by what is left (THEORY
+    /// 10), a mean over the elements. Where nothing is known of `N`, `M` and 0.
+    pub fn without_noise(&self, noise: f64) -> (Self, f64) {
+        if self.of_noise.len() != self.matrices.len() || !noise.is_finite() {
+            return (self.clone(), 0.0);
+        }
+        let trace = |matrix: &ElementMatrix| -> f64 {
+            let mut places = (0..8).flat_map(|row| (row..8).map(move |column| row == column));
+            matrix.iter().filter(|_| places.next() == Some(true)).sum()
+        };
+        let (mut left, mut taken) = (0.0, 0.0);
+        let of = |(matrix, noisy): (&ElementMatrix, &ElementMatrix)| -> ElementMatrix {
+            let (all, of_noise) = (trace(matrix), trace(noisy));
+            let most = if of_noise > 0.0 { (1.0 - Self::LEAST_SHARE) * all / of_noise } else { 0.0 };
+            let variance = (noise * noise).min(most);
+            taken += variance * of_noise;
+            left += all - variance * of_noise;
+            std::array::from_fn(|k| matrix[k] - variance * noisy[k])
+        };
+        let matrices = self.matrices.iter().zip(&self.of_noise).map(of).collect();
+        let kappa = if left > 0.0 { taken / left } else { 0.0 };
+        (Self { matrices, ..self.clone() }, kappa)
+    }
 }
 
 /// Pixels with y down to mm with y up: for positions and displacements alike, and the only place where y turns.
@@ -87,10 +126,28 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     if frames.is_empty() {
         return Err(JointFileError::NoFrame { path: path.to_owned() });
     }
+    let mut noise = [0.0; 2];
+    let mut n_known = 0.0;
+    for &number in &frames {
+        if let Some(of_frame) = store.noise(number)? {
+            n_known += 1.0;
+            noise.iter_mut().zip(of_frame).for_each(|(sum, v)| *sum += v * v);
+        }
+    }
+    let known = n_known > 0.0;
+    let noise_grey = known.then(|| (noise[0] / n_known).sqrt());
+    let noise_ratio = known.then(|| (noise[1] / noise[0]).sqrt());
     let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
+    let of_noise = store.gradient_noise()?.unwrap_or_default();
+    let of_noise = of_noise.iter().enumerate().map(|(element, factor)| {
+        // The two components are not coupled: turning changes nothing.
+        alike(mean_products(measured.corners(element)), per_mm * factor)
+    });
+    let of_noise: Vec<ElementMatrix> = of_noise.collect();
     let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
         corners: measured.elements().to_vec(),
         matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
+        of_noise,
     });
     let n_references = store.header().reference.len().max(1);
     Ok(JointRun {
@@ -102,6 +159,8 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         sigma,
         normal_matrix,
         n_references,
+        noise_grey,
+        noise_ratio,
         left_out,
         warnings: warnings_beside(path),
     })

@@ -14,9 +14,11 @@ use std::sync::Arc;
 pub(super) const FRAME_OF_REFERENCE: &str = "pixel centres at whole coordinates, x to the right, y down, origin at the centre of \
                                   the top-left pixel; displacements lead from the reference to the deformed image and \
                                   stand at positions of the reference";
-pub(super) const SIGMA: &str = "Cov = 2 sigma^2 M^-1, M the normal matrix of the correlation, sigma the noise of one image: \
-                     given, or for each zone estimated from the residual r, sigma^2 = var(r)/(1 + (1+c)^2 v_x v_y), \
-                     v_x v_y the share of the noise that interpolation lets through";
+pub(super) const SIGMA: &str = "Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M0^-1 (M - M0) M0^-1], for little noise and one \
+                     reference 2 sigma^2 M^-1: M the normal matrix of the correlation, M0 without the noise of the gradient, \
+                     k the references averaged, gain that of brightness, sigma the noise of one image: given, or for each \
+                     zone estimated from the residual r, sigma^2 = var(r)/(1/k + gain^2 v_x v_y), v_x v_y the share of the \
+                     noise that interpolation lets through, v that of its product with the noise of the gradient";
 
 /// Definition of the strains in words and numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -15,6 +15,10 @@ pub(super) const VERSION: u64 = 1;
 pub(super) const NORMAL_MATRICES: &str = "normal_matrix";
 /// Name of the array of the frames that others were measured from.
 pub(super) const REFERENCE_FRAME: &str = "reference_frame";
+/// Name of the array of what the noise of the reference adds to the normal matrices.
+pub(super) const GRADIENT_NOISE: &str = "gradient_noise";
+/// Name of the array of the noise of the frames.
+pub(super) const NOISE: &str = "noise_grey";
 /// Status of a frame that is not done: the fill value of the array.
 pub(super) const NOT_DONE: u8 = 255;
 /// The fastest: most of a field is noise in the last digits, which no level makes smaller.
@@ -201,9 +205,42 @@ impl Form {
             "grey levels^2/px^2",
             "normal matrix M of the correlation, element by element: upper triangle by rows of the 8 by 8 matrix, unknown \
              2 k + c is component c of corner k. The displacements have the covariance 2 sigma^2 M^-1. Not there when the \
-             run was regularised or brightness was solved for each element",
+             run was regularised or brightness was solved for each element. It holds the noise of the gradient: M0 = M - \
+             sigma^2 gradient_noise mean(psi_i psi_j), and Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M0^-1 (M - M0) \
+             M0^-1] for the mean of k references",
         ];
         Self::constant(NORMAL_MATRICES, Number::F64, &[("element", n_elements), ("entry", 36)], about)
+    }
+
+    /// Not in the stores of earlier versions.
+    pub fn gradient_noise(n_elements: usize) -> Self {
+        let about = [
+            "1",
+            "what noise in the reference adds to normal_matrix: G n / k with the noise gain G of the gradient, the n pixels \
+             of the element, and the k images whose mean the reference is; times the mean of psi_i psi_j over the element \
+             and the noise of one image squared",
+        ];
+        Self::constant(GRADIENT_NOISE, Number::F64, &[("element", n_elements)], about)
+    }
+
+    /// Not in the stores of earlier versions.
+    pub fn noise(n_frames: usize) -> Self {
+        Self {
+            number: Number::F32,
+            shape: vec![n_frames as u64, 2],
+            chunk: vec![1, 2],
+            axes: vec!["frame", "component"],
+            components: &["used", "residual"],
+            unit: "grey levels",
+            fill: None,
+            ..Self::per_frame(
+                NOISE,
+                Number::F32,
+                n_frames,
+                "noise of one image, root mean square over the zones: that sigma_px is made with, and what the residual of \
+                 the frame says of it; the same unless a noise was given",
+            )
+        }
     }
 
     pub fn status(n_frames: usize) -> Self {

@@ -2,7 +2,9 @@
 
 use super::attributes::Attributes;
 use super::folder::Folder;
-use super::layout::{Form, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options};
+use super::layout::{
+    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options,
+};
 use super::{STORE, StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
 use crate::io::arrays::{Number, Values};
@@ -96,6 +98,36 @@ impl Store {
         }
         let (_, values) = constant::<f64>(&self.folder, &Form::normal_matrices(self.mesh().n_elements()))?;
         Ok(Some(values.as_chunks::<36>().0.to_vec()))
+    }
+
+    /// What noise in the reference adds to the normal matrix of each element, `G n / k`; `None` in stores of earlier
+    /// versions.
+    ///
+    /// # Errors
+    /// A chunk that is damaged or not there.
+    pub fn gradient_noise(&self) -> Result<Option<Vec<f64>>, StoreError> {
+        if !self.folder.path().join(GRADIENT_NOISE).join("zarr.json").is_file() {
+            return Ok(None);
+        }
+        Ok(Some(constant::<f64>(&self.folder, &Form::gradient_noise(self.mesh().n_elements()))?.1))
+    }
+
+    /// Noise of one image in frame `number` (from 1), grey levels: the one that its uncertainty is made with, and that of
+    /// its residual; `None` where it was not noted.
+    ///
+    /// # Errors
+    /// As [`Store::frame`].
+    pub fn noise(&self, number: usize) -> Result<Option<[f64; 2]>, StoreError> {
+        let has_field = self.status(number)?.is_some_and(Status::has_field);
+        if !has_field || !self.path().join(NOISE).join("zarr.json").is_file() {
+            return Ok(None);
+        }
+        let array = Form::noise(self.n_frames()).open(&self.folder)?;
+        let found = chunk::<f32>(&self.folder, &array, &[number as u64 - 1, 0], Some(number))?;
+        Ok(match found.as_deref() {
+            Some(&[used, residual]) if used > 0.0 && residual > 0.0 => Some([used, residual].map(f64::from)),
+            _ => None,
+        })
     }
 
     /// SHA-256 of the image of frame `number` (from 1): `None` when the image could not be read or the run did

@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::folder::{Folder, PART};
-use super::layout::{Form, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
+use super::layout::{Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
 use crate::field::{Measurement, Status, Strain, StrainField};
@@ -249,6 +249,33 @@ impl StoreWriter {
         self.chunk(&array, &[0, 0], matrices.as_flattened())
     }
 
+    /// Adds what noise in the reference adds to the normal matrix of each element: `G n / k` (see the array's description).
+    ///
+    /// # Errors
+    /// Another number than of elements, and what the file system refuses.
+    pub fn write_gradient_noise(&self, of_elements: &[f64]) -> Result<(), StoreError> {
+        let (found, wanted) = (of_elements.len(), self.mesh.n_elements());
+        if found != wanted {
+            return Err(StoreError::WrongSize { number: 0, what: "elements", found, wanted });
+        }
+        let array = Form::gradient_noise(wanted).create(&self.folder)?;
+        self.chunk(&array, &[0], of_elements)
+    }
+
+    /// Notes the noise of one image in frame `number` (from 1), grey levels: the one used, and that of the residual.
+    /// Nothing happens in a store that an earlier version made.
+    ///
+    /// # Errors
+    /// A number that the series does not have, and what the file system refuses.
+    pub fn write_noise(&self, number: usize, [used, residual]: [f64; 2]) -> Result<(), StoreError> {
+        self.check_number(number)?;
+        if !self.path().join(NOISE).join("zarr.json").is_file() {
+            return Ok(());
+        }
+        let array = Form::noise(self.series().room).open(&self.folder)?;
+        self.chunk(&array, &[number as u64 - 1, 0], &[used as f32, residual as f32][..])
+    }
+
     /// Notes the number of the frame that frame `number` (from 1) was measured from, 0 for the reference given: before its
     /// status, in runs whose reference is renewed.
     ///
@@ -357,6 +384,7 @@ fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>) -> Resu
     for v in Variable::ALL {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
+    Form::noise(n_frames).create(folder)?;
     if folder.path().join(REFERENCE_FRAME).join("zarr.json").is_file() {
         Form::reference_frame(n_frames).create(folder)?;
     }
@@ -407,8 +435,16 @@ pub fn remove_store(path: &Path) -> Result<(), StoreError> {
         Err(error) => return Err(StoreError::write(path.to_owned(), error)),
     }
     // The status first: a store that is removed half-way shows no frame that is not whole.
-    let constants =
-        ["node_position_px", "element_nodes", "node_zone", "element_zone", NORMAL_MATRICES, REFERENCE_FRAME];
+    let constants = [
+        "node_position_px",
+        "element_nodes",
+        "node_zone",
+        "element_zone",
+        NORMAL_MATRICES,
+        GRADIENT_NOISE,
+        NOISE,
+        REFERENCE_FRAME,
+    ];
     for name in ["status"].into_iter().chain(Variable::ALL.map(Variable::name)).chain(constants) {
         let array = path.join(name);
         match fs::remove_dir_all(&array) {

@@ -1,0 +1,170 @@
+//! The share of the normal matrix that is none of texture but of the noise in the reference's gradient (THEORY 10):
+//! `E[M] = M0 + lambda P`, `lambda = sigma^2 G / k`.
+
+use super::options::Options;
+use super::texture::assumed_noise;
+use crate::backend::{ElementMoments, KernelOptions};
+use crate::field::Brightness;
+use crate::imaging::{Image, Interpolation};
+use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, alike, upper};
+use crate::mesh::{Mesh, mean_products};
+use crate::units::Px;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Steps are made with at least this share of the normal matrix of every element in every direction, whatever noise is taken off: were the
+/// noise nothing but fine texture, they would be too long by 1/0.6 and converge all the same.
+pub(super) const LEAST_SHARE_OF_STEPS: f64 = 0.6;
+/// The inverse variance of a node keeps at least this share of what the matrix with its noise gives: what is left is
+/// then little more than the scatter of the noise's own sums, and the standard uncertainty a lower bound.
+pub(super) const LEAST_SHARE_OF_VARIANCE: f64 = 0.1;
+
+/// What is taken for the noise before any image is correlated with the reference.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AssumedNoise {
+    /// Standard deviation of the noise of one image for the texture check, grey levels.
+    pub of_check: f64,
+    /// Whether that is known, and not a guess on the safe side.
+    pub is_stated: bool,
+    /// Standard deviation of the noise of the reference for the steps, grey levels.
+    pub of_reference: f64,
+}
+
+impl AssumedNoise {
+    /// The noise that is stated for one image, or what the reference looks like.
+    ///
+    /// Steps are made with the least that either says: too little is slow, and too much is worse.
+    pub fn of(reference: &Image, options: &Options) -> Self {
+        let stated = options.noise.map_or(f64::INFINITY, |noise| noise / (options.n_references.max(1) as f64).sqrt());
+        Self {
+            of_check: options.noise.unwrap_or_else(|| assumed_noise(reference)),
+            is_stated: options.noise.is_some(),
+            of_reference: fine_content(reference).min(stated),
+        }
+    }
+
+    /// The same for images of 2^level by 2^level pixels averaged.
+    pub fn at_level(self, level: usize) -> Self {
+        let scale = 1.0 / f64::from(1u32 << level.min(30));
+        Self { of_check: scale * self.of_check, of_reference: scale * self.of_reference, ..self }
+    }
+
+    /// What it adds to the mean square of each component of the reference's gradient.
+    pub fn lambda(self, interpolation: Interpolation) -> f64 {
+        self.of_reference * self.of_reference * interpolation.gradient_noise_gain()
+    }
+}
+
+/// Normal matrices of the elements, that of the transfer eliminated where each element has its own.
+pub(super) fn element_matrices(moments: &[ElementMoments], options: &KernelOptions) -> Vec<ElementMatrix> {
+    let of = |m: &ElementMoments| match options.brightness {
+        Brightness::Element => m.matrix_without_transfer(),
+        _ => m.matrix(),
+    };
+    moments.iter().map(of).collect()
+}
+
+/// `sum psi_i psi_j` over the pixels of each element. Of an element that is cut by the border of its zone only the number
+/// of pixels counts, as if they lay evenly.
+pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<ElementMatrix> {
+    let of = |(element, m): (usize, &ElementMoments)| alike(mean_products(mesh.corners(element)), m.n);
+    moments.par_iter().enumerate().with_min_len(256).map(of).collect()
+}
+
+/// What is taken off each element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
+/// its matrix in every direction. So `M0` is positive definite where `M` is.
+pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix], lambda: f64) -> Vec<f64> {
+    /// Less than this part of it is not worth taking off.
+    const LEAST: f64 = 0.02;
+    let of = |(matrix, mass): (&ElementMatrix, &ElementMatrix)| {
+        let mut taken = lambda;
+        while taken > LEAST * lambda {
+            if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]))
+            {
+                return taken;
+            }
+            taken *= 0.75;
+        }
+        0.0
+    };
+    if lambda <= 0.0 {
+        return vec![0.0; matrices.len()];
+    }
+    matrices.par_iter().zip(masses).with_min_len(64).map(of).collect()
+}
+
+/// Whether a symmetric matrix has a Cholesky factor.
+fn is_positive_definite(mut matrix: ElementMatrix) -> bool {
+    for k in 0..8 {
+        let pivot = matrix[upper(k, k)];
+        if !(pivot > 0.0) {
+            return false;
+        }
+        for i in k + 1..8 {
+            let factor = matrix[upper(k, i)] / pivot;
+            for j in i..8 {
+                matrix[upper(i, j)] -= factor * matrix[upper(k, j)];
+            }
+        }
+    }
+    true
+}
+
+/// `M0 = M - lambda P`, element by element.
+pub(super) fn without_noise(
+    mesh: &Mesh<Px>,
+    pattern: &Arc<Pattern>,
+    matrices: &[ElementMatrix],
+    masses: &[ElementMatrix],
+    lambda: &[f64],
+) -> BlockMatrix {
+    let of = |((matrix, mass), lambda): ((&ElementMatrix, &ElementMatrix), &f64)| -> ElementMatrix {
+        std::array::from_fn(|k| matrix[k] - lambda * mass[k])
+    };
+    let less: Vec<ElementMatrix> = matrices.iter().zip(masses).zip(lambda).map(of).collect();
+    BlockMatrix::assemble(pattern, mesh.elements(), &less)
+}
+
+/// Sums of `f_x^2`, `f_x f_y`, `f_y^2` over the pixels of an element.
+pub(super) fn gradient_sums(moments: &ElementMoments) -> [f64; 3] {
+    // The weights (1-s)^2, s(1-s), s^2 add up to 1 with the middle one twice.
+    let sum = |w: [f64; 3]| w[0] + 2.0 * w[1] + w[2];
+    moments.gradient.map(|by| sum(by.map(sum)))
+}
+
+/// White noise of an image by its fourth differences along both axes, which texture that a camera resolves hardly has,
+/// grey levels: the median over tiles of the image. Sharp edges everywhere count as noise; a few do not.
+///
+/// It is what steps may be made with, which converge with any value; not a standard uncertainty.
+pub(super) fn fine_content(image: &Image) -> f64 {
+    const TILE: usize = 16;
+    const MASK: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+    let (width, height) = (image.width(), image.height());
+    let mut tiles: Vec<f64> = Vec::new();
+    // A sample of the tiles is enough.
+    let step = TILE * (1 + 3 * width.max(height) / 1024);
+    for y0 in (2..height.saturating_sub(TILE + 1)).step_by(step) {
+        for x0 in (2..width.saturating_sub(TILE + 1)).step_by(step) {
+            let mut sum = 0.0;
+            for y in y0..y0 + TILE {
+                // Along the row of column differences.
+                let mut columns = [0.0; TILE + 4];
+                for (k, column) in columns.iter_mut().enumerate() {
+                    let x = x0 + k - 2;
+                    *column = MASK.iter().enumerate().map(|(j, m)| m * f64::from(image.grey(x, y + j - 2))).sum();
+                }
+                sum += columns
+                    .windows(5)
+                    .map(|w| MASK.iter().zip(w).map(|(m, c)| m * c).sum::<f64>().powi(2))
+                    .sum::<f64>();
+            }
+            // The squares of the mask's 25 weights add up to 70^2.
+            tiles.push(sum / (70.0 * 70.0 * (TILE * TILE) as f64));
+        }
+    }
+    if tiles.is_empty() {
+        return 0.0;
+    }
+    tiles.sort_by(f64::total_cmp);
+    tiles[tiles.len() / 2].sqrt()
+}
