@@ -496,8 +496,8 @@ fn options_that_make_no_sense_are_refused() {
         Options { tolerance_px: f64::NAN, ..Options::default() },
         Options { tolerance_px: 2.0, ..Options::default() },
         Options { max_iterations: 0, ..Options::default() },
-        Options { noise: Some(-1.0), ..Options::default() },
-        Options { noise: Some(f64::INFINITY), ..Options::default() },
+        Options { noise: (-1.0).into(), ..Options::default() },
+        Options { noise: f64::INFINITY.into(), ..Options::default() },
     ] {
         let error = refusal(&reference, &whole(64, 64), options.clone());
         assert!(matches!(error, CorrelationError::Option { .. }), "{options:?}: {error}");

@@ -60,6 +60,20 @@ impl NoiseGain {
         Self { deformed, reference: 1.0 / n_references.max(1) as f64 }
     }
 
+    /// Noise variance of the reference in that of one image.
+    pub fn of_reference(&self) -> f64 {
+        self.reference
+    }
+
+    /// Share of the noise variance of the deformed image that its interpolation lets through in an element.
+    pub fn in_element(&self, mesh: &Mesh<Px>, element: usize, displacement: &[[f64; 2]]) -> f64 {
+        let middle = shape_functions(0.5, 0.5);
+        let nodes = mesh.elements()[element].iter().zip(middle);
+        let u: [f64; 2] =
+            std::array::from_fn(|c| nodes.clone().map(|(&node, psi)| psi * displacement[node as usize][c]).sum());
+        self.at(u[0]) * self.at(u[1])
+    }
+
     fn at(&self, u: f64) -> f64 {
         let t = 64.0 * (u - u.floor());
         let k = (t as usize).min(63);
