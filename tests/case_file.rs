@@ -1,6 +1,8 @@
 //! Case files: read, written, and what is said about wrong ones.
 
-use quadrille::field::{Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice};
+use quadrille::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice,
+};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
     CaseCorrelation, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case, write_case,

@@ -236,8 +236,7 @@ fn outcome(scene: &Scene, camera: Camera, seeds: u64, options: &Options) -> Outc
         let field = &found.measurement;
         let mesh = &field.mesh;
         let bounds = mesh.bounds(0);
-        let errors: Vec<[f64; 2]> =
-            field.displacement.iter().map(|u| [0, 1].map(|c| u[c] - scene.shift[c])).collect();
+        let errors: Vec<[f64; 2]> = field.displacement.iter().map(|u| [0, 1].map(|c| u[c] - scene.shift[c])).collect();
         // The bias of the interpolation is the same in all nodes, and no part of sigma.
         let bias = common::mean(&errors);
         for (node, at) in mesh.nodes().iter().enumerate() {
@@ -305,7 +304,9 @@ const CAMERAS: [Camera; 16] = [
 #[test]
 #[ignore = "a table for docs/correlation.md, by make study"]
 fn table_of_cameras() {
-    println!("| camera | error/sigma as if white | error/sigma printed | factor x y | largest | applied | neighbours | misfit |");
+    println!(
+        "| camera | error/sigma as if white | error/sigma printed | factor x y | largest | applied | neighbours | misfit |"
+    );
     let seeds = std::env::var("SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(4);
     let side = std::env::var("SIDE").ok().and_then(|n| n.parse().ok()).unwrap_or(512);
     let element_size = std::env::var("ELEMENT").ok().and_then(|n| n.parse().ok()).unwrap_or(16);

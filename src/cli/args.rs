@@ -3,7 +3,9 @@
 use super::frames::Frames;
 use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
-use crate::field::{Brightness, Noise, NoiseCorrelation, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference};
+use crate::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference,
+};
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};

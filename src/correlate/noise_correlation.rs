@@ -17,6 +17,7 @@ use crate::linalg::Solver;
 use crate::mesh::{Mesh, PixelSet, local_coordinates, shape_functions};
 use crate::units::Px;
 use rayon::prelude::*;
+use std::fmt;
 use std::sync::Arc;
 
 /// Blocks that are looked at, at most: they leave the factor a scatter of about 2.5 % and cost little beside a frame.
@@ -67,6 +68,18 @@ impl NoiseColour {
         let largest = self.factor[0].max(self.factor[1]);
         let seen = largest > SEEN && largest > 1.0 + CERTAIN * self.factor_sigma;
         (seen && !self.is_misfit()).then(|| self.factor.map(|factor| factor.max(1.0)))
+    }
+}
+
+impl fmt::Display for NoiseColour {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [along_x, along_y] = self.neighbours;
+        let [x, y] = self.factor.map(|factor| factor.max(1.0));
+        write!(
+            f,
+            "the noise is not white (correlation of neighbouring pixels {along_x:.2} along x, {along_y:.2} along y): standard \
+             uncertainties are multiplied by {x:.2} (x) and {y:.2} (y)"
+        )
     }
 }
 
@@ -295,14 +308,10 @@ impl NoiseProbe {
         }
         let patch = Patch::new(image, self.offset, low, high, self.interpolation);
         let corner = corner.map(|v| v as usize);
-        let deformed: Vec<f32> = (0..side * side)
-            .map(|k| patch.grey([corner[0] + k % side, corner[1] + k / side], u[k]))
-            .collect();
-        let (gain, offset) = if self.own_transfer {
-            own_transfer(&block.grey, &deformed)
-        } else {
-            (transfer.gain, transfer.offset)
-        };
+        let deformed: Vec<f32> =
+            (0..side * side).map(|k| patch.grey([corner[0] + k % side, corner[1] + k / side], u[k])).collect();
+        let (gain, offset) =
+            if self.own_transfer { own_transfer(&block.grey, &deformed) } else { (transfer.gain, transfer.offset) };
         let residual = block
             .grey
             .iter()
@@ -473,13 +482,7 @@ fn corner(of: &Prepared<'_>, element: usize, side: usize) -> Option<[usize; 2]> 
 
 /// Share of the mean square of the pieces (of component `c`), laid over other blocks, that the fit leaves in the residual
 /// `(I - G A^-1 G^T) e`: `1 - (2 b . a - a . M a)`, `a = A^-1 b`, for pieces with a random sign each.
-fn left_by_fit(
-    of: &Prepared<'_>,
-    blocks: &[Block],
-    gradients: &[[Vec<f32>; 2]],
-    c: usize,
-    own_transfer: bool,
-) -> f64 {
+fn left_by_fit(of: &Prepared<'_>, blocks: &[Block], gradients: &[[Vec<f32>; 2]], c: usize, own_transfer: bool) -> f64 {
     let n = blocks.len();
     let (mut whole, mut taken) = (0.0, 0.0);
     for draw in 0..DRAWS {

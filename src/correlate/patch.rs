@@ -21,13 +21,7 @@ pub(super) struct Patch {
 impl Patch {
     /// The piece of `image`, less `offset`, for points from `low` to `high` px. Beyond the image it goes on as the backends
     /// let it, `s(-k) = 2 s(0) - s(k)`.
-    pub fn new(
-        image: &Image,
-        offset: f32,
-        low: [isize; 2],
-        high: [isize; 2],
-        interpolation: Interpolation,
-    ) -> Self {
+    pub fn new(image: &Image, offset: f32, low: [isize; 2], high: [isize; 2], interpolation: Interpolation) -> Self {
         let poles = interpolation.poles();
         let margin = if poles.is_empty() { REACH } else { REACH + SETTLED };
         let corner = low.map(|v| v - margin);

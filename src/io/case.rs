@@ -1,6 +1,8 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
+use crate::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
+};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use lists::{four_numbers, one_or_list, one_or_more, polygon, polygons};

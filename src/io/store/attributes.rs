@@ -16,7 +16,8 @@ pub(super) const FRAME_OF_REFERENCE: &str = "pixel centres at whole coordinates,
                                   stand at positions of the reference";
 pub(super) const SIGMA: &str = "Cov = 2 sigma^2 M^-1, M the normal matrix of the correlation, sigma the noise of one image: \
                      given, or for each zone estimated from the residual r, sigma^2 = var(r)/(1 + (1+c)^2 v_x v_y), \
-                     v_x v_y the share of the noise that interpolation lets through";
+                     v_x v_y the share of the noise that interpolation lets through; where the noise is not white or rises \
+                     with the grey level, sigma is made for that (noise_correlation_factor, noise_photon of the frame's record)";
 
 /// Definition of the strains in words and numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
