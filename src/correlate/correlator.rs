@@ -13,7 +13,7 @@ use super::series::Start;
 use super::texture::{TextureFault, assumed_noise, rounding};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
-use crate::field::{Brightness, Measurement, NoiseCorrelation, RigidMotion, Status};
+use crate::field::{Brightness, Measurement, Noise, NoiseCorrelation, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::{ElementMatrix, Spread};
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
@@ -175,8 +175,11 @@ impl<B: Backend> Correlator<B> {
             let value = options.noise.to_string();
             return Err(CorrelationError::Option { name: "the noise", value, wanted });
         }
-        let noise = options.noise.given_at(0.5 * f64::from(low + high)).filter(|&noise| noise > 0.0);
-        let noise = noise.unwrap_or_else(|| assumed_noise(&reference));
+        let noise = match options.noise {
+            Noise::Constant(noise) => noise,
+            // Of noise that rises with the light the quietest part, so that no dark place is refused for the bright ones.
+            Noise::Photon { .. } | Noise::PhotonOfResidual | Noise::Residual => assumed_noise(&reference),
+        };
         let rounding = rounding(&reference);
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);

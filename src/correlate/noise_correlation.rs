@@ -37,8 +37,11 @@ const WIDTH: usize = 2 * LAGS + 1;
 pub(super) const SEEN: f64 = 1.1;
 /// ... where it lies this many of its standard deviations above 1.
 const CERTAIN: f64 = 3.5;
-/// A residual that follows the texture's own gradient by this share more than the noise can is misfit.
-const MISFIT: f64 = 1.6;
+/// A residual that follows the texture's own gradient this much more than other pieces of texture is misfit: in the mean of
+/// all displacements that elements cannot follow, and in the one that shows most.
+const MISFIT: [f64; 2] = [1.3, 1.5];
+/// Displacements that elements cannot follow: bent twice and three times along x and y, of both components.
+const MODES: usize = 8;
 /// Blocks whose residual is this many times that of the usual one hold something else than noise.
 const LOUD: f64 = 3.0;
 
@@ -51,15 +54,15 @@ pub struct NoiseColour {
     pub factor_sigma: f64,
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
-    /// Mean square of the residual along displacements that elements cannot follow, beside that along any: 1 for noise
-    /// of any colour, more for misfit.
-    pub misfit: f64,
+    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture: about
+    /// 1 for noise of any colour, more for misfit. The mean of several kinds of such displacements, and the largest.
+    pub misfit: [f64; 2],
 }
 
 impl NoiseColour {
     /// Whether the residual holds so much misfit that it does not tell about the noise.
     pub fn is_misfit(&self) -> bool {
-        self.misfit > MISFIT
+        self.misfit[0] > MISFIT[0] || self.misfit[1] > MISFIT[1]
     }
 
     /// Factors to multiply standard uncertainties by: none where the noise is white as far as can be seen, and where
@@ -94,8 +97,8 @@ struct Block {
     /// Its gradient in both directions, without mean and slope, of unit length.
     pieces: [Vec<f32>; 2],
     /// Displacements that the element cannot follow, times the gradient: of unit length, at right angles to each other and
-    /// to all that the fit can follow.
-    beyond: Vec<Vec<f32>>,
+    /// to all that the fit can follow; none where the texture does not show the mode.
+    beyond: [Option<Vec<f32>>; MODES],
 }
 
 /// Autocorrelation at lags up to [`LAGS`], row by row.
@@ -162,8 +165,8 @@ struct BlockSums {
     level: f64,
     /// The same of the pieces laid over it, per component.
     pieces: [f64; 2],
-    /// Sum over the displacements beyond, and their number.
-    beyond: [f64; 2],
+    /// The same of the displacements beyond that the block's texture shows.
+    beyond: [Option<f64>; MODES],
     /// Correlation of neighbours along x and y less that of white noise.
     neighbours: [f64; 2],
 }
@@ -197,7 +200,7 @@ impl NoiseProbe {
             sum.map(|sum| sum / f64::max(n, 1.0))
         };
         let of_pieces = [0, 1].map(|c| mean_lags(&mut blocks.iter().map(|block| &block.pieces[c])));
-        let of_beyond = mean_lags(&mut blocks.iter().flat_map(|block| &block.beyond));
+        let of_beyond = mean_lags(&mut blocks.iter().flat_map(|block| block.beyond.iter().flatten()));
         let left = [0, 1].map(|c| left_by_fit(of, &blocks, &gradients, c, own_transfer));
         let filter = (0..=64).map(|k| filter_lags(interpolation, f64::from(k) / 64.0)).collect();
         let of_reference = 1.0 / of.n_references.max(1) as f64;
@@ -258,15 +261,27 @@ impl NoiseProbe {
         let scatter = [0, 1].map(|c| (mean(&|sums| (sums.pieces[c] - square[c]).powi(2)) / n).sqrt());
         let factor = square.map(|square| square.max(0.0).sqrt());
         let relative = |c: usize| if square[c] > 0.0 { 0.5 * scatter[c] / square[c] } else { 0.0 };
-        let beyond = mean(&|sums| sums.beyond[0]) / mean(&|sums| sums.beyond[1]).max(f64::MIN_POSITIVE);
-        let usual = (0.5 * (square[0] + square[1])).max(f64::MIN_POSITIVE);
+        let beyond: Vec<f64> = (0..MODES)
+            .filter_map(|mode| {
+                let shown: Vec<f64> = quiet.iter().filter_map(|sums| sums.beyond[mode]).collect();
+                let usual = square[component(mode)].max(f64::MIN_POSITIVE);
+                (shown.len() >= LEAST_BLOCKS).then(|| shown.iter().sum::<f64>() / (shown.len() as f64 * usual))
+            })
+            .collect();
         let colour = NoiseColour {
             factor,
             factor_sigma: relative(0).max(relative(1)),
             neighbours: [0, 1].map(|c| mean(&|sums| sums.neighbours[c])),
-            misfit: beyond / usual,
+            misfit: match beyond.len() {
+                // Texture too poor to tell misfit from noise.
+                0 => [1.0; 2],
+                n => {
+                    let most = beyond.iter().fold(0.0, |most: f64, value| most.max(*value));
+                    [beyond.iter().sum::<f64>() / n as f64, most]
+                }
+            },
         };
-        let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma, colour.misfit];
+        let numbers = [colour.factor[0], colour.factor[1], colour.factor_sigma, colour.misfit[0], colour.misfit[1]];
         numbers.iter().all(|v| v.is_finite()).then_some(colour)
     }
 
@@ -351,8 +366,9 @@ impl NoiseProbe {
             let sum: f64 = others.map(|other| along(&self.blocks[other].pieces[c])).sum();
             sum / (n_pieces as f64 * white(&self.of_pieces[c]) * self.left[c])
         });
-        let beyond = &self.blocks[at].beyond;
-        let beyond = [beyond.iter().map(|part| along(part)).sum::<f64>() / white(&self.of_beyond), beyond.len() as f64];
+        let of_beyond = white(&self.of_beyond);
+        let shown = &self.blocks[at].beyond;
+        let beyond = std::array::from_fn(|mode| shown[mode].as_ref().map(|part| along(part) / of_beyond));
         let lag = |step: usize, inside: &dyn Fn(usize) -> bool| {
             let pairs = (0..residual.len() - step).filter(|&k| inside(k));
             let (sum, n) = pairs.fold((0.0, 0.0), |(sum, n), k| {
@@ -400,19 +416,22 @@ impl Block {
                 followed.add(gradient.iter().zip(&psi).map(|(g, psi)| g * psi[a]).collect(), 1e-3);
             }
         }
-        let mut beyond = Vec::new();
-        for along in [&x, &y] {
-            for gradient in &gradients {
-                let bent = gradient.iter().zip(along).map(|(g, s)| g * (1.5 * s * s - 0.5)).collect();
-                // What is left must be mostly the bend, not round-off or the high frequencies alone.
-                if let Some(part) = followed.rest(bent, 0.5) {
-                    followed.parts.push(part.clone());
-                    beyond.push(part);
-                }
-            }
+        let mut beyond = [const { None }; MODES];
+        for (mode, beyond) in beyond.iter_mut().enumerate() {
+            let along = [&x, &y][mode % 2];
+            let bent = |s: f32| if mode / 4 == 0 { 1.5 * s * s - 0.5 } else { (2.5 * s * s - 1.5) * s };
+            let bent = gradients[component(mode)].iter().zip(along).map(|(g, &s)| g * bent(s)).collect();
+            // What is left must be mostly the bend, not round-off or the high frequencies alone.
+            *beyond = followed.rest(bent, 0.5);
+            followed.parts.extend(beyond.clone());
         }
         Some((Self { element, corner, psi, grey, pieces, beyond }, gradients))
     }
+}
+
+/// The component of the displacement that a mode bends.
+fn component(mode: usize) -> usize {
+    mode / 2 % 2
 }
 
 /// Vectors of unit length at right angles to each other.

@@ -103,15 +103,6 @@ impl Noise {
         }
     }
 
-    /// Standard deviation given for pixels of the mean grey level `grey`, grey levels.
-    pub fn given_at(self, grey: f64) -> Option<f64> {
-        match self {
-            Self::Constant(sigma) => Some(sigma),
-            Self::Photon { a, b } => Some((a + b * grey).max(0.0).sqrt()),
-            Self::Residual | Self::PhotonOfResidual => None,
-        }
-    }
-
     /// What is wanted instead of its numbers, where they are none for images whose brightest grey level is `highest`.
     pub fn fault(self, highest: f64) -> Option<&'static str> {
         let positive = |v: f64| v.is_finite() && v > 0.0;

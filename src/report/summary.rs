@@ -187,8 +187,9 @@ pub struct NoiseColourSummary {
     pub factor_sigma: f64,
     /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
     pub neighbours: [f64; 2],
-    /// Mean square of the residual along displacements that elements cannot follow, beside that along any.
-    pub misfit: f64,
+    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture: mean
+    /// of several kinds of such displacements, and the largest.
+    pub misfit: [f64; 2],
 }
 
 impl From<NoiseColour> for NoiseColourSummary {
