@@ -1,6 +1,8 @@
 //! Case files: read, written, and what is said about wrong ones.
 
-use quadrille::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice};
+use quadrille::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice,
+};
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
     CaseCorrelation, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case, write_case,
@@ -77,7 +79,8 @@ fn full() -> CaseFile {
             brightness: Some(Brightness::Element),
             start: Some(StartFrom::Independent),
             update_reference: Some("every 20".parse().unwrap()),
-            noise: Some(2.0),
+            noise: Some(Noise::Constant(2.0)),
+            noise_correlation: Some(NoiseCorrelation::Factor(1.8)),
             regularisation: Some(RegularisationKind::EquilibriumGap),
             cutoff_px: Some(64.5),
             poisson: Some(0.3),

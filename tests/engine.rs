@@ -457,7 +457,11 @@ fn noise_is_no_texture() {
             let zones = inside(256, 256, 32);
             let image = noisy(&drawn(256, 256, |_, _| grey), 2.0, 77);
             for noise in [None, Some(2.0)] {
-                assert_textureless(&image, &zones, &Options { noise, element_size, ..Options::default() });
+                assert_textureless(
+                    &image,
+                    &zones,
+                    &Options { noise: noise.into(), element_size, ..Options::default() },
+                );
             }
         }
     }
@@ -496,8 +500,8 @@ fn options_that_make_no_sense_are_refused() {
         Options { tolerance_px: f64::NAN, ..Options::default() },
         Options { tolerance_px: 2.0, ..Options::default() },
         Options { max_iterations: 0, ..Options::default() },
-        Options { noise: Some(-1.0), ..Options::default() },
-        Options { noise: Some(f64::INFINITY), ..Options::default() },
+        Options { noise: (-1.0).into(), ..Options::default() },
+        Options { noise: f64::INFINITY.into(), ..Options::default() },
     ] {
         let error = refusal(&reference, &whole(64, 64), options.clone());
         assert!(matches!(error, CorrelationError::Option { .. }), "{options:?}: {error}");

@@ -166,7 +166,7 @@ fn printed_uncertainty_is_the_scatter() {
             (None, Brightness::Zone, Interpolation::Quintic),
             (None, Brightness::Element, Interpolation::Cubic),
         ] {
-            let options = Options { noise, brightness, interpolation, ..Options::default() };
+            let options = Options { noise: noise.into(), brightness, interpolation, ..Options::default() };
             // 36 zones hold 288 components at corners: 8 samples give 2 % statistical error.
             let [scatter, printed] = samples(&pair, 8, &zones, &options);
             for place in PLACES {

@@ -119,6 +119,14 @@ impl Backend for AnyBackend {
         })
     }
 
+    fn image(&self, frame: &AnyFrame) -> Arc<Image> {
+        match (self, frame) {
+            (Self::Cpu(cpu), AnyFrame::Cpu(frame)) => cpu.image(frame),
+            (Self::Gpu(gpu), AnyFrame::Gpu(frame)) => gpu.image(frame),
+            _ => unreachable!("{FOREIGN}"),
+        }
+    }
+
     fn grey_map(&self, frame: &mut AnyFrame, level: usize) -> GreyMap {
         match (self, frame) {
             (Self::Cpu(cpu), AnyFrame::Cpu(frame)) => cpu.grey_map(frame, level),

@@ -10,6 +10,7 @@ mod spline;
 mod sums;
 
 pub use any::{AnyBackend, AnyField, AnyFrame, AnyLevel, AnySolver};
+pub(crate) use spline::{at_pixel, taps};
 pub use sums::{ElementMatch, ElementMoments, PixelSums};
 
 use crate::field::Brightness;
@@ -179,6 +180,9 @@ pub trait Backend: Sync {
     /// # Errors
     /// When the device fails.
     fn frame(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError>;
+
+    /// The image of a frame, on the host.
+    fn image(&self, frame: &Self::Frame) -> Arc<Image>;
 
     /// Grey levels of one pyramid level (0 is the image itself) on the host, for the search of a start.
     fn grey_map(&self, frame: &mut Self::Frame, level: usize) -> GreyMap;

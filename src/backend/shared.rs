@@ -35,6 +35,10 @@ impl<B: Backend + Send> Backend for Arc<B> {
         (**self).frame(image, options)
     }
 
+    fn image(&self, frame: &B::Frame) -> Arc<Image> {
+        (**self).image(frame)
+    }
+
     fn grey_map(&self, frame: &mut B::Frame, level: usize) -> GreyMap {
         (**self).grey_map(frame, level)
     }

@@ -96,9 +96,25 @@ impl Spline<2> for Bilinear {
     }
 }
 
+/// Weights of the taps at the fraction `t` (0..1), and how many there are; they start that half less one pixels before
+/// the floor.
+pub(crate) fn taps(interpolation: Interpolation, t: f32) -> ([f32; 6], usize) {
+    fn of<S: Spline<K>, const K: usize>(t: f32) -> ([f32; 6], usize) {
+        let mut taps = [0.0; 6];
+        taps.iter_mut().zip(S::weights::<false, 1>(&[t])).for_each(|(tap, weight)| *tap = weight[0]);
+        (taps, K)
+    }
+    match interpolation {
+        Interpolation::Cubic => of::<Cubic, 4>(t),
+        Interpolation::Quintic => of::<Quintic, 6>(t),
+        Interpolation::Keys => of::<Keys, 4>(t),
+        Interpolation::Bilinear => of::<Bilinear, 2>(t),
+    }
+}
+
 /// Weights, on the coefficients two pixels before to two after, of the value and of the derivative at a
 /// pixel.
-pub(super) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
+pub(crate) fn at_pixel(interpolation: Interpolation) -> ([f32; 5], [f32; 5]) {
     match interpolation {
         Interpolation::Cubic => ([0.0, 1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0], [0.0, -0.5, 0.0, 0.5, 0.0]),
         Interpolation::Quintic => (

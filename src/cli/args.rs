@@ -3,7 +3,9 @@
 use super::frames::Frames;
 use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
-use crate::field::{Brightness, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference};
+use crate::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference,
+};
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
@@ -168,9 +170,16 @@ pub struct CorrelateArgs {
     /// Default never.
     #[arg(long, value_name = "residual|every N|never", allow_hyphen_values = true)]
     pub update_reference: Option<UpdateReference>,
-    /// Standard deviation of the camera noise, grey levels. Default: estimated from the residual.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
-    pub noise: Option<f64>,
+    /// The camera noise: its standard deviation in grey levels; photon:A,B, a variance A + B grey as `metrology` finds it;
+    /// or photon, the same with A and B found on each frame's residual. Default: one standard deviation per zone, found on the
+    /// residual.
+    #[arg(long, value_name = "S|photon|photon:A,B", allow_hyphen_values = true)]
+    pub noise: Option<Noise>,
+    /// Noise that is correlated from pixel to pixel (demosaicing, smoothing in the camera, noise of rows): auto finds on the
+    /// residual by how much it raises the standard uncertainty and says so; a number is that factor, as `metrology` finds it;
+    /// off takes noise for white. Default auto.
+    #[arg(long, value_name = "auto|off|F", allow_hyphen_values = true)]
+    pub noise_correlation: Option<NoiseCorrelation>,
     /// Hold the displacement: tikhonov (small gradients) or equilibrium-gap (an elastic plate). Needs --cutoff.
     /// Nodes without texture are then carried by those around them. Default none.
     #[arg(long, value_name = "none|tikhonov|equilibrium-gap")]

@@ -7,7 +7,7 @@ use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
-use crate::metrology::{Metrology, Options, Origin, SizeResult, Still, measure};
+use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
 use crate::report::{Axis, Plot, Series, Style};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -206,6 +206,17 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
     }
 }
 
+/// What `correlate` should take for noise.
+fn case_lines(noise: &Noise) -> Vec<String> {
+    let level = match noise.photon.filter(PhotonFit::is_certain) {
+        Some(PhotonFit { a_grey2, b_grey, .. }) => format!("noise = {{ a = {a_grey2:.4}, b = {b_grey:.6} }}"),
+        None => format!("noise = {:.3}", noise.sigma_grey),
+    };
+    let factor = noise.correlation.as_ref().and_then(|found| found.factor);
+    let factor = factor.map(|[x, y]| format!("noise_correlation = {:.2}", x.max(y).max(1.0)));
+    [Some(level), factor].into_iter().flatten().collect()
+}
+
 fn print(found: &Metrology, options: &Options) {
     let Metrology { noise, texture, .. } = found;
     let [x0, y0, x1, y1] = found.zone_px;
@@ -232,6 +243,30 @@ fn print(found: &Metrology, options: &Options) {
             .map(|part| format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey))
             .collect();
         println!("                by grey level: {}", parts.join(", "));
+    }
+    if let Some(photon) = noise.photon.filter(PhotonFit::is_certain) {
+        let PhotonFit { a_grey2, b_grey, a_sigma_grey2, b_sigma_grey } = photon;
+        println!(
+            "                variance a + b grey: a = {a_grey2:.3} +- {a_sigma_grey2:.3}, b = {b_grey:.5} +- {b_sigma_grey:.5}"
+        );
+    }
+    if let Some(correlation) = &noise.correlation {
+        let along = |lags: &[f64]| lags[1..].iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
+        println!(
+            "                correlation at 1 to {} px: {} along x, {} along y",
+            correlation.along_x.len() - 1,
+            along(&correlation.along_x),
+            along(&correlation.along_y)
+        );
+        if let (Some([x, y]), Some(sigma)) = (correlation.factor, correlation.factor_sigma) {
+            println!(
+                "                which makes displacements {x:.2} (x), {y:.2} (y) times as uncertain as white noise, +- {sigma:.2}"
+            );
+        }
+    }
+    if noise.origin == Origin::StaticImages {
+        println!("for the case file of correlate, in [correlation]:");
+        case_lines(noise).iter().for_each(|line| println!("                {line}"));
     }
     let [gx, gy] = texture.gradient_grey_per_px;
     println!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px");

@@ -4,7 +4,7 @@ use super::args::{CorrelateArgs, Export};
 use super::{Result, absolute, zones};
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::correlate::{Options, Regularisation};
-use crate::field::{RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
+use crate::field::{Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
 use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
@@ -79,7 +79,8 @@ impl Plan {
                 Some(_) => StartFrom::Independent,
                 None => default.start,
             }),
-            noise: args.noise.or(given.noise),
+            noise: args.noise.or(given.noise).unwrap_or_default(),
+            noise_correlation: args.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
             regularisation: regularisation(args, given)?,
             ..default
@@ -196,7 +197,9 @@ impl Plan {
                 brightness: Some(options.brightness),
                 start: Some(options.start),
                 update_reference: Some(self.update),
-                noise: options.noise,
+                noise: (options.noise != Noise::Residual).then_some(options.noise),
+                noise_correlation: (options.noise_correlation != NoiseCorrelation::Auto)
+                    .then_some(options.noise_correlation),
                 regularisation: Some(options.regularisation.kind()),
                 cutoff_px: options.regularisation.cutoff_px(),
                 poisson: match options.regularisation {

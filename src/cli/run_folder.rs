@@ -1,7 +1,7 @@
 //! The folder of a run: what it holds, and how it is replaced.
 
 use super::{Result, chain};
-use crate::field::{Measurement, StrainField};
+use crate::field::{Measurement, Noise, StrainField};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
 use crate::io::{csv, vtk};
@@ -276,8 +276,16 @@ impl About {
                 _ => "no regularisation".to_owned(),
             },
             match options.noise {
-                Some(noise) => format!("sigma from the given image noise of {noise} grey levels"),
-                None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
+                Some(Noise::Constant(noise)) => format!("sigma from the given image noise of {noise} grey levels"),
+                Some(Noise::Photon { a, b }) => {
+                    format!("sigma from the given image noise, variance {a} + {b} times the grey level")
+                }
+                Some(Noise::PhotonOfResidual) => {
+                    "sigma from an image noise with variance a + b times the grey level, estimated from the residual (misfit \
+                     counts as noise)"
+                        .to_owned()
+                }
+                Some(Noise::Residual) | None => "sigma from the image noise estimated from the residual (misfit counts as noise)".to_owned(),
             },
         ]
     }

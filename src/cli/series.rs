@@ -41,6 +41,8 @@ pub(super) struct Engine {
     name: String,
     current: RwLock<Current>,
     notes: Mutex<Vec<String>>,
+    /// Whether it has been said that the noise is not white.
+    colour_said: AtomicBool,
 }
 
 /// The correlator in use.
@@ -91,6 +93,7 @@ impl Engine {
             device,
             current: RwLock::new(current),
             notes: Mutex::new(notes),
+            colour_said: AtomicBool::new(false),
         })
     }
 
@@ -112,6 +115,16 @@ impl Engine {
     /// Adds something worth saying.
     pub fn note(&self, note: String) {
         self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+    }
+
+    /// Says once in a run that standard uncertainties are multiplied because the noise is not white.
+    fn note_colour(&self, number: usize, result: &Correlation) {
+        let applied = result.noise_colour.filter(|colour| colour.to_apply().is_some());
+        if let Some(colour) = applied
+            && !self.colour_said.swap(true, Ordering::SeqCst)
+        {
+            self.note(format!("warning: frame {number}: {colour} (every frame has its own: noise_correlation_factor)"));
+        }
     }
 
     /// Brings an image to the device ahead of its turn; a fault shows when it comes.
@@ -546,6 +559,7 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
                 let reference = result.reference_frame;
                 news.push(format!("frame {number}: measured from frame {reference}, the new reference"));
             }
+            engine.note_colour(number, &result);
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.backend().device();

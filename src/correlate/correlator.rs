@@ -6,13 +6,15 @@ use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::Level;
+use super::noise_correlation::{NoiseColour, NoiseProbe, Prepared};
+use super::noise_model::{Elements, PhotonNoise, factors};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
 use super::texture::{TextureFault, rounding};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
-use crate::field::{Brightness, Measurement, RigidMotion, Status};
+use crate::field::{Brightness, Measurement, NoiseCorrelation, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
@@ -85,6 +87,13 @@ pub struct Correlation {
     /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
     /// a shadow, or a false match).
     pub poor_elements: usize,
+    /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for, and
+    /// enough whole elements are there.
+    pub noise_colour: Option<NoiseColour>,
+    /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel.
+    pub noise_factor: [f64; 2],
+    /// The noise as it rises with the grey level, if it was asked for.
+    pub photon_noise: Option<PhotonNoise>,
     /// What went between host and device for the frame so far, when they are two.
     pub traffic: Option<Traffic>,
     /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
@@ -132,6 +141,8 @@ pub struct Correlator<B: Backend> {
     spread: NodalSpread,
     noise_gain: NoiseGain,
     tolerance_px: f64,
+    /// What looks for noise that is not white, if that is wanted and the zones are large enough.
+    probe: Option<NoiseProbe>,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
@@ -172,12 +183,16 @@ impl<B: Backend> Correlator<B> {
         let (low, high) = reference.range();
         let kernel =
             KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
+        if let Some(wanted) = options.noise.fault(f64::from(high)) {
+            let value = options.noise.to_string();
+            return Err(CorrelationError::Option { name: "the noise", value, wanted });
+        }
         let noise = AssumedNoise::of(&reference, &options);
         let noise_gain = NoiseGain::new(options.interpolation, options.n_references);
         let rounding = rounding(&reference);
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
-        let mut frame = backend.frame(reference, &kernel)?;
+        let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
         let tolerance_px = {
@@ -192,6 +207,8 @@ impl<B: Backend> Correlator<B> {
                 options.tolerance_px
             }
         };
+        let of = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
+        let probe = (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&of)).flatten();
         let mut levels = vec![level];
         for level in 1..=search_level(&laid.mesh) {
             let size = size.map(|n| n >> level);
@@ -206,6 +223,7 @@ impl<B: Backend> Correlator<B> {
         Ok(Self {
             noise_gain,
             tolerance_px,
+            probe,
             grey_range: f64::from(high - low),
             rounding,
             backend,
@@ -520,6 +538,18 @@ impl<B: Backend> Correlator<B> {
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
         let (mut smallest_sigma, mut nodes_at_bound) = (f64::INFINITY, 0);
+        let light = Elements {
+            mesh,
+            moments: &level.moments,
+            matched: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            grey_offset: f64::from(self.kernel.grey_offset),
+            gain: &self.noise_gain,
+            least: self.rounding * self.rounding,
+        };
+        let photon_noise = light.photon(self.options.noise);
+        let mut freedom_left = Vec::new();
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
@@ -531,10 +561,12 @@ impl<B: Backend> Correlator<B> {
             };
             let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
             let unknowns = taken + 2.0 * n_transfers as f64;
+            freedom_left.push(1.0 - unknowns / sums.n.max(1.0));
             let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer);
             // Identical images still hold the same rounding.
             let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
-            let noise = self.options.noise.unwrap_or(residual_noise);
+            let given = photon_noise.map(|noise| light.in_zone(zone, noise)).or(self.options.noise.constant());
+            let noise = given.unwrap_or(residual_noise);
             for node in nodes.clone().filter(|&node| measured[node]) {
                 let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
                 nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
@@ -555,6 +587,16 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }
+        let noise_colour = self.probe.as_ref().filter(|_| status == Status::Converged).and_then(|probe| {
+            let image = self.backend.image(frame);
+            probe.look(mesh, &image, &full_displacement, &elements, &transfers, &freedom_left)
+        });
+        let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
+        let own_noise = photon_noise.map(|noise| light.by_node(noise));
+        for (node, sigma) in sigma.iter_mut().enumerate() {
+            let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
+            (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
+        }
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
         let displacement =
@@ -571,6 +613,9 @@ impl<B: Backend> Correlator<B> {
             },
             iterations: outcome.iterations,
             coarse_iterations,
+            noise_colour,
+            noise_factor,
+            photon_noise,
             traffic: self.backend.traffic(frame),
             correction_px: outcome.correction_px,
             correction_at: mesh.nodes()[outcome.worst_node],

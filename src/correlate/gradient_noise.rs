@@ -35,10 +35,11 @@ impl AssumedNoise {
     ///
     /// Steps are made with the least that either says: too little is slow, and too much is worse.
     pub fn of(reference: &Image, options: &Options) -> Self {
-        let stated = options.noise.map_or(f64::INFINITY, |noise| noise / (options.n_references.max(1) as f64).sqrt());
+        let stated =
+            options.noise.constant().map_or(f64::INFINITY, |noise| noise / (options.n_references.max(1) as f64).sqrt());
         Self {
-            of_check: options.noise.unwrap_or_else(|| assumed_noise(reference)),
-            is_stated: options.noise.is_some(),
+            of_check: options.noise.constant().unwrap_or_else(|| assumed_noise(reference)),
+            is_stated: options.noise.constant().is_some(),
             of_reference: fine_content(reference).min(stated),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::error::CorrelationError;
 use super::regularisation::Regularisation;
-use crate::field::{Brightness, StartFrom};
+use crate::field::{Brightness, Noise, NoiseCorrelation, StartFrom};
 use crate::imaging::Interpolation;
 use crate::linalg::SolverChoice;
 
@@ -24,8 +24,10 @@ pub struct Options {
     pub brightness: Brightness,
     /// Where frames of a series start.
     pub start: StartFrom,
-    /// Standard deviation of the noise of one image, grey levels; estimated from the residual if `None`.
-    pub noise: Option<f64>,
+    /// The noise of one image.
+    pub noise: Noise,
+    /// What becomes of noise that is correlated from pixel to pixel.
+    pub noise_correlation: NoiseCorrelation,
     /// How many images the reference is the mean of: its noise is less by the square root of that.
     pub n_references: usize,
     /// Leave nodes without texture out instead of refusing the reference.
@@ -46,7 +48,8 @@ impl Default for Options {
             max_iterations: 50,
             brightness: Brightness::default(),
             start: StartFrom::default(),
-            noise: None,
+            noise: Noise::default(),
+            noise_correlation: NoiseCorrelation::default(),
             n_references: 1,
             drop_textureless: false,
             regularisation: Regularisation::default(),
@@ -75,10 +78,13 @@ impl Options {
         if self.max_iterations == 0 {
             return fault("the largest number of iterations", "0".into(), "at least 1");
         }
-        if let Some(noise) = self.noise
-            && !positive(noise)
+        if let Some(wanted) = self.noise.fault(f64::MAX) {
+            return fault("the noise", self.noise.to_string(), wanted);
+        }
+        if let NoiseCorrelation::Factor(factor) = self.noise_correlation
+            && self.noise_correlation.is_fault()
         {
-            return fault("the noise", noise.to_string(), "a positive standard deviation in grey levels");
+            return fault("the noise correlation", factor.to_string(), "a factor from 0.1 to 100");
         }
         self.regularisation.check(self.element_size)
     }

@@ -193,6 +193,20 @@ impl NoiseGain {
         }
     }
 
+    /// Noise variance of the reference in that of one image.
+    pub fn of_reference(&self) -> f64 {
+        self.reference
+    }
+
+    /// Share of the noise variance of the deformed image that its interpolation lets through in an element.
+    pub fn in_element(&self, mesh: &Mesh<Px>, element: usize, displacement: &[[f64; 2]]) -> f64 {
+        let middle = shape_functions(0.5, 0.5);
+        let nodes = mesh.elements()[element].iter().zip(middle);
+        let u: [f64; 2] =
+            std::array::from_fn(|c| nodes.clone().map(|(&node, psi)| psi * displacement[node as usize][c]).sum());
+        Self::at(&self.deformed, u[0]) * Self::at(&self.deformed, u[1])
+    }
+
     fn at(table: &[f64; 65], u: f64) -> f64 {
         let t = 64.0 * (u - u.floor());
         let k = (t as usize).min(63);

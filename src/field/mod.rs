@@ -2,12 +2,14 @@
 //! choices it is run with.
 
 mod measurement;
+mod noise;
 mod options;
 mod quantities;
 mod rigid;
 mod strain;
 
 pub use measurement::{Measurement, Status};
+pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
     Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,

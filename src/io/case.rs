@@ -1,6 +1,8 @@
 //! Case files: what to correlate and how, as TOML.
 
-use crate::field::{Brightness, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
+use crate::field::{
+    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
+};
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
 use lists::{four_numbers, one_or_list, one_or_more, polygon, polygons};
@@ -153,9 +155,12 @@ pub struct CaseCorrelation {
     /// When a frame becomes the reference of those that follow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub update_reference: Option<UpdateReference>,
-    /// Standard deviation of the camera noise, grey levels.
+    /// The camera noise: its standard deviation, grey levels, or a variance that rises with the grey level.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise: Option<f64>,
+    pub noise: Option<Noise>,
+    /// What becomes of noise that is correlated from pixel to pixel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_correlation: Option<NoiseCorrelation>,
     /// What the displacement is held by beside the images.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regularisation: Option<RegularisationKind>,

@@ -120,6 +120,9 @@ impl Advice {
     }
 }
 
+/// From this factor on the standard uncertainty, noise that is not white is worth a word.
+const CORRELATED: f64 = 1.1;
+
 fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
     let mut hints = Vec::new();
     if noise.origin == Origin::Assumed {
@@ -141,6 +144,15 @@ fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
         hints.push(format!(
             "the noise depends on the grey level ({} from dark to bright); the uncertainties are made with the mean",
             parts.join(", ")
+        ));
+    }
+    let factor = noise.correlation.as_ref().and_then(|found| found.factor);
+    if let Some([x, y]) = factor.filter(|factor| factor[0].max(factor[1]) > CORRELATED) {
+        hints.push(format!(
+            "the noise is correlated from pixel to pixel: displacements are {:.2} times as uncertain as the table, which \
+             supposes white noise, says (correlate --noise-correlation {:.2})",
+            x.max(y),
+            x.max(y)
         ));
     }
     for pair in &noise.pairs {

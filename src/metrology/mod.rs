@@ -6,6 +6,7 @@
 //! not show.
 
 mod advice;
+mod colour;
 mod error;
 mod noise;
 mod region;
@@ -16,6 +17,7 @@ mod trials;
 mod wave;
 
 pub use advice::Advice;
+pub use colour::{NoiseCorrelation, PhotonFit};
 pub use error::MetrologyError;
 pub use noise::{GreyNoise, Noise, Origin, StaticPair};
 pub use texture::Texture;

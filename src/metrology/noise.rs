@@ -1,5 +1,6 @@
 //! Noise of one image.
 
+use super::colour::{ByGrey, NoiseCorrelation, PhotonFit, Products};
 use super::region::Region;
 use super::spline::Spline;
 use super::texture::Texture;
@@ -41,6 +42,10 @@ pub struct Noise {
     /// Noise of dark, middle and bright pixels: of three equal parts of the range of grey levels. Empty
     /// unless measured.
     pub by_grey: Vec<GreyNoise>,
+    /// How its variance rises with the grey level. `None` unless measured, on a range of grey levels.
+    pub photon: Option<PhotonFit>,
+    /// How it goes together from pixel to pixel. `None` unless measured.
+    pub correlation: Option<NoiseCorrelation>,
 }
 
 /// What one static image says.
@@ -91,8 +96,10 @@ impl Noise {
 }
 
 /// Side of the elements that follow the drift, px: the largest of these that fits. They take few degrees of
-/// freedom from the noise.
+/// freedom from the noise; and enough of them to see whether it is correlated.
 const DRIFT_ELEMENTS: [usize; 5] = [64, 48, 32, 24, 16];
+
+const ENOUGH_ELEMENTS: usize = 60;
 
 /// The noise, from `stills` if there are any, else as `given`, else assumed.
 pub(super) fn noise(
@@ -105,8 +112,16 @@ pub(super) fn noise(
     let ceiling_grey = WavePicture::noise_ceiling(&part);
     let assumed_by_correlate_grey = assumed_noise(&part);
     let (pairs, by_grey) = (Vec::new(), Vec::new());
-    let alone =
-        |sigma_grey, origin| Noise { sigma_grey, origin, ceiling_grey, assumed_by_correlate_grey, pairs, by_grey };
+    let alone = |sigma_grey, origin| Noise {
+        sigma_grey,
+        origin,
+        ceiling_grey,
+        assumed_by_correlate_grey,
+        pairs,
+        by_grey,
+        photon: None,
+        correlation: None,
+    };
     if let Some(given) = given {
         return Ok(alone(given, Origin::Given));
     }
@@ -125,7 +140,9 @@ pub(super) fn noise(
             return Err(MetrologyError::StaticIsReference { name: still.name.clone() });
         }
     }
-    let element_size = DRIFT_ELEMENTS.into_iter().find(|&size| region.fits(size)).unwrap_or(16);
+    let fitting = || DRIFT_ELEMENTS.into_iter().filter(|&size| region.fits(size));
+    let element_size =
+        fitting().find(|&size| region.elements(size) >= ENOUGH_ELEMENTS).or(fitting().last()).unwrap_or(16);
     // Quintic: what interpolation does to the texture would count as noise.
     let interpolation = Interpolation::Quintic;
     let options =
@@ -133,6 +150,7 @@ pub(super) fn noise(
     let correlator = Correlator::new(CpuBackend::default(), part.clone(), &region.zones(), options)?;
     let mut bins = Bins::new(&part, region);
     let mut pairs = Vec::new();
+    let mut colours = Vec::new();
     for still in stills {
         let name = still.name.clone();
         let image = region.cut(&still.image);
@@ -146,6 +164,7 @@ pub(super) fn noise(
         };
         let offset_grey = correlator.offset_of(zone.transfer);
         bins.add(&part, &image, &result.measurement, zone.transfer.gain, offset_grey, interpolation);
+        colours.extend(result.noise_colour.map(|colour| (colour.factor, colour.factor_sigma)));
         pairs.push(StaticPair {
             name,
             sigma_grey: zone.noise,
@@ -157,8 +176,23 @@ pub(super) fn noise(
         });
     }
     let sigma_grey = (pairs.iter().map(|pair| pair.sigma_grey.powi(2)).sum::<f64>() / pairs.len() as f64).sqrt();
-    let by_grey = bins.finish();
-    Ok(Noise { sigma_grey, origin: Origin::StaticImages, ceiling_grey, assumed_by_correlate_grey, pairs, by_grey })
+    let [along_x, along_y] = bins.products.finish();
+    let n = colours.len() as f64;
+    let factor = (n > 0.0).then(|| [0, 1].map(|c| colours.iter().map(|(factor, _)| factor[c]).sum::<f64>() / n));
+    // Pairs share the reference: together they are hardly better than one.
+    let factor_sigma = (n > 0.0).then(|| colours.iter().map(|(_, sigma)| sigma).sum::<f64>() / n);
+    let correlation = Some(NoiseCorrelation { along_x, along_y, factor, factor_sigma });
+    let (by_grey, photon) = bins.finish();
+    Ok(Noise {
+        sigma_grey,
+        origin: Origin::StaticImages,
+        ceiling_grey,
+        assumed_by_correlate_grey,
+        pairs,
+        by_grey,
+        photon,
+        correlation,
+    })
 }
 
 /// Noise of the rounding to whole grey levels; a trace for floats, since no image is without any.
@@ -174,13 +208,21 @@ struct Bins {
     edges: [f64; 4],
     sum: [f64; 3],
     n: [usize; 3],
+    fine: ByGrey,
+    products: Products,
 }
 
 impl Bins {
     fn new(reference: &Image, region: &Region) -> Self {
         let sorted = grey_levels(reference, region);
         let [low, high] = Texture::percentiles(&sorted);
-        Self { edges: [0.0, 1.0, 2.0, 3.0].map(|k| low + k / 3.0 * (high - low)), sum: [0.0; 3], n: [0; 3] }
+        Self {
+            edges: [0.0, 1.0, 2.0, 3.0].map(|k| low + k / 3.0 * (high - low)),
+            sum: [0.0; 3],
+            n: [0; 3],
+            fine: ByGrey::new(reference, [low, high]),
+            products: Products::default(),
+        }
     }
 
     fn add(
@@ -206,16 +248,24 @@ impl Bins {
                 [0, 1].map(|c| nodes.iter().zip(psi).map(|(&node, psi)| psi * field.displacement[node][c]).sum())
             };
             // Interpolation lets this share of the noise of g through.
-            let [cx, cy] = at(0.5, 0.5).map(|u| interpolation.noise_gain(u - u.floor()));
+            let middle = at(0.5, 0.5);
+            let [cx, cy] = middle.map(|u| interpolation.noise_gain(u - u.floor()));
             let by_variance = 1.0 / (1.0 + gain * gain * cx * cy);
+            let columns = x0.ceil() as usize..x1.ceil() as usize;
+            let mut residual = Vec::new();
             for y in y0.ceil() as usize..y1.ceil() as usize {
-                for x in x0.ceil() as usize..x1.ceil() as usize {
+                for x in columns.clone() {
                     let u = at((x as f64 - x0) / (x1 - x0), (y as f64 - y0) / (y1 - y0));
-                    let Some(g) = spline.grey(x as f64 + u[0], y as f64 + u[1]) else { continue };
+                    let Some(g) = spline.grey(x as f64 + u[0], y as f64 + u[1]) else {
+                        residual.push(None);
+                        continue;
+                    };
                     let (f, g) = (f64::from(reference.grey(x, y)), gain * g + offset);
+                    residual.push(Some(f - g));
                     // The mean of both has noise that is not correlated with their difference: sorting by
                     // it does not select the noise.
                     let grey = 0.5 * (f + g);
+                    self.fine.add(grey, (f - g).powi(2) * by_variance);
                     let Some(bin) = (0..3).find(|&k| grey >= self.edges[k] && grey < self.edges[k + 1]) else {
                         continue;
                     };
@@ -223,16 +273,17 @@ impl Bins {
                     self.n[bin] += 1;
                 }
             }
+            self.products.add(&residual, columns.len(), middle, gain, interpolation);
         }
     }
 
-    fn finish(self) -> Vec<GreyNoise> {
+    fn finish(self) -> (Vec<GreyNoise>, Option<PhotonFit>) {
         let part = |k: usize| GreyNoise {
             from_grey: self.edges[k],
             to_grey: self.edges[k + 1],
             sigma_grey: (self.sum[k] / self.n[k].max(1) as f64).sqrt(),
             n_pixels: self.n[k],
         };
-        (0..3).map(part).collect()
+        ((0..3).map(part).collect(), self.fine.fit())
     }
 }

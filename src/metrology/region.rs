@@ -90,6 +90,12 @@ impl Region {
         [x0 + x, y0 + y, x1 + x, y1 + y]
     }
 
+    /// How many elements of this size the zone holds.
+    pub fn elements(&self, element_size: usize) -> usize {
+        let [x0, y0, x1, y1] = self.zone;
+        ((x1 - x0) / element_size) * ((y1 - y0) / element_size)
+    }
+
     /// Whether elements of this size fit, two by two.
     pub fn fits(&self, element_size: usize) -> bool {
         let [x0, y0, x1, y1] = self.zone;

@@ -7,7 +7,7 @@ use super::wave::{WavePicture, with_noise};
 use crate::backend::GreyTransfer;
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlation, CorrelationError, Correlator, Options as CorrelateOptions, Start};
-use crate::field::Status;
+use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -192,7 +192,8 @@ impl Trials<'_> {
         let options = CorrelateOptions {
             element_size,
             interpolation,
-            noise: Some(noise.max(f64::MIN_POSITIVE)),
+            noise: noise.max(f64::MIN_POSITIVE).into(),
+            noise_correlation: NoiseCorrelation::Off, // the noise that is added is white
             drop_textureless: true,
             max_iterations: MOST_ITERATIONS,
             ..CorrelateOptions::default()

@@ -1,7 +1,7 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
 use crate::backend::{Backend, Traffic};
-use crate::correlate::{Correlation, Correlator, NOISE_CONTRADICTED, StartUsed, TextureFault, ZoneResult};
+use crate::correlate::{Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, StartUsed, TextureFault, ZoneResult};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -188,6 +188,16 @@ pub struct FrameSummary {
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
+    /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel; absent
+    /// where that is 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_correlation_factor: Option<[f64; 2]>,
+    /// What the residual says of it; absent where it was not looked for, or too few whole elements are there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_colour: Option<NoiseColourSummary>,
+    /// The noise as it rises with the grey level, `[a, b]` of the variance `a + b grey`; absent unless asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_photon: Option<[f64; 2]>,
     /// Where the iteration started.
     pub start: Option<StartUsed>,
     /// From decoded pixels to the final field with its uncertainty, seconds.
@@ -200,6 +210,34 @@ pub struct FrameSummary {
     /// The device that did the frame, when it is not that of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+}
+
+/// What the residual of a frame says of its noise.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct NoiseColourSummary {
+    /// `white`, `correlated`, or `misfit`: the residual follows the texture as no noise does, and does not tell.
+    pub verdict: String,
+    /// Standard uncertainties, x and y, in those that white noise would give.
+    pub factor: [f64; 2],
+    /// Standard deviation of the factors.
+    pub factor_sigma: f64,
+    /// Correlation of neighbouring pixels of the residual along x and y, less that of white noise.
+    pub neighbours: [f64; 2],
+    /// Mean square of the residual along displacements that elements cannot follow, beside that along other texture: mean
+    /// of several kinds of such displacements, and the largest.
+    pub misfit: [f64; 2],
+}
+
+impl From<NoiseColour> for NoiseColourSummary {
+    fn from(colour: NoiseColour) -> Self {
+        let verdict = match colour.to_apply() {
+            _ if colour.is_misfit() => "misfit",
+            Some(_) => "correlated",
+            None => "white",
+        };
+        let NoiseColour { factor, factor_sigma, neighbours, misfit } = colour;
+        Self { verdict: verdict.into(), factor, factor_sigma, neighbours, misfit }
+    }
 }
 
 /// A rigid motion: translation of `centre`, and rotation about it (positive from x to y, y down).
@@ -277,6 +315,9 @@ impl FrameSummary {
             nodes_at_noise_bound: 0,
             elements_poor: 0,
             saturated_percent: None,
+            noise_correlation_factor: None,
+            noise_colour: None,
+            noise_photon: None,
             start: None,
             seconds: 0.0,
             seconds_decode,
@@ -330,6 +371,9 @@ impl FrameSummary {
             nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
             saturated_percent: None,
+            noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),
+            noise_colour: result.noise_colour.map(Into::into),
+            noise_photon: result.photon_noise.map(|noise| [noise.a, noise.b]),
             start: Some(result.start),
             seconds,
             seconds_decode,

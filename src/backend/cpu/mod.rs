@@ -270,6 +270,10 @@ impl Backend for CpuBackend {
         Ok(CpuFrame { grey, options: *options, coefficients: Vec::new() })
     }
 
+    fn image(&self, frame: &CpuFrame) -> Arc<Image> {
+        frame.grey.image.clone()
+    }
+
     fn grey_map(&self, frame: &mut CpuFrame, level: usize) -> GreyMap {
         frame.grey.level(level).clone()
     }

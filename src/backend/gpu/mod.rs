@@ -110,6 +110,10 @@ impl Backend for GpuBackend {
         GpuFrame::new(&self.gpu, image, options)
     }
 
+    fn image(&self, frame: &GpuFrame) -> Arc<Image> {
+        frame.host.image.clone()
+    }
+
     fn grey_map(&self, frame: &mut GpuFrame, level: usize) -> GreyMap {
         frame.host.level(level).clone()
     }

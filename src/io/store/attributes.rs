@@ -18,7 +18,8 @@ pub(super) const SIGMA: &str = "Cov = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v M
                      reference 2 sigma^2 M^-1: M the normal matrix of the correlation, M0 without the noise of the gradient, \
                      k the references averaged, gain that of brightness, sigma the noise of one image: given, or for each \
                      zone estimated from the residual r, sigma^2 = var(r)/(1/k + gain^2 v_x v_y), v_x v_y the share of the \
-                     noise that interpolation lets through, v that of its product with the noise of the gradient";
+                     noise that interpolation lets through, v that of its product with the noise of the gradient; where the noise is not white or rises with the grey \
+                     level, sigma is made for that (noise_correlation_factor, noise_photon of the frame's record)";
 
 /// Definition of the strains in words and numbers.
 #[derive(Debug, Clone, Serialize, Deserialize)]
