@@ -5,6 +5,7 @@ use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, support};
+use super::light::{Light, Seen, SmoothLight, is_suspected};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
@@ -38,8 +39,10 @@ pub struct ZoneResult {
     pub name: String,
     /// Rigid motion of its measured nodes.
     pub rigid: Option<RigidMotion>,
-    /// Brightness and contrast found.
+    /// Brightness and contrast found; their mean where they are a field.
     pub transfer: GreyTransfer,
+    /// Brightness and contrast as a smooth field; none where one gain and offset are enough for the zone.
+    pub light: Option<SmoothLight>,
     /// Correlation coefficient of the reference and the deformed image brought back.
     pub correlation: f64,
     /// Root mean square of the residual, grey levels.
@@ -158,8 +161,11 @@ impl<B: Backend> Correlator<B> {
         let size = [reference.width(), reference.height()];
         let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
-        let kernel =
-            KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
+        let kernel = KernelOptions {
+            interpolation: options.interpolation,
+            grey_offset,
+            brightness: options.brightness.of_sums(),
+        };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
         let zone_pixels = laid.zone_pixels.clone();
@@ -361,9 +367,11 @@ impl<B: Backend> Correlator<B> {
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
         let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
-        let result = self.finish(frame, &field, outcome, StartUsed::Predicted, 0)?;
-        if near && result.measurement.status == Status::Converged {
-            return Ok(result);
+        if near {
+            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0)?;
+            if result.measurement.status == Status::Converged {
+                return Ok(result);
+            }
         }
         let mut coarse = displacement.to_vec();
         for pair in self.levels.windows(2) {
@@ -431,28 +439,93 @@ impl<B: Backend> Correlator<B> {
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
         let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel)?;
-        self.finish(frame, &field, outcome, start, coarse_iterations)
+        self.finish(frame, &mut field, outcome, start, coarse_iterations)
+    }
+
+    /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
+    fn may_be_smooth(&self) -> Option<bool> {
+        match self.options.brightness {
+            Brightness::Auto => Some(false),
+            Brightness::Smooth => Some(true),
+            Brightness::Zone | Brightness::Element | Brightness::Off => None,
+        }
+    }
+
+    /// What a converged iteration has found; where the light asks for smooth fields, after iterating on with them.
+    ///
+    /// Fields of light and of displacement take turns: each fit of the light moves the displacement by less, until what
+    /// is to be expected of the next is below the tolerance.
+    fn found(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: &mut Outcome<B>,
+    ) -> Result<(Found, Option<Light>), CorrelationError> {
+        const ROUNDS: usize = 6;
+        let level = &self.levels[0];
+        let mut found = self.backend.found(&level.prepared, frame, field)?;
+        let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
+        let mut light: Option<Light> = None;
+        // Sum of squares that the first fit took, and the correction that it led to.
+        let mut first: Option<(f64, f64)> = None;
+        for _ in 0..ROUNDS {
+            let left = self.options.max_iterations.saturating_sub(outcome.iterations);
+            let suspected = always || light.is_some() || is_suspected(&level.mesh, &found.elements, &level.moments);
+            if outcome.status != Status::Converged || left == 0 || !suspected {
+                break;
+            }
+            let sums = self.backend.element_sums(&level.prepared, frame, field)?;
+            let mesh = &*level.mesh;
+            let variances: Vec<f64> = (0..mesh.zones().len())
+                .flat_map(|zone| self.noise_gain.variances(mesh, zone, &found.displacement))
+                .collect();
+            let of_reference = self.noise_gain.of_reference();
+            let seen = Seen { mesh, sums: &sums, transfer: &found.transfer, variances: &variances, of_reference };
+            let taken = match &mut light {
+                Some(light) => light.refine(&seen),
+                None => {
+                    let Some((smooth, taken)) = Light::found(&seen, always) else { break };
+                    light = Some(smooth);
+                    taken
+                }
+            };
+            let expected = first.map(|(taken_first, correction)| correction * (taken / taken_first).sqrt());
+            if taken <= 0.0 || expected.is_some_and(|correction| correction < self.options.tolerance_px) {
+                break;
+            }
+            if let Some(light) = &light {
+                self.backend.light(&level.prepared, frame, field, light.nodes())?;
+            }
+            let limits = Limits { max_iterations: left, ..self.limits() };
+            let more = iterate(&self.backend, level, frame, field, limits, &self.kernel)?;
+            first = first.or(Some((taken, more.first_correction_px)));
+            let iterations = outcome.iterations + more.iterations;
+            let own = more.own.or(outcome.own.take());
+            *outcome = Outcome { iterations, own, ..more };
+            found = self.backend.found(&level.prepared, frame, field)?;
+        }
+        Ok((found, light))
     }
 
     /// Status, uncertainty and summary of a finished iteration.
     fn finish(
         &self,
         frame: &mut B::Frame,
-        field: &B::Field,
-        outcome: Outcome<B>,
+        field: &mut B::Field,
+        mut outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
-        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } =
-            self.backend.found(&level.prepared, frame, field)?;
+        let (found, light) = self.found(frame, field, &mut outcome)?;
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches: Vec<f64> = (0..mesh.zones().len())
             .map(|zone| match self.options.brightness {
                 Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
                 // Without a transfer a change of light is misfit, although it correlates.
                 Brightness::Off => last[zone].explained(),
-                Brightness::Zone => last[zone].correlation(),
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => last[zone].correlation(),
             })
             .collect();
         let mut measured = vec![false; mesh.n_nodes()];
@@ -475,14 +548,18 @@ impl<B: Backend> Correlator<B> {
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
-            let transfer = transfers[zone];
+            let (transfer, smooth) = match &light {
+                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
+                None => (transfers[zone], None),
+            };
+            let of_light = light.as_ref().map_or(0.0, |light| light.unknowns(zone));
             let n_transfers = match self.options.brightness {
-                Brightness::Zone => 1,
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
                 Brightness::Element => mesh.zone_elements(zone).len(),
                 Brightness::Off => 0,
             };
             let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| freedom[node]).sum();
-            let unknowns = taken + 2.0 * n_transfers as f64;
+            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
             let noise = self.options.noise.unwrap_or_else(|| {
                 let gain = &self.noise_gain;
                 let noise = gain.noise_of_residual(mesh, zone, &full_displacement, sums, transfer, unknowns);
@@ -495,6 +572,7 @@ impl<B: Backend> Correlator<B> {
                 name: name.clone(),
                 rigid: rigid(mesh, &full_displacement, &measured, nodes),
                 transfer,
+                light: smooth,
                 correlation: matches[zone],
                 residual_rms: sums.residual_rms(),
                 noise,

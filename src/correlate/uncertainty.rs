@@ -66,6 +66,23 @@ impl NoiseGain {
         self.deformed[k] + (t - k as f64) * (self.deformed[k + 1] - self.deformed[k])
     }
 
+    /// Noise variance of the reference in that of one image.
+    pub fn of_reference(&self) -> f64 {
+        self.reference
+    }
+
+    /// Variance of the interpolated noise in the middle of each element of a zone, in that of one image.
+    pub fn variances(&self, mesh: &Mesh<Px>, zone: usize, displacement: &[[f64; 2]]) -> Vec<f64> {
+        let middle = shape_functions(0.5, 0.5);
+        let of_element = |nodes: &[u32; 4]| {
+            let u: [f64; 2] = std::array::from_fn(|c| {
+                nodes.iter().zip(middle).map(|(&node, psi)| psi * displacement[node as usize][c]).sum()
+            });
+            self.at(u[0]) * self.at(u[1])
+        };
+        mesh.elements()[mesh.zone_elements(zone)].iter().map(of_element).collect()
+    }
+
     /// Standard deviation of the noise of one image from the residual of one zone, grey levels: the
     /// residual holds the noise of f and the interpolated (filtered) noise of g,
     /// `var(r) = sigma^2 (1/k + gain^2 v_x v_y)` with the mean of k references; each node and the transfer take degrees of freedom.
@@ -78,16 +95,8 @@ impl NoiseGain {
         transfer: GreyTransfer,
         unknowns: f64,
     ) -> f64 {
-        let mut gain = 0.0;
-        let elements = mesh.zone_elements(zone);
-        let n_elements = elements.len() as f64;
-        let middle = shape_functions(0.5, 0.5);
-        for nodes in &mesh.elements()[elements] {
-            let u: [f64; 2] = std::array::from_fn(|c| {
-                nodes.iter().zip(middle).map(|(&node, psi)| psi * displacement[node as usize][c]).sum()
-            });
-            gain += self.at(u[0]) * self.at(u[1]);
-        }
+        let variances = self.variances(mesh, zone, displacement);
+        let (gain, n_elements) = (variances.iter().sum::<f64>(), variances.len() as f64);
         let freedom = (sums.n - unknowns).max(1.0);
         (sums.rr / freedom / (self.reference + transfer.gain.powi(2) * gain / n_elements)).max(0.0).sqrt()
     }
