@@ -261,7 +261,7 @@ impl Backend for AnyBackend {
         level: &AnyLevel,
         frame: &mut AnyFrame,
         field: &AnyField,
-    ) -> Result<Vec<PixelSums>, BackendError> {
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
         match (self, level, frame, field) {
             (Self::Cpu(cpu), AnyLevel::Cpu(level), AnyFrame::Cpu(frame), AnyField::Cpu(field)) => {
                 cpu.element_sums(level, frame, field)

@@ -286,7 +286,8 @@ pub trait Backend: Sync {
         field: &Self::Field,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError>;
 
-    /// The sums of the last evaluation, per element; none of elements that are left out.
+    /// The sums of the last evaluation, per element, none of elements that are left out; and the transfer of grey levels
+    /// per zone, which has followed them.
     ///
     /// # Errors
     /// When the device fails.
@@ -295,7 +296,7 @@ pub trait Backend: Sync {
         level: &Self::Level,
         frame: &mut Self::Frame,
         field: &Self::Field,
-    ) -> Result<Vec<PixelSums>, BackendError>;
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError>;
 
     /// From now on brings the deformed image to the light of the reference before all else: `g` becomes
     /// `gain g + offset`, by the values at the nodes of the level, bilinear within an element. All sums are then those

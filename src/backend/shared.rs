@@ -124,7 +124,7 @@ impl<B: Backend + Send> Backend for Arc<B> {
         level: &B::Level,
         frame: &mut B::Frame,
         field: &B::Field,
-    ) -> Result<Vec<PixelSums>, BackendError> {
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
         (**self).element_sums(level, frame, field)
     }
 

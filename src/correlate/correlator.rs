@@ -3,7 +3,7 @@
 use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
-use super::iterate::{Limits, Outcome, iterate};
+use super::iterate::{Limits, Outcome, iterate, nothing};
 use super::level::{Level, support};
 use super::light::{Light, Seen, SmoothLight, is_suspected};
 use super::options::Options;
@@ -365,7 +365,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Correlation, CorrelationError> {
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
-        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
+        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel, nothing)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
         if near {
             let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0)?;
@@ -432,13 +432,13 @@ impl<B: Backend> Correlator<B> {
         let mut coarse_iterations = 0;
         for pair in self.levels.windows(2).rev() {
             let [finer, level] = pair else { continue };
-            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel)?;
+            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel, nothing)?;
             coarse_iterations += outcome.iterations;
             // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
             let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel)?;
+        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel, nothing)?;
         self.finish(frame, &mut field, outcome, start, coarse_iterations)
     }
 
@@ -451,60 +451,43 @@ impl<B: Backend> Correlator<B> {
         }
     }
 
-    /// What a converged iteration has found; where the light asks for smooth fields, after iterating on with them.
-    ///
-    /// Fields of light and of displacement take turns: each fit of the light moves the displacement by less, until what
-    /// is to be expected of the next is below the tolerance.
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them, for as many
+    /// iterations again at most. The fields follow the displacement one iteration late, as the transfers of the zones do.
     fn found(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         outcome: &mut Outcome<B>,
     ) -> Result<(Found, Option<Light>), CorrelationError> {
-        const ROUNDS: usize = 6;
-        let level = &self.levels[0];
-        let mut found = self.backend.found(&level.prepared, frame, field)?;
+        let Level { mesh, prepared, moments, .. } = &self.levels[0];
+        let found = self.backend.found(prepared, frame, field)?;
         let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
-        let mut light: Option<Light> = None;
-        // Sum of squares that the first fit took, and the correction that it led to.
-        let mut first: Option<(f64, f64)> = None;
-        for _ in 0..ROUNDS {
-            let left = self.options.max_iterations.saturating_sub(outcome.iterations);
-            let suspected = always || light.is_some() || is_suspected(&level.mesh, &found.elements, &level.moments);
-            if outcome.status != Status::Converged || left == 0 || !suspected {
-                break;
-            }
-            let sums = self.backend.element_sums(&level.prepared, frame, field)?;
-            let mesh = &*level.mesh;
-            let variances: Vec<f64> = (0..mesh.zones().len())
-                .flat_map(|zone| self.noise_gain.variances(mesh, zone, &found.displacement))
-                .collect();
-            let of_reference = self.noise_gain.of_reference();
-            let seen = Seen { mesh, sums: &sums, transfer: &found.transfer, variances: &variances, of_reference };
-            let taken = match &mut light {
-                Some(light) => light.refine(&seen),
-                None => {
-                    let Some((smooth, taken)) = Light::found(&seen, always) else { break };
-                    light = Some(smooth);
-                    taken
-                }
-            };
-            let expected = first.map(|(taken_first, correction)| correction * (taken / taken_first).sqrt());
-            if taken <= 0.0 || expected.is_some_and(|correction| correction < self.options.tolerance_px) {
-                break;
-            }
-            if let Some(light) = &light {
-                self.backend.light(&level.prepared, frame, field, light.nodes())?;
-            }
-            let limits = Limits { max_iterations: left, ..self.limits() };
-            let more = iterate(&self.backend, level, frame, field, limits, &self.kernel)?;
-            first = first.or(Some((taken, more.first_correction_px)));
-            let iterations = outcome.iterations + more.iterations;
-            let own = more.own.or(outcome.own.take());
-            *outcome = Outcome { iterations, own, ..more };
-            found = self.backend.found(&level.prepared, frame, field)?;
+        let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
+        if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
+            return Ok((found, None));
         }
-        Ok((found, light))
+        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
+        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
+        let of_reference = self.noise_gain.of_reference();
+        let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+        let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
+        let Some(mut light) = Light::found(&seen, always) else { return Ok((found, None)) };
+        self.backend.light(prepared, frame, field, light.nodes())?;
+        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
+            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+            self.backend.light(prepared, frame, field, light.nodes())
+        };
+        let mut more = iterate(&self.backend, &self.levels[0], frame, field, self.limits(), &self.kernel, follow)?;
+        more.iterations += outcome.iterations;
+        if outcome.status == Status::Converged && more.status != Status::Converged {
+            // What was found with one gain and offset per zone is worth more than a field that does not settle.
+            outcome.iterations = more.iterations;
+            return Ok((found, None));
+        }
+        more.own = more.own.or(outcome.own.take());
+        *outcome = more;
+        Ok((self.backend.found(prepared, frame, field)?, Some(light)))
     }
 
     /// Status, uncertainty and summary of a finished iteration.

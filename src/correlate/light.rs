@@ -265,7 +265,7 @@ impl Zone {
             }
         }
         let matrix = BlockMatrix::assemble(&pattern, &cells, &matrices);
-        let (scaled, _) = BlockJacobi::new(&matrix).solve(&matrix, &rhs, 1e-8, 1000);
+        let (scaled, _) = BlockJacobi::new(&matrix).solve(&matrix, &rhs, 1e-6, 1000);
         let values: Vec<[f64; 2]> = scaled.into_iter().map(|[gamma, delta]| [gamma / unit, delta]).collect();
         let left = self.said.iter().map(|said| {
             let of = said.of(interpolated(&grid, &cells, &values, said.at));
@@ -307,6 +307,17 @@ impl Zone {
             }
         }
         best
+    }
+
+    /// The field on `grid`, or on the next finer one where that is significantly better: it may be seen only when the
+    /// displacement has settled.
+    fn followed(&self, mesh: &Mesh<Px>, zone: usize, grid: Grid) -> Fitted {
+        let fitted = self.fit(grid);
+        let finer = Grid::of_zone(mesh, zone).into_iter().find(|finer| finer.n_nodes() > grid.n_nodes());
+        match finer.map(|finer| self.fit(finer)) {
+            Some(finer) if self.is_better(&finer, fitted.left, fitted.unknowns) => finer,
+            _ => fitted,
+        }
     }
 }
 
@@ -378,56 +389,52 @@ impl Seen<'_> {
 }
 
 impl Light {
-    /// The light that the elements ask for, and the sum of squares that it takes; `None` when the transfers of the
-    /// zones are enough.
-    pub fn found(seen: &Seen<'_>, always: bool) -> Option<(Self, f64)> {
+    /// The light that the elements ask for; `None` when the transfers of the zones are enough, which with `always` is so
+    /// only where no element matches.
+    pub fn found(seen: &Seen<'_>, always: bool) -> Option<Self> {
         let n_zones = seen.mesh.zones().len();
         let mut light = Self { grids: vec![None; n_zones], nodes: vec![GreyTransfer::NONE; seen.mesh.n_nodes()] };
-        let mut taken = 0.0;
         for zone in 0..n_zones {
             let Some(said) = seen.zone(zone) else { continue };
-            let Some(fitted) = said.chosen(seen.mesh, zone, always) else { continue };
-            light.grids[zone] = Some(fitted.grid);
-            taken += light.follow(seen, zone, &said, &fitted);
-        }
-        light.grids.iter().any(Option::is_some).then_some((light, taken))
-    }
-
-    /// Follows what the elements say now, on the same grids; returns the sum of squares that it takes.
-    pub fn refine(&mut self, seen: &Seen<'_>) -> f64 {
-        let mut taken = 0.0;
-        for zone in 0..self.grids.len() {
-            if let (Some(grid), Some(said)) = (self.grids[zone], seen.zone(zone)) {
-                taken += self.follow(seen, zone, &said, &said.fit(grid));
+            if let Some(fitted) = said.chosen(seen.mesh, zone, always) {
+                light.change(seen, zone, &said, &fitted);
             }
         }
-        taken
+        light.grids.iter().any(Option::is_some).then_some(light)
     }
 
-    fn follow(&mut self, seen: &Seen<'_>, zone: usize, said: &Zone, fitted: &Fitted) -> f64 {
+    /// Follows what the elements say now.
+    pub fn follow(&mut self, seen: &Seen<'_>) {
+        for zone in 0..self.grids.len() {
+            if let (Some(grid), Some(said)) = (self.grids[zone], seen.zone(zone)) {
+                self.change(seen, zone, &said, &said.followed(seen.mesh, zone, grid));
+            }
+        }
+    }
+
+    fn change(&mut self, seen: &Seen<'_>, zone: usize, said: &Zone, fitted: &Fitted) {
         let cells = fitted.grid.elements();
         let GreyTransfer { gain, offset } = seen.transfer[zone];
-        let all: Option<Vec<GreyTransfer>> = seen
-            .mesh
-            .zone_nodes(zone)
-            .map(|node| {
-                let [gamma, delta] = interpolated(&fitted.grid, &cells, &fitted.values, seen.mesh.nodes()[node]);
-                let before = self.nodes[node];
-                // f = H + gamma m + delta with m = (f + H) / 2, in which m counts from the mean of the zone.
-                let factor = (1.0 + 0.5 * gamma) / (1.0 - 0.5 * gamma);
-                let added = (delta - gamma * said.mean) / (1.0 - 0.5 * gamma);
-                let after = GreyTransfer {
-                    gain: factor * before.gain,
-                    offset: factor * before.offset + ((factor - 1.0) * offset + added) / gain,
-                };
-                // No change of light turns dark into bright, nor does it darken to nothing.
-                let sensible = gamma.abs() < 1.5 && after.gain.is_finite() && after.offset.is_finite();
-                sensible.then_some(after)
-            })
-            .collect();
-        let Some(all) = all else { return 0.0 };
-        self.nodes[seen.mesh.zone_nodes(zone)].copy_from_slice(&all);
-        (said.squares_of_elements() - fitted.left).max(0.0)
+        let after = |node: usize| {
+            let [gamma, delta] = interpolated(&fitted.grid, &cells, &fitted.values, seen.mesh.nodes()[node]);
+            let before = self.nodes[node];
+            // f = H + gamma m + delta with m = (f + H) / 2, in which m counts from the mean of the zone.
+            let factor = (1.0 + 0.5 * gamma) / (1.0 - 0.5 * gamma);
+            let added = (delta - gamma * said.mean) / (1.0 - 0.5 * gamma);
+            let after = GreyTransfer {
+                gain: factor * before.gain,
+                offset: factor * before.offset + ((factor - 1.0) * offset + added) / gain,
+            };
+            // No change of light turns dark into bright, nor does it darken to nothing.
+            let sensible = gamma.abs() < 1.5 && after.gain.is_finite() && after.offset.is_finite();
+            sensible.then_some(after)
+        };
+        let nodes = seen.mesh.zone_nodes(zone);
+        // Where one of them makes no sense the light stays as it was.
+        if let Some(all) = nodes.clone().map(after).collect::<Option<Vec<GreyTransfer>>>() {
+            self.nodes[nodes].copy_from_slice(&all);
+            self.grids[zone] = Some(fitted.grid);
+        }
     }
 
     /// At the nodes of the mesh, before the transfer of the zone.
@@ -463,5 +470,38 @@ impl Light {
         let gain = all().fold(none, |range, t| wider(range, t.gain));
         let offset = all().fold(none, |range, t| wider(range, own_scale(t)));
         (mean, Some(SmoothLight { nodes: grid.nodes, gain, offset }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Roi, Zone as Region};
+
+    #[test]
+    fn the_quantile_of_the_test_is_that_of_tables() {
+        // F at 99 %, Abramowitz and Stegun, table 26.9.
+        for (more, rest, quantile) in [(4.0, 20.0, 4.43), (10.0, 20.0, 3.37), (30.0, 120.0, 1.86), (120.0, 120.0, 1.53)]
+        {
+            assert!(is_significant(1.02 * quantile, more, rest), "F({more}, {rest})");
+            assert!(!is_significant(0.98 * quantile, more, rest), "F({more}, {rest})");
+        }
+        assert!(!is_significant(f64::NAN, 4.0, 20.0));
+    }
+
+    fn grids(roi: [f64; 4], element: usize) -> Vec<[usize; 2]> {
+        let [x0, y0, x1, y1] = roi;
+        let zone = Region::rectangle("all", Roi { x0, y0, x1, y1 });
+        let mesh = Mesh::on_zones(&[zone], element, 1024, 1024).unwrap();
+        Grid::of_zone(&mesh, 0).iter().map(|grid| grid.nodes).collect()
+    }
+
+    #[test]
+    fn a_grid_has_cells_of_two_elements_at_least_and_no_node_that_they_cannot_tell() {
+        assert_eq!(grids([0.0, 0.0, 512.0, 256.0], 16), [[5, 3], [9, 5], [17, 9]]);
+        assert_eq!(grids([0.0, 0.0, 512.0, 256.0], 32), [[5, 3], [9, 5]]);
+        // A strip of one element knows no gradient across it.
+        assert_eq!(grids([0.0, 0.0, 256.0, 16.0], 16), [[3, 1], [5, 1], [9, 1]]);
+        assert_eq!(grids([0.0, 0.0, 16.0, 16.0], 16), [[0; 2]; 0]);
     }
 }

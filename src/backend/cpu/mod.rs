@@ -469,8 +469,9 @@ impl Backend for CpuBackend {
         level: &CpuLevel,
         _: &mut CpuFrame,
         field: &CpuField,
-    ) -> Result<Vec<PixelSums>, BackendError> {
-        Ok(field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect())
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        let sums = field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect();
+        Ok((sums, level.transfer(field)))
     }
 
     fn light(

@@ -324,10 +324,12 @@ impl GpuField {
         gpu: &Gpu,
         level: &GpuLevel,
         traffic: &mut Traffic,
-    ) -> Result<Vec<PixelSums>, BackendError> {
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
         let n_elements = level.mesh.n_elements();
-        let bytes = gpu.record().fetch(&[(&self.sums, (4 * SUMS * n_elements) as u64)], traffic)?;
-        let sums = values::<f32>(&bytes);
+        let parts = [(&self.sums, (4 * SUMS * n_elements) as u64), (&self.zones, self.zone_bytes())];
+        let bytes = gpu.record().fetch(&parts, traffic)?;
+        let (sums, zones) = bytes.split_at(4 * SUMS * n_elements);
+        let sums = values::<f32>(sums);
         let of_element = |(element, sums): (usize, &[f32])| {
             let [n_all, f, ff] = level.whole(element);
             let at = |k: usize| f64::from(sums[k]);
@@ -337,7 +339,8 @@ impl GpuField {
             let [n, rr, g, gg, fg] = [8, 9, 10, 11, 12].map(at);
             PixelSums { n, n_all, f: f - at(13), ff: ff - at(14), g, gg, fg, rr }
         };
-        Ok(sums.chunks_exact(SUMS).enumerate().map(of_element).collect())
+        let sums = sums.chunks_exact(SUMS).enumerate().map(of_element).collect();
+        Ok((sums, values::<layout::Zone>(zones).iter().map(|zone| of_zone(zone).1).collect()))
     }
 
     /// Sets the light of the nodes.

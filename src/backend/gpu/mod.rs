@@ -206,7 +206,7 @@ impl Backend for GpuBackend {
         level: &GpuLevel,
         frame: &mut GpuFrame,
         field: &GpuField,
-    ) -> Result<Vec<PixelSums>, BackendError> {
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
         field.element_sums(&self.gpu, level, &mut frame.traffic)
     }
 
