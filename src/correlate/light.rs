@@ -35,6 +35,9 @@ const ROOM: f64 = 0.75;
 /// A field is taken for light only when it lowers the sum of squares of the residual by this share: what is less
 /// displaces nothing by a tenth of the noise's effect, and costs iterations.
 const SHARE: f64 = 0.01;
+/// A residual below this share of the contrast counts as this large: in images without noise it is that of the
+/// interpolation, of which 1 % is no light.
+const RESIDUAL: f64 = 0.01;
 /// Standard normal quantile of the test: 1 % of series without light exceed it.
 const ONE_PERCENT: f64 = 2.326;
 /// Elements that correlate less than this say nothing about light.
@@ -134,7 +137,7 @@ struct Zone {
     /// Mean of m over the zone, and rms of the signal: units in which the fit is well conditioned.
     mean: f64,
     contrast: f64,
-    /// Sum of squares of the residual.
+    /// Sum of squares of the residual, not below that of [`RESIDUAL`].
     squares: f64,
 }
 
@@ -193,6 +196,7 @@ impl Zone {
             let said = Said { at, n: s.n, signal, mean: m - mean, residual: [r, rm - m * r] };
             (signal > 0.0).then_some(said)
         });
+        let squares = squares.max(RESIDUAL * RESIDUAL * signal);
         let mut zone = Self { said: said.collect(), mean, contrast: (signal / n).sqrt(), squares };
         zone.less_mean();
         Some(zone)
@@ -343,7 +347,7 @@ fn is_significant(ratio: f64, more: f64, rest: f64) -> bool {
 /// would take beyond noise, from how each matched. What fails this needs no sums of the elements.
 pub(super) fn is_suspected(mesh: &Mesh<Px>, elements: &[ElementMatch], moments: &[ElementMoments]) -> bool {
     (0..mesh.zones().len()).any(|zone| {
-        let (mut squares, mut own, mut n, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut squares, mut own, mut n, mut count, mut signal) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for element in mesh.zone_elements(zone) {
             let (found, moments) = (&elements[element], &moments[element]);
             if found.n < 2.0 || found.correlation < MATCHED || moments.n <= 0.0 {
@@ -353,10 +357,12 @@ pub(super) fn is_suspected(mesh: &Mesh<Px>, elements: &[ElementMatch], moments: 
             let of_element = found.n * found.residual_rms.powi(2);
             squares += of_element;
             own += of_element - found.n * variance * (1.0 - found.correlation.powi(2));
+            signal += found.n * variance;
             n += found.n;
             count += 1.0;
         }
-        own > 0.5 * SHARE * squares + 2.0 * count * squares / f64::max(n, 1.0)
+        let least = f64::max(squares, RESIDUAL * RESIDUAL * signal);
+        own > 0.5 * SHARE * least + 2.0 * count * squares / f64::max(n, 1.0)
     })
 }
 

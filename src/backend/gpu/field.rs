@@ -353,20 +353,23 @@ impl GpuField {
     ) -> Result<(), BackendError> {
         let light: Vec<[f32; 2]> = light.iter().map(|t| [t.gain as f32, t.offset as f32]).collect();
         let (of_zones, of_nodes) = (8 * self.n_zones as u64, size_of_val(&*light) as u64);
+        let nodes = gpu.visible(of_nodes, "the light of the nodes")?;
+        frame.traffic.bytes_up += gpu.write(&nodes, &light);
         let mut recorder = gpu.record();
+        // Held until the copy from it is on its way.
+        let mut before = None;
         if !self.in_light {
             let transfer = gpu.visible(of_zones + of_nodes, "gains and offsets")?;
             recorder.copy(&self.transfer, &transfer, 0, of_zones);
             self.residual =
                 level.residual_kernels(gpu, frame, [&self.displacement, &transfer, &self.sums], self.n_zones as u32)?;
             [self.fit, self.tally] = tally_kernels(gpu, level, [&self.sums, &transfer, &self.group_sums]);
-            self.transfer = transfer;
+            before = Some(std::mem::replace(&mut self.transfer, transfer));
             self.in_light = true;
         }
-        let nodes = gpu.visible(of_nodes, "the light of the nodes")?;
-        frame.traffic.bytes_up += gpu.write(&nodes, &light);
         recorder.copy(&nodes, &self.transfer, of_zones, of_nodes);
         recorder.submit(&mut frame.traffic);
+        drop(before);
         Ok(())
     }
 
