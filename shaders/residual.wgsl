@@ -8,6 +8,7 @@
 #import place
 #import spline
 #import sums
+#import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -45,7 +46,11 @@ fn main(
     var lost = vec2<f32>(0.0);
     if mine {
         let corners = corners_of(element.nodes);
-        let light = transfer[select(element.zone, e, run.own_transfer != 0u)];
+        let zone = transfer[select(element.zone, e, run.own_transfer != 0u)];
+        var light: Light;
+        if LIGHT != 0u {
+            light = light_of(element.nodes);
+        }
         for (var column = lane; column < element.size.x; column += LANES) {
             let x = element.corner.x + i32(column);
             let xi = element.local.x + f32(column) * element.local.y;
@@ -81,8 +86,11 @@ fn main(
                             taps = taps_below(taps, at + (TAPS - missing) * run.stride);
                         }
                         taps_place = place;
-                        let grey = interpolate(taps, tx, ty);
-                        let difference = (f - light.y) - light.x * grey;
+                        var grey = interpolate(taps, tx, ty);
+                        if LIGHT != 0u {
+                            grey = brought(light, xi, eta, grey);
+                        }
+                        let difference = (f - zone.y) - zone.x * grey;
                         let r = weight * difference;
                         let gradient = vec2<f32>(
                             reference[at_reference + run.stride],

@@ -7,6 +7,7 @@
 #import place
 #import spline
 #import sums
+#import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -42,7 +43,11 @@ fn main(
     var lost = vec2<f32>(0.0);
     if mine {
         let corners = corners_of(element.nodes);
-        let light = transfer[select(element.zone, e, run.own_transfer != 0u)];
+        let zone = transfer[select(element.zone, e, run.own_transfer != 0u)];
+        var light: Light;
+        if LIGHT != 0u {
+            light = light_of(element.nodes);
+        }
         for (var k = 0u; k < element.n_runs; k++) {
             let at_run = run.runs_at + 4u * (element.first_run + k);
             let y = bitcast<i32>(shape[at_run + 1u]);
@@ -66,8 +71,11 @@ fn main(
                     let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
                     if weight > 0.0 {
                         let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
-                        let grey = interpolate(taps_at(at, run.stride), tx, ty);
-                        let difference = (f - light.y) - light.x * grey;
+                        var grey = interpolate(taps_at(at, run.stride), tx, ty);
+                        if LIGHT != 0u {
+                            grey = brought(light, xi, eta, grey);
+                        }
+                        let difference = (f - zone.y) - zone.x * grey;
                         let r = weight * difference;
                         let psi = shape_functions(xi, eta);
                         bx += psi * (r * reference[at_reference + run.stride]);

@@ -181,7 +181,7 @@ fn options_that_make_no_sense_are_refused_with_what_does() {
         ("--pixel-size -2", &["pixel size is -2 mm", "positive"]),
         ("--pixel-size nan", &["pixel size is NaN mm", "positive"]),
         ("--interpolation cubik", &["'cubik'", "cubic, quintic, keys, bilinear"]),
-        ("--brightness dark", &["`dark`", "zone, element or off"]),
+        ("--brightness dark", &["`dark`", "auto, zone, smooth, element or off"]),
         ("--start warm", &["`warm`", "previous or independent"]),
         ("--export xls", &["'xls'", "csv, vtu, none"]),
         ("--elemnt-size 16", &["--elemnt-size", "--element-size"]),
@@ -477,7 +477,7 @@ fn frames_with_saturated_or_black_patches_and_frames_half_dark_give_no_nan() {
     desk.image("rows.png", &with(&|_, y| y % 2 == 0, 0));
     desk.image("dot.png", &with(&|x, y| (x, y) == (64, 48), 0));
     let frames = "glare.png half.png zone.png rows.png dot.png ref.png";
-    for brightness in ["zone", "element", "off"] {
+    for brightness in ["auto", "smooth", "element", "off"] {
         // That no number is NaN is checked after every run.
         let ran = desk.correlate(&format!(
             "{INSIDE} --brightness {brightness} --drop-textureless --output {brightness} --reference ref.png {frames}"

@@ -225,7 +225,7 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("drop_textureless = 1", "expected true or false"),
         ("interpolation = 'cubik'", "unknown word `cubik`, expected one of `cubic`, `quintic`, `keys`, `bilinear`"),
         ("interpolation = 3", "expected a word in quotes"),
-        ("brightness = 'on'", "`zone`, `element`, `off`"),
+        ("brightness = 'on'", "`auto`, `zone`, `smooth`, `element`, `off`"),
         ("regularisation = 'laplace'", "`none`, `tikhonov`, `equilibrium-gap`"),
         ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
         ("start = 'warm'", "`previous`"),
@@ -280,7 +280,7 @@ fn missing_unreadable_and_foreign_files_are_told_apart() {
 
 #[test]
 fn choices_have_the_same_words_in_files_and_options() {
-    for choice in [Brightness::Zone, Brightness::Element, Brightness::Off] {
+    for choice in Brightness::ALL {
         assert_eq!(choice.to_string().parse(), Ok(choice));
         let case = parse(&format!("correlation.brightness = '{choice}'")).unwrap();
         assert_eq!(case.correlation.brightness, Some(choice));
@@ -291,7 +291,7 @@ fn choices_have_the_same_words_in_files_and_options() {
         assert_eq!(case.correlation.start, Some(choice));
     }
     let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
-    assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected zone, element or off");
+    assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected auto, zone, smooth, element or off");
     assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or independent"));
 }
 

@@ -108,7 +108,7 @@ fn every_run_and_any_number_of_threads_give_the_same_bits() {
     let reference = picture(&REST, &noisy);
     let motion = Accuracy::about([240.0; 2], Sinusoids { amplitude: 1.0, wavelength: 256.0 }, 0.005, 1.0);
     let deformed = picture(&motion, &RenderOptions { frame: 1, ..noisy });
-    for brightness in [Brightness::Zone, Brightness::Element, Brightness::Off] {
+    for brightness in [Brightness::Smooth, Brightness::Element, Brightness::Off] {
         for solver in [SolverChoice::Direct, SolverChoice::Iterative] {
             let options = Options { brightness, solver, ..Options::default() };
             // No margin: pixels leave the image, so that the frame has a matrix of its own.

@@ -218,6 +218,8 @@ fn a_change_of_light_is_followed_as_by_the_cpu() {
         ("dimmed, zone", &dimmed, Brightness::Zone),
         ("dimmed, element", &dimmed, Brightness::Element),
         ("shaded, element", &shaded, Brightness::Element),
+        ("shaded, smooth", &shaded, Brightness::Smooth),
+        ("shaded, auto", &shaded, Brightness::Auto),
     ] {
         let pair = [reference.clone(), image.clone()];
         assert_parity(&gpu, what, &pair, &inside(side, side, 16), Options { brightness, ..Options::default() });
@@ -283,7 +285,7 @@ fn regions_of_every_shape_give_the_field_of_the_cpu() {
     ];
     for (what, zone) in shapes {
         for (brightness, interpolation) in
-            [(Brightness::Zone, Interpolation::Cubic), (Brightness::Element, Interpolation::Quintic)]
+            [(Brightness::Smooth, Interpolation::Cubic), (Brightness::Element, Interpolation::Quintic)]
         {
             let options =
                 Options { brightness, interpolation, element_size: 13, drop_textureless: true, ..Options::default() };

@@ -264,6 +264,41 @@ impl Backend for AnyBackend {
         }
     }
 
+    fn element_sums(
+        &self,
+        level: &AnyLevel,
+        frame: &mut AnyFrame,
+        field: &AnyField,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        match (self, level, frame, field) {
+            (Self::Cpu(cpu), AnyLevel::Cpu(level), AnyFrame::Cpu(frame), AnyField::Cpu(field)) => {
+                cpu.element_sums(level, frame, field)
+            }
+            (Self::Gpu(gpu), AnyLevel::Gpu(level), AnyFrame::Gpu(frame), AnyField::Gpu(field)) => {
+                gpu.element_sums(level, frame, field)
+            }
+            _ => unreachable!("{FOREIGN}"),
+        }
+    }
+
+    fn light(
+        &self,
+        level: &AnyLevel,
+        frame: &mut AnyFrame,
+        field: &mut AnyField,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError> {
+        match (self, level, frame, field) {
+            (Self::Cpu(cpu), AnyLevel::Cpu(level), AnyFrame::Cpu(frame), AnyField::Cpu(field)) => {
+                cpu.light(level, frame, field, light)
+            }
+            (Self::Gpu(gpu), AnyLevel::Gpu(level), AnyFrame::Gpu(frame), AnyField::Gpu(field)) => {
+                gpu.light(level, frame, field, light)
+            }
+            _ => unreachable!("{FOREIGN}"),
+        }
+    }
+
     fn found(&self, level: &AnyLevel, frame: &mut AnyFrame, field: &AnyField) -> Result<Found, BackendError> {
         match (self, level, frame, field) {
             (Self::Cpu(cpu), AnyLevel::Cpu(level), AnyFrame::Cpu(frame), AnyField::Cpu(field)) => {

@@ -290,6 +290,32 @@ pub trait Backend: Sync {
         field: &Self::Field,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError>;
 
+    /// The sums of the last evaluation, per element, none of elements that are left out; and the transfer of grey levels
+    /// per zone, which has followed them.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn element_sums(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError>;
+
+    /// From now on brings the deformed image to the light of the reference before all else: `g` becomes
+    /// `gain g + offset`, by the values at the nodes of the level, bilinear within an element. All sums are then those
+    /// of this `g`, and the transfers of the zones come after it. For levels whose brightness is not per element.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn light(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &mut Self::Field,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError>;
+
     /// What the iteration has found.
     ///
     /// # Errors

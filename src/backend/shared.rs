@@ -123,6 +123,25 @@ impl<B: Backend + Send> Backend for Arc<B> {
         (**self).remaining_moments(level, frame, field)
     }
 
+    fn element_sums(
+        &self,
+        level: &B::Level,
+        frame: &mut B::Frame,
+        field: &B::Field,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        (**self).element_sums(level, frame, field)
+    }
+
+    fn light(
+        &self,
+        level: &B::Level,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError> {
+        (**self).light(level, frame, field, light)
+    }
+
     fn found(&self, level: &B::Level, frame: &mut B::Frame, field: &B::Field) -> Result<Found, BackendError> {
         (**self).found(level, frame, field)
     }

@@ -158,8 +158,10 @@ pub struct CorrelateArgs {
     /// Iterations after which a frame is given up. Default 50.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_iterations: Option<u32>,
-    /// Brightness and contrast followed per zone, per element, or not at all. Default zone.
-    #[arg(long, value_name = "zone|element|off")]
+    /// Brightness and contrast followed by one gain and offset per zone (zone), as fields over a zone that follow gradients
+    /// of light and moving shadows (smooth), so only in frames where that lowers the residual significantly (auto), by
+    /// each element (element), or not at all (off). For example --brightness smooth. Default auto.
+    #[arg(long, value_name = "auto|zone|smooth|element|off")]
     pub brightness: Option<Brightness>,
     /// Start each frame from the extrapolation of those before it, or search for each on its own, in any order. Default
     /// previous, with --shard independent.

@@ -262,7 +262,7 @@ impl About {
         let options = &self.case.correlation;
         let named = [
             options.interpolation.map(|interpolation| format!("{} interpolation", interpolation.name())),
-            options.brightness.map(|brightness| format!("brightness per {brightness}")),
+            options.brightness.map(|brightness| format!("brightness {brightness}")),
             options.tolerance_px.map(|tolerance| format!("tolerance {tolerance:e} px")),
         ];
         let named: String = named.into_iter().flatten().map(|text| format!("{text}, ")).collect();

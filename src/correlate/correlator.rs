@@ -4,8 +4,9 @@ use super::border::{BareBorder, bare_borders};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
-use super::iterate::{Limits, Outcome, iterate};
+use super::iterate::{Limits, Outcome, iterate, nothing};
 use super::level::Level;
+use super::light::{Light, Seen, SmoothLight, is_suspected};
 use super::noise_correlation::{NoiseColour, NoiseProbe, Prepared};
 use super::noise_model::{Elements, PhotonNoise, factors};
 use super::options::Options;
@@ -41,8 +42,10 @@ pub struct ZoneResult {
     pub name: String,
     /// Rigid motion of its measured nodes.
     pub rigid: Option<RigidMotion>,
-    /// Brightness and contrast found.
+    /// Brightness and contrast found; their mean where they are a field.
     pub transfer: GreyTransfer,
+    /// Brightness and contrast as a smooth field; none where one gain and offset are enough for the zone.
+    pub light: Option<SmoothLight>,
     /// Correlation coefficient of the reference and the deformed image brought back.
     pub correlation: f64,
     /// Root mean square of the residual, grey levels.
@@ -181,8 +184,11 @@ impl<B: Backend> Correlator<B> {
         let size = [reference.width(), reference.height()];
         let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
-        let kernel =
-            KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
+        let kernel = KernelOptions {
+            interpolation: options.interpolation,
+            grey_offset,
+            brightness: options.brightness.of_sums(),
+        };
         if let Some(wanted) = options.noise.fault(f64::from(high)) {
             let value = options.noise.to_string();
             return Err(CorrelationError::Option { name: "the noise", value, wanted });
@@ -420,11 +426,13 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Correlation, CorrelationError> {
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
-        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel)?;
+        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel, nothing)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
-        let result = self.finish(frame, &field, outcome, StartUsed::Predicted, 0)?;
-        if near && result.measurement.status == Status::Converged {
-            return Ok(result);
+        if near {
+            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0)?;
+            if result.measurement.status == Status::Converged {
+                return Ok(result);
+            }
         }
         let mut coarse = displacement.to_vec();
         for pair in self.levels.windows(2) {
@@ -485,35 +493,83 @@ impl<B: Backend> Correlator<B> {
         let mut coarse_iterations = 0;
         for pair in self.levels.windows(2).rev() {
             let [finer, level] = pair else { continue };
-            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel)?;
+            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel, nothing)?;
             coarse_iterations += outcome.iterations;
             // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
             let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel)?;
-        self.finish(frame, &field, outcome, start, coarse_iterations)
+        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel, nothing)?;
+        self.finish(frame, &mut field, outcome, start, coarse_iterations)
+    }
+
+    /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
+    fn may_be_smooth(&self) -> Option<bool> {
+        match self.options.brightness {
+            Brightness::Auto => Some(false),
+            Brightness::Smooth => Some(true),
+            Brightness::Zone | Brightness::Element | Brightness::Off => None,
+        }
+    }
+
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them, for as many
+    /// iterations again at most. The fields follow the displacement one iteration late, as the transfers of the zones do.
+    fn found(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: &mut Outcome<B>,
+    ) -> Result<(Found, Option<Light>), CorrelationError> {
+        let Level { mesh, prepared, moments, .. } = &self.levels[0];
+        let found = self.backend.found(prepared, frame, field)?;
+        let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
+        let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
+        if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
+            return Ok((found, None));
+        }
+        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
+        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
+        let of_reference = self.noise_gain.of_reference();
+        let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+        let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
+        let Some(mut light) = Light::found(&seen, always) else { return Ok((found, None)) };
+        self.backend.light(prepared, frame, field, light.nodes())?;
+        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
+            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+            self.backend.light(prepared, frame, field, light.nodes())
+        };
+        let mut more = iterate(&self.backend, &self.levels[0], frame, field, self.limits(), &self.kernel, follow)?;
+        more.iterations += outcome.iterations;
+        if outcome.status == Status::Converged && more.status != Status::Converged {
+            // What was found with one gain and offset per zone is worth more than a field that does not settle.
+            outcome.iterations = more.iterations;
+            return Ok((found, None));
+        }
+        more.own = more.own.or(outcome.own.take());
+        *outcome = more;
+        Ok((self.backend.found(prepared, frame, field)?, Some(light)))
     }
 
     /// Status, uncertainty and summary of a finished iteration.
     fn finish(
         &self,
         frame: &mut B::Frame,
-        field: &B::Field,
-        outcome: Outcome<B>,
+        field: &mut B::Field,
+        mut outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
-        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } =
-            self.backend.found(&level.prepared, frame, field)?;
+        let (found, light) = self.found(frame, field, &mut outcome)?;
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches: Vec<f64> = (0..mesh.zones().len())
             .map(|zone| match self.options.brightness {
                 Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
                 // Without a transfer a change of light is misfit, although it correlates.
                 Brightness::Off => last[zone].explained(),
-                Brightness::Zone => last[zone].correlation(),
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => last[zone].correlation(),
             })
             .collect();
         let mut measured = vec![false; mesh.n_nodes()];
@@ -538,7 +594,7 @@ impl<B: Backend> Correlator<B> {
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
         let (mut smallest_sigma, mut nodes_at_bound) = (f64::INFINITY, 0);
-        let light = Elements {
+        let by_grey = Elements {
             mesh,
             moments: &level.moments,
             matched: &elements,
@@ -548,24 +604,28 @@ impl<B: Backend> Correlator<B> {
             gain: &self.noise_gain,
             least: self.rounding * self.rounding,
         };
-        let photon_noise = light.photon(self.options.noise);
+        let photon_noise = by_grey.photon(self.options.noise);
         let mut freedom_left = Vec::new();
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
-            let transfer = transfers[zone];
+            let (transfer, smooth) = match &light {
+                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
+                None => (transfers[zone], None),
+            };
+            let of_light = light.as_ref().map_or(0.0, |light| light.unknowns(zone));
             let n_transfers = match self.options.brightness {
-                Brightness::Zone => 1,
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
                 Brightness::Element => mesh.zone_elements(zone).len(),
                 Brightness::Off => 0,
             };
             let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
-            let unknowns = taken + 2.0 * n_transfers as f64;
+            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
             freedom_left.push(1.0 - unknowns / sums.n.max(1.0));
             let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer);
             // Identical images still hold the same rounding.
             let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
-            let given = photon_noise.map(|noise| light.in_zone(zone, noise)).or(self.options.noise.constant());
+            let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
             let noise = given.unwrap_or(residual_noise);
             for node in nodes.clone().filter(|&node| measured[node]) {
                 let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
@@ -577,6 +637,7 @@ impl<B: Backend> Correlator<B> {
                 name: name.clone(),
                 rigid: rigid(mesh, &full_displacement, &measured, nodes),
                 transfer,
+                light: smooth,
                 correlation: matches[zone],
                 residual_rms: sums.residual_rms(),
                 noise,
@@ -587,12 +648,14 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }
-        let noise_colour = self.probe.as_ref().filter(|_| status == Status::Converged).and_then(|probe| {
+        // What is left of a light that varies over a zone would pass for coloured noise.
+        let looked_at = status == Status::Converged && light.is_none();
+        let noise_colour = self.probe.as_ref().filter(|_| looked_at).and_then(|probe| {
             let image = self.backend.image(frame);
             probe.look(mesh, &image, &full_displacement, &elements, &transfers, &freedom_left)
         });
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
-        let own_noise = photon_noise.map(|noise| light.by_node(noise));
+        let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));
         for (node, sigma) in sigma.iter_mut().enumerate() {
             let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);

@@ -40,10 +40,16 @@ const STALLED: f64 = 0.8;
 /// Corrections of this many element sizes belong to no displacement field.
 const WILD_ELEMENTS: f64 = 8.0;
 
+/// Nothing follows the field but what its steps move.
+pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
+    Ok(())
+}
+
 /// Corrections below this, px, may be round-off, whose rate means nothing: the smallest elements under noise reach it.
 const ROUND_OFF_PX: f64 = 5e-6;
 
-/// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance.
+/// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance. After each step
+/// that another one follows comes `between`: what else is to follow the field.
 ///
 /// The grey transfer follows the displacement one iteration late, so that the corrections c may fall by turns:
 /// what repeats is two of them together, by the rate `q = c(k) / c(k-2)`. What is still to come is then about
@@ -55,6 +61,7 @@ pub(super) fn iterate<B: Backend>(
     field: &mut B::Field,
     limits: Limits,
     options: &KernelOptions,
+    mut between: impl FnMut(&mut B::Frame, &mut B::Field) -> Result<(), BackendError>,
 ) -> Result<Outcome<B>, BackendError> {
     let size = level.mesh.element_size();
     let mut outcome = Outcome {
@@ -112,6 +119,9 @@ pub(super) fn iterate<B: Backend>(
         // After a half step the correction is that of the full one: counting starts anew.
         stalls = if correction > STALLED * before[0] && damping == 1.0 { stalls + 1 } else { 0 };
         before = [correction, before[0]];
+        if iteration < limits.max_iterations {
+            between(frame, field)?;
+        }
     }
     Ok(outcome)
 }

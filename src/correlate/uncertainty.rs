@@ -213,6 +213,11 @@ impl NoiseGain {
         table[k] + (t - k as f64) * (table[k + 1] - table[k])
     }
 
+    /// Variance of the interpolated noise in the middle of each element of a zone, in that of one image.
+    pub fn variances(&self, mesh: &Mesh<Px>, zone: usize, displacement: &[[f64; 2]]) -> Vec<f64> {
+        mesh.zone_elements(zone).map(|element| self.in_element(mesh, element, displacement)).collect()
+    }
+
     /// For a deformed image as it is, at whole pixels.
     pub fn at_rest(&self) -> ZoneGain {
         ZoneGain {

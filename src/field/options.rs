@@ -24,14 +24,18 @@ pub struct UnknownChoice {
 /// ```
 /// use quadrille::field::Brightness;
 /// assert_eq!("element".parse(), Ok(Brightness::Element));
-/// assert_eq!(Brightness::default().to_string(), "zone");
+/// assert_eq!(Brightness::default().to_string(), "auto");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Brightness {
-    /// One `c` and one `d` for each zone; the default.
+    /// As `zone`, and as `smooth` in each frame in which that lowers the residual significantly; the default.
     #[default]
+    Auto,
+    /// One `c` and one `d` for each zone.
     Zone,
+    /// `c` and `d` as fields, bilinear on a coarse grid over each zone: for gradients of light and moving shadows.
+    Smooth,
     /// A `c` and a `d` for each element: for light that changes over the specimen.
     Element,
     /// `c = d = 0`: grey levels are compared as recorded.
@@ -39,10 +43,23 @@ pub enum Brightness {
 }
 
 impl Brightness {
+    /// Every choice.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Zone, Self::Smooth, Self::Element, Self::Off];
+
+    /// What the sums over pixels are made with: a smooth field starts from the transfer of its zone.
+    pub fn of_sums(self) -> Self {
+        match self {
+            Self::Auto | Self::Smooth => Self::Zone,
+            of_sums => of_sums,
+        }
+    }
+
     /// Name used in options and files.
     pub fn name(self) -> &'static str {
         match self {
+            Brightness::Auto => "auto",
             Brightness::Zone => "zone",
+            Brightness::Smooth => "smooth",
             Brightness::Element => "element",
             Brightness::Off => "off",
         }
@@ -59,9 +76,11 @@ impl FromStr for Brightness {
     type Err = UnknownChoice;
 
     fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [Brightness::Zone, Brightness::Element, Brightness::Off].into_iter().find(|b| b.name() == word).ok_or_else(
-            || UnknownChoice { option: "brightness", given: word.to_owned(), expected: "zone, element or off" },
-        )
+        Brightness::ALL.into_iter().find(|b| b.name() == word).ok_or_else(|| UnknownChoice {
+            option: "brightness",
+            given: word.to_owned(),
+            expected: "auto, zone, smooth, element or off",
+        })
     }
 }
 

@@ -1,7 +1,9 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
 use crate::backend::{Backend, Traffic};
-use crate::correlate::{Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, StartUsed, TextureFault, ZoneResult};
+use crate::correlate::{
+    Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, SmoothLight, StartUsed, TextureFault, ZoneResult,
+};
 use crate::field::{RigidMotion, Status};
 use crate::imaging::Saturation;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -286,6 +288,26 @@ pub struct ZoneSummary {
     /// Grey levels added after that, `d`.
     #[serde(deserialize_with = "number")]
     pub offset_grey: f64,
+    /// Where brightness and contrast are a smooth field, of which `gain` and `offset_grey` are the mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightSummary>,
+}
+
+/// Brightness and contrast of one zone as a smooth field.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct LightSummary {
+    /// Nodes of the coarse grid along x and y, between which it is bilinear.
+    pub nodes: [usize; 2],
+    /// Smallest and largest gain.
+    pub gain: [f64; 2],
+    /// Smallest and largest offset.
+    pub offset_grey: [f64; 2],
+}
+
+impl From<SmoothLight> for LightSummary {
+    fn from(SmoothLight { nodes, gain, offset }: SmoothLight) -> Self {
+        Self { nodes, gain, offset_grey: offset }
+    }
 }
 
 /// A number; JSON has no NaN, of a zone that does not match `null` stands for it.
@@ -351,6 +373,7 @@ impl FrameSummary {
             noise_residual_grey: (zone.residual_noise != zone.noise).then_some(zone.residual_noise),
             gain: zone.transfer.gain,
             offset_grey: correlator.offset_of(zone.transfer),
+            light: zone.light.map(Into::into),
         });
         Self {
             number,

@@ -387,7 +387,9 @@ impl Evaluator<'_> {
             });
             transfer.push(match self.task.brightness {
                 Brightness::Off => self.task.transfer[zone].map(|v| Near::rounded(v, 1.0)),
-                Brightness::Zone => fitted(&sums).unwrap_or(self.task.transfer[zone].map(|v| Near::rounded(v, 1.0))),
+                Brightness::Zone | Brightness::Smooth | Brightness::Auto => {
+                    fitted(&sums).unwrap_or(self.task.transfer[zone].map(|v| Near::rounded(v, 1.0)))
+                }
                 Brightness::Element => [0, 1].map(|k| {
                     let mut sum = Sum::default();
                     of_zone.clone().for_each(|e| sum.add(elements[e].transfer[k]));

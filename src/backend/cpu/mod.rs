@@ -24,7 +24,7 @@ use crate::mesh::{ElementPixels, Mesh, PixelMesh};
 use crate::units::Px;
 use plane::{Plane, Pool};
 use rayon::prelude::*;
-use residual::{Corners, ElementSums, Pass, Reference, Scratch};
+use residual::{Corners, ElementSums, Light, Pass, Reference, Scratch};
 use std::sync::Arc;
 
 /// Elements per piece of parallel work.
@@ -124,6 +124,8 @@ pub struct CpuField {
     sums: Vec<ElementSums>,
     /// Gain and offset per element.
     element_transfer: Vec<(f32, f32)>,
+    /// Light per element, where it was set.
+    light: Option<Vec<Light>>,
     /// Elements that have left the deformed image.
     out: Vec<bool>,
 }
@@ -162,6 +164,7 @@ impl CpuLevel {
         spline: S,
     ) {
         let displacement = &field.displacement;
+        let light = field.light.as_deref();
         let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
         let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE)).enumerate();
         pieces.for_each_init(Scratch::default, |scratch, (piece, (((sums, transfer), out), corners))| {
@@ -170,9 +173,10 @@ impl CpuLevel {
                 *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
             }
             let corners = &*corners;
-            if self.own_transfer() {
-                residual::residual_sums_own_transfer::<S, K, L>(
-                    isa, pass, first, corners, transfer, sums, scratch, spline,
+            if self.own_transfer() || light.is_some() {
+                let light = light.map(|light| &light[first..]);
+                residual::residual_sums_two_passes::<S, K, L>(
+                    isa, pass, first, corners, transfer, light, sums, scratch, spline,
                 );
             } else {
                 residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, scratch, spline);
@@ -344,6 +348,7 @@ impl Backend for CpuBackend {
             corners: vec![Corners::new([[0.0; 2]; 4]); n],
             sums: vec![ElementSums::default(); n],
             element_transfer: vec![(1.0, 0.0); n],
+            light: None,
             out: vec![false; n],
         })
     }
@@ -461,6 +466,31 @@ impl Backend for CpuBackend {
         field: &CpuField,
     ) -> Result<Vec<[f64; 2]>, BackendError> {
         Ok(level.right_hand_side(field))
+    }
+
+    fn element_sums(
+        &self,
+        level: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &CpuField,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        let sums = field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect();
+        Ok((sums, level.transfer(field)))
+    }
+
+    fn light(
+        &self,
+        level: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &mut CpuField,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError> {
+        let on = |nodes: &[u32; 4]| Light {
+            gain: nodes.map(|node| light[node as usize].gain as f32),
+            offset: nodes.map(|node| light[node as usize].offset as f32),
+        };
+        field.light = Some(level.mesh.elements().iter().map(on).collect());
+        Ok(())
     }
 
     fn found(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {

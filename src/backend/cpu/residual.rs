@@ -74,6 +74,31 @@ impl Corners {
     }
 }
 
+/// Light on an element: gain and offset at its corners, in the order of its nodes, bilinear between them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Light {
+    pub gain: [f32; 4],
+    pub offset: [f32; 4],
+}
+
+impl Light {
+    /// Brings lanes of the deformed image to the light of the reference.
+    #[inline(always)]
+    fn bring<const FMA: bool, const L: usize>(&self, xi: &[f32; L], eta: &[f32; L], g: &mut [f32; L]) {
+        let [gain, offset] = [&self.gain, &self.offset].map(|c| {
+            let (across, down, twist) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
+            (c[0], across, down, twist)
+        });
+        for i in 0..L {
+            let [gain, offset] = [gain, offset].map(|(first, across, down, twist)| {
+                let slope = mul_add::<FMA>(eta[i], twist, across);
+                mul_add::<FMA>(xi[i], slope, mul_add::<FMA>(eta[i], down, first))
+            });
+            g[i] = mul_add::<FMA>(gain, g[i], offset);
+        }
+    }
+}
+
 /// Sums of one element, as the kernel leaves them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
@@ -157,7 +182,7 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
         *sums = if element.n_runs > 0 {
-            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], false, scratch)
+            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], Grey::Transfer, scratch)
         } else {
             element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k])
         };
@@ -384,7 +409,18 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     sums
 }
 
-/// Room for the grey levels of one element between the two passes of [`residual_sums_own_transfer`].
+/// How grey levels of the deformed image are brought to those of the reference.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Grey<'a> {
+    /// By the transfer given.
+    Transfer,
+    /// By a transfer that is fitted to the element.
+    Own,
+    /// By light that changes within the element, then by the transfer given.
+    Light(&'a Light),
+}
+
+/// Room for the grey levels of one element between the two passes of [`residual_sums_two_passes`].
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     g: Vec<f32>,
@@ -392,39 +428,45 @@ pub(super) struct Scratch {
 }
 
 multiversioned! {
-    /// As [`residual_sums`] with gain and offset eliminated in each element: a first pass interpolates and
-    /// fits them, a second forms the residual. `transfer` receives what was fitted.
-    pub(super) fn residual_sums_own_transfer[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
-    ) => residual_sums_own_transfer_body
+    /// As [`residual_sums`] in two passes over an element: one that interpolates, and one that forms the residual.
+    /// Between them, without `light`, gain and offset are eliminated in each element, and `transfer` receives what was
+    /// fitted. With `light`, per element, the first pass brings the deformed image to it: sums of g are those of the
+    /// image so brought.
+    pub(super) fn residual_sums_two_passes[S: Spline<K>, const K: usize, const L: usize][S, K, L](
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], light: Option<&[Light]>, sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
+    ) => residual_sums_two_passes_body
 }
 
 #[inline(always)]
-fn residual_sums_own_transfer_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+#[allow(clippy::too_many_arguments)]
+fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     first: usize,
     corners: &[Corners],
     transfer: &mut [(f32, f32)],
+    light: Option<&[Light]>,
     sums: &mut [ElementSums],
     scratch: &mut Scratch,
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
+        let grey = light.map_or(Grey::Own, |light| Grey::Light(&light[k]));
         *sums = if element.n_runs > 0 {
-            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], true, scratch)
+            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], grey, scratch)
         } else {
-            own_transfer_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], scratch)
+            two_pass_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], grey, scratch)
         };
     }
 }
 
 #[inline(always)]
-fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     element: &ElementPixels,
     corners: &Corners,
     transfer: &mut (f32, f32),
+    grey: Grey<'_>,
     scratch: &mut Scratch,
 ) -> ElementSums {
     let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
@@ -443,7 +485,10 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let [ux, uy] = row_displacement::<FMA, L>(corners, &xi, eta);
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            if let Grey::Light(light) = grey {
+                light.bring::<FMA, L>(&xi, &[eta; L], &mut row.g);
+            }
             let counted = if row.all_counted { mask } else { row.counted };
             let f = load::<L>(f.data, f.at(x as isize, y as isize));
             let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
@@ -467,7 +512,9 @@ fn own_transfer_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             scratch.counted[at..at + L].copy_from_slice(&counted);
         }
     }
-    *transfer = fitted(&moments);
+    if let Grey::Own = grey {
+        *transfer = fitted(&moments);
+    }
     sums.n = moments[0] as f32;
     for part in 0..chunks {
         let (_, xi, _) = chunk::<L>(element, part * L);
@@ -496,14 +543,14 @@ fn fitted(&[n, sf, sg, sgg, sfg]: &[f64; 5]) -> (f32, f32) {
 }
 
 /// Sums of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any
-/// shape. With `own` its gain and offset are fitted first, into `transfer`.
+/// shape. With [`Grey::Own`] its gain and offset are fitted first, into `transfer`.
 #[inline(always)]
 fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     element: &ElementPixels,
     corners: &Corners,
     transfer: &mut (f32, f32),
-    own: bool,
+    grey: Grey<'_>,
     scratch: &mut Scratch,
 ) -> ElementSums {
     let Pass { map, f, fx, fy, deformed, scalar, .. } = *pass;
@@ -522,7 +569,10 @@ fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         let (xi, eta) = (load::<L>(&map.xi, local), load::<L>(&map.eta, local));
         let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
         let to = [x + corners.whole[0], y + corners.whole[1]];
-        let row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+        let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+        if let Grey::Light(light) = grey {
+            light.bring::<FMA, L>(xi, eta, &mut row.g);
+        }
         let f = load::<L>(f.data, f.at(x as isize, y as isize));
         let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
         let mut counted = [0.0; L];
@@ -546,7 +596,7 @@ fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         scratch.g[at..at + L].copy_from_slice(&row.g);
         scratch.counted[at..at + L].copy_from_slice(&counted);
     }
-    if own {
+    if let Grey::Own = grey {
         *transfer = fitted(&moments);
     }
     let (gain, offset) = *transfer;

@@ -160,7 +160,7 @@ pub(super) struct Gpu {
 }
 
 /// A kernel, its interpolation, and its threads per element.
-type Variant = (Kernel, Option<Interpolation>, Option<u32>);
+type Variant = (Kernel, Option<Interpolation>, Option<[u32; 2]>);
 
 /// A compiled kernel.
 #[derive(Debug)]
@@ -279,13 +279,26 @@ impl Gpu {
 
     /// The compiled `kernel`; `lanes` threads per element where it asks for them.
     pub fn pipeline(&self, kernel: Kernel, interpolation: Interpolation, lanes: u32) -> Arc<Pipeline> {
-        let variant = (kernel, kernel.interpolates().then_some(interpolation), kernel.interpolates().then_some(lanes));
+        self.pipeline_in_light(kernel, interpolation, lanes, 0)
+    }
+
+    /// As [`Gpu::pipeline`], of a kernel that interpolates; the light of the nodes begins at place `light` of the
+    /// transfers, 0 where there is none.
+    pub fn pipeline_in_light(
+        &self,
+        kernel: Kernel,
+        interpolation: Interpolation,
+        lanes: u32,
+        light: u32,
+    ) -> Arc<Pipeline> {
+        let interpolates = kernel.interpolates();
+        let variant = (kernel, interpolates.then_some(interpolation), interpolates.then_some([lanes, light]));
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let compile = || Arc::new(self.compile(kernel, interpolation, variant.2));
         pipelines.entry(variant).or_insert_with(|| self.noted(Work::Compile(kernel), compile)).clone()
     }
 
-    fn compile(&self, kernel: Kernel, interpolation: Interpolation, lanes: Option<u32>) -> Pipeline {
+    fn compile(&self, kernel: Kernel, interpolation: Interpolation, constants: Option<[u32; 2]>) -> Pipeline {
         let label = Some(kernel.file());
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
@@ -317,8 +330,8 @@ impl Gpu {
             bind_group_layouts: &[Some(&layout)],
             ..Default::default()
         });
-        let constants: &[(&str, f64)] = match lanes {
-            Some(lanes) => &[("LANES", f64::from(lanes))],
+        let constants: &[(&str, f64)] = match constants {
+            Some([lanes, light]) => &[("LANES", f64::from(lanes)), ("LIGHT", f64::from(light))],
             None => &[],
         };
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

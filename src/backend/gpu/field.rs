@@ -16,8 +16,9 @@ pub struct GpuField {
     displacement: Buffer,
     /// Displacement and transfer at the start.
     started: [Buffer; 2],
-    /// Gain and offset per zone, or per element.
+    /// Gain and offset per zone, or per element; then the light of the nodes, where it was set.
     transfer: Buffer,
+    in_light: bool,
     sums: Buffer,
     group_sums: Buffer,
     zones: Buffer,
@@ -43,6 +44,21 @@ fn correct(gpu: &Gpu, n_nodes: usize, damping: f64) -> Buffer {
     gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, damping: damping as f32, unused0: 0, unused1: 0 })
 }
 
+/// The fit of transfers and the tally, with their workgroups.
+fn tally_kernels(gpu: &Gpu, level: &GpuLevel, [sums, transfer, group_sums]: [&Buffer; 3]) -> [(Bound, u32); 2] {
+    let bindings = [
+        level.tally.whole(),
+        level.groups.whole(),
+        level.whole_buffer.whole(),
+        sums.whole(),
+        transfer.whole(),
+        group_sums.whole(),
+    ];
+    let kernel = |kernel| gpu.bind(&gpu.pipeline(kernel, level.options.interpolation, 0), &bindings);
+    let fits = (level.mesh.n_elements() as u32).div_ceil(Kernel::Fit.workgroup());
+    [(kernel(Kernel::Fit), fits), (kernel(Kernel::Tally), level.n_groups as u32)]
+}
+
 impl GpuField {
     fn empty(gpu: &Gpu, level: &GpuLevel, frame: &mut GpuFrame) -> Result<Self, BackendError> {
         let (n_nodes, n_elements) = (level.mesh.n_nodes(), level.mesh.n_elements());
@@ -52,19 +68,9 @@ impl GpuField {
         let transfer = gpu.visible(8 * n_transfers as u64, "gains and offsets")?;
         let sums = gpu.visible((4 * SUMS * n_elements) as u64, "sums of the elements")?;
         let group_sums = gpu.visible((4 * TALLIES * level.n_groups) as u64, "sums of groups of elements")?;
-        let tally_bindings = [
-            level.tally.whole(),
-            level.groups.whole(),
-            level.whole_buffer.whole(),
-            sums.whole(),
-            transfer.whole(),
-            group_sums.whole(),
-        ];
-        let kernel = |kernel| gpu.bind(&gpu.pipeline(kernel, level.options.interpolation, 0), &tally_bindings);
-        let fit = (kernel(Kernel::Fit), (n_elements as u32).div_ceil(Kernel::Fit.workgroup()));
-        let tally = (kernel(Kernel::Tally), level.n_groups as u32);
+        let [fit, tally] = tally_kernels(gpu, level, [&sums, &transfer, &group_sums]);
         Ok(Self {
-            residual: level.residual_kernels(gpu, frame, [&displacement, &transfer, &sums])?,
+            residual: level.residual_kernels(gpu, frame, [&displacement, &transfer, &sums], 0)?,
             fit,
             tally,
             started: [nodal()?, gpu.visible(8 * level.n_zones as u64, "gains and offsets")?],
@@ -77,6 +83,7 @@ impl GpuField {
             worst: gpu.visible(8 * n_nodes.div_ceil(NODES_TOGETHER) as u64, "corrections")?,
             vectors: Vectors::new(gpu, n_nodes)?,
             correct: (1.0, correct(gpu, n_nodes, 1.0)),
+            in_light: false,
             evaluated: false,
             added: 0.0,
             n_nodes,
@@ -160,7 +167,7 @@ impl GpuField {
             n_worst: if after_step { self.node_groups() } else { 0 },
             brightness: match level.options.brightness {
                 Brightness::Off => 0,
-                Brightness::Zone => 1,
+                Brightness::Zone | Brightness::Smooth | Brightness::Auto => 1,
                 Brightness::Element => 2,
             },
             first: u32::from(!self.evaluated),
@@ -309,6 +316,61 @@ impl GpuField {
         }
         recorder.submit(traffic);
         Ok(evaluated)
+    }
+
+    /// The sums of the last evaluation, per element.
+    pub(super) fn element_sums(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        traffic: &mut Traffic,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        let n_elements = level.mesh.n_elements();
+        let parts = [(&self.sums, (4 * SUMS * n_elements) as u64), (&self.zones, self.zone_bytes())];
+        let bytes = gpu.record().fetch(&parts, traffic)?;
+        let (sums, zones) = bytes.split_at(4 * SUMS * n_elements);
+        let sums = values::<f32>(sums);
+        let of_element = |(element, sums): (usize, &[f32])| {
+            let [n_all, f, ff] = level.whole(element);
+            let at = |k: usize| f64::from(sums[k]);
+            if sums[8] == 0.0 {
+                return PixelSums { n_all, ..PixelSums::default() };
+            }
+            let [n, rr, g, gg, fg] = [8, 9, 10, 11, 12].map(at);
+            PixelSums { n, n_all, f: f - at(13), ff: ff - at(14), g, gg, fg, rr }
+        };
+        let sums = sums.chunks_exact(SUMS).enumerate().map(of_element).collect();
+        Ok((sums, values::<layout::Zone>(zones).iter().map(|zone| of_zone(zone).1).collect()))
+    }
+
+    /// Sets the light of the nodes.
+    pub(super) fn light(
+        &mut self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError> {
+        let light: Vec<[f32; 2]> = light.iter().map(|t| [t.gain as f32, t.offset as f32]).collect();
+        let (of_zones, of_nodes) = (8 * self.n_zones as u64, size_of_val(&*light) as u64);
+        let nodes = gpu.visible(of_nodes, "the light of the nodes")?;
+        frame.traffic.bytes_up += gpu.write(&nodes, &light);
+        let mut recorder = gpu.record();
+        // Held until the copy from it is on its way.
+        let mut before = None;
+        if !self.in_light {
+            let transfer = gpu.visible(of_zones + of_nodes, "gains and offsets")?;
+            recorder.copy(&self.transfer, &transfer, 0, of_zones);
+            self.residual =
+                level.residual_kernels(gpu, frame, [&self.displacement, &transfer, &self.sums], self.n_zones as u32)?;
+            [self.fit, self.tally] = tally_kernels(gpu, level, [&self.sums, &transfer, &self.group_sums]);
+            before = Some(std::mem::replace(&mut self.transfer, transfer));
+            self.in_light = true;
+        }
+        recorder.copy(&nodes, &self.transfer, of_zones, of_nodes);
+        recorder.submit(&mut frame.traffic);
+        drop(before);
+        Ok(())
     }
 
     /// What the iteration has found.

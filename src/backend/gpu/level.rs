@@ -169,6 +169,12 @@ impl GpuLevel {
         self.options.brightness == Brightness::Element
     }
 
+    /// Pixels, sum of f and of f^2 of each element.
+    pub(super) fn whole(&self, element: usize) -> [f64; 3] {
+        let [n, f, ff, _] = self.whole[element];
+        [n, f, ff].map(f64::from)
+    }
+
     /// Pixels of each element.
     pub(super) fn pixels_of(&self, element: usize) -> f64 {
         f64::from(self.whole[element][0])
@@ -331,12 +337,14 @@ impl GpuLevel {
         (n as u32).div_ceil(64 / self.lanes)
     }
 
-    /// The residual kernels of a pass at a field, with their workgroups.
+    /// The residual kernels of a pass at a field, with their workgroups; `light` says where in `transfer` the light
+    /// of the nodes begins, 0 that there is none.
     pub(super) fn residual_kernels(
         &self,
         gpu: &Gpu,
         frame: &mut GpuFrame,
         [displacement, transfer, sums]: [&Buffer; 3],
+        light: u32,
     ) -> Result<Vec<(Bound, u32)>, BackendError> {
         let deformed = frame.coefficients(gpu, self.level)?;
         let mut kernels = Vec::new();
@@ -354,11 +362,12 @@ impl GpuLevel {
                 sums.whole(),
             ];
             if self.has_rectangles {
-                let pipeline = gpu.pipeline(Kernel::Residual, self.options.interpolation, self.lanes);
+                let pipeline = gpu.pipeline_in_light(Kernel::Residual, self.options.interpolation, self.lanes, light);
                 kernels.push((gpu.bind(&pipeline, &common), self.residual_groups(self.elements.len())));
             }
             if self.n_listed > 0 {
-                let pipeline = gpu.pipeline(Kernel::ResidualRuns, self.options.interpolation, self.lanes);
+                let pipeline =
+                    gpu.pipeline_in_light(Kernel::ResidualRuns, self.options.interpolation, self.lanes, light);
                 let bindings: Vec<_> = common.into_iter().chain([self.shape.whole()]).collect();
                 kernels.push((gpu.bind(&pipeline, &bindings), self.residual_groups(self.n_listed)));
             }

@@ -205,6 +205,25 @@ impl Backend for GpuBackend {
         Ok(lost.into_iter().zip(moments).map(remaining).collect())
     }
 
+    fn element_sums(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
+        field.element_sums(&self.gpu, level, &mut frame.traffic)
+    }
+
+    fn light(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+        light: &[GreyTransfer],
+    ) -> Result<(), BackendError> {
+        field.light(&self.gpu, level, frame, light)
+    }
+
     fn found(&self, level: &GpuLevel, frame: &mut GpuFrame, field: &GpuField) -> Result<Found, BackendError> {
         field.found(&self.gpu, level, &mut frame.traffic)
     }

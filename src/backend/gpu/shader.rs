@@ -176,6 +176,7 @@ const FILES: &[(&str, &str)] = &[
     ("cubic", include_str!("../../../shaders/shared/cubic.wgsl")),
     ("index", include_str!("../../../shaders/shared/index.wgsl")),
     ("keys", include_str!("../../../shaders/shared/keys.wgsl")),
+    ("light", include_str!("../../../shaders/shared/light.wgsl")),
     ("place", include_str!("../../../shaders/shared/place.wgsl")),
     ("q4", include_str!("../../../shaders/shared/q4.wgsl")),
     ("quintic", include_str!("../../../shaders/shared/quintic.wgsl")),
