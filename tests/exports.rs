@@ -26,6 +26,7 @@ fn two_zones() -> Measurement<Px> {
         sigma: (0..n).map(|k| [awkward(k) / 3.0, 0.01]).collect(),
         measured: vec![true; n],
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
+        model_error: None,
         mesh: mesh.into(),
     };
     for node in [3, 11] {

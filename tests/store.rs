@@ -42,6 +42,7 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
         sigma: (0..n).map(|k| [0.01 + awkward(k).abs(), 0.02 / 3.0]).collect(),
         measured,
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
+        model_error: None,
         mesh,
     }
 }

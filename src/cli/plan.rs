@@ -81,6 +81,8 @@ impl Plan {
             }),
             noise: args.noise.or(given.noise),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            // The edges of an opening are the faces of a joint.
+            whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
             regularisation: regularisation(args, given)?,
             ..default
         };

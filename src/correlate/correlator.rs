@@ -5,18 +5,21 @@ use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::iterate::{Limits, Outcome, iterate};
 use super::level::{Level, support};
+use super::misfit::{MisfitTest, Residuals};
+use super::model_error::{self, MeshLines, model_error};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
-use super::texture::{TextureFault, assumed_noise, rounding};
+use super::texture::{TextureFault, assumed_noise, high_frequency, rounding};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
-use crate::field::{Brightness, Measurement, RigidMotion, Status};
+use crate::field::{Brightness, Measurement, ModelError, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::{ElementMatrix, Spread};
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Where a frame's iteration started.
@@ -120,6 +123,8 @@ pub struct Correlator<B: Backend> {
     search_pixels: Vec<PixelSet>,
     spread: Spread,
     noise_gain: NoiseGain,
+    misfit_test: MisfitTest,
+    mesh_lines: MeshLines,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
@@ -132,6 +137,17 @@ impl Correlation {
     /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
     pub fn full_displacement(&self) -> &[[f64; 2]] {
         &self.full_displacement
+    }
+
+    /// What the field may be off beyond noise: of a correlation it is always known.
+    pub(super) fn model_error(&self) -> Cow<'_, ModelError> {
+        match &self.measurement.model_error {
+            Some(error) => Cow::Borrowed(error),
+            None => {
+                let Measurement { mesh, .. } = &self.measurement;
+                Cow::Owned(ModelError { nodes: vec![[0.0; 2]; mesh.n_nodes()], misfit: vec![0.0; mesh.n_elements()] })
+            }
+        }
     }
 }
 
@@ -162,6 +178,7 @@ impl<B: Backend> Correlator<B> {
             KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
+        let fine = high_frequency(&reference) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
@@ -178,7 +195,11 @@ impl<B: Backend> Correlator<B> {
             laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
+        let finest = &levels[0];
+        let gradient_noise = options.interpolation.gradient_noise_gain();
         Ok(Self {
+            misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
+            mesh_lines: MeshLines::new(&finest.mesh),
             noise_gain: NoiseGain::new(options.interpolation, options.n_references),
             grey_range: f64::from(high - low),
             rounding,
@@ -500,6 +521,25 @@ impl<B: Backend> Correlator<B> {
                 noise,
             });
         }
+        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
+        let residuals = Residuals {
+            elements: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            freedom,
+            freedom_of_element: of_element,
+            noise: self.options.noise,
+        };
+        let excess = self.misfit_test.excess(mesh, &self.noise_gain, &residuals);
+        let found = model_error::Found {
+            displacement: &full_displacement,
+            sigma: &sigma,
+            measured: &measured,
+            not_followed: &excess.nodes,
+            solver: outcome.own.as_deref().unwrap_or(&level.solver),
+        };
+        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
         let displacement =
@@ -513,6 +553,7 @@ impl<B: Backend> Correlator<B> {
                 sigma,
                 measured,
                 element_residual: elements.iter().map(|e| e.residual_rms).collect(),
+                model_error: Some(model_error),
             },
             iterations: outcome.iterations,
             coarse_iterations,
@@ -528,7 +569,7 @@ impl<B: Backend> Correlator<B> {
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
             full_displacement,
-            counted: elements.iter().map(|e| e.n > 0.0).collect(),
+            counted,
             worst_node: outcome.worst_node,
         })
     }

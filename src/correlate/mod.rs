@@ -7,6 +7,8 @@ mod error;
 mod finest;
 mod iterate;
 mod level;
+mod misfit;
+mod model_error;
 mod options;
 mod regularisation;
 mod search;

@@ -161,10 +161,26 @@ pub(super) fn rounding(image: &Image) -> f64 {
 /// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
 /// span of such noise limits it: 8 to 10 standard deviations.
 pub fn assumed_noise(image: &Image) -> f64 {
+    let (low, high) = image.range();
+    let quiet_tiles = &quietest_tiles(image);
+    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
+    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
+    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
+    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
+    quiet.min(share * f64::from(high - low)).max(rounding(image))
+}
+
+/// The high-frequency content of the quietest tenth of the image, grey levels: white noise, and what fine texture adds to
+/// it.
+pub(super) fn high_frequency(image: &Image) -> f64 {
+    quietest_tiles(image).last().map_or(0.0, |tile| tile.0)
+}
+
+/// Noise by second differences, and standard deviation, of each tile of the quietest tenth of an image, in rising order.
+fn quietest_tiles(image: &Image) -> Vec<(f64, f64)> {
     const TILE: usize = 16;
     let (width, height) = (image.width(), image.height());
-    let (low, high) = image.range();
-    // Noise by second differences, and standard deviation, of each tile.
+    let (low, _) = image.range();
     let mut tiles: Vec<(f64, f64)> = Vec::new();
     // Every few rows and columns of tiles: a sample is enough.
     let step = TILE * (1 + width.max(height) / 1024);
@@ -189,10 +205,6 @@ pub fn assumed_noise(image: &Image) -> f64 {
         }
     }
     tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let quiet_tiles = &tiles[..tiles.len().div_ceil(10)];
-    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
-    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
-    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
-    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
-    quiet.min(share * f64::from(high - low)).max(rounding(image))
+    tiles.truncate(tiles.len().div_ceil(10));
+    tiles
 }

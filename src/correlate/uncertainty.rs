@@ -66,6 +66,11 @@ impl NoiseGain {
         self.deformed[k] + (t - k as f64) * (self.deformed[k + 1] - self.deformed[k])
     }
 
+    /// Variance of the residual at a displacement `u` for noise of one grey level in one image.
+    pub fn of_pair(&self, u: [f64; 2], transfer: GreyTransfer) -> f64 {
+        self.reference + transfer.gain.powi(2) * self.at(u[0]) * self.at(u[1])
+    }
+
     /// Standard deviation of the noise of one image from the residual of one zone, grey levels: the
     /// residual holds the noise of f and the interpolated (filtered) noise of g,
     /// `var(r) = sigma^2 (1/k + gain^2 v_x v_y)` with the mean of k references; each node and the transfer take degrees of freedom.

@@ -7,7 +7,7 @@ mod quantities;
 mod rigid;
 mod strain;
 
-pub use measurement::{Measurement, Status};
+pub use measurement::{Measurement, Misfit, ModelError, Status};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
     Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,

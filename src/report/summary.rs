@@ -2,8 +2,9 @@
 
 use crate::backend::{Backend, Traffic};
 use crate::correlate::{Correlation, Correlator, StartUsed, TextureFault};
-use crate::field::{RigidMotion, Status};
+use crate::field::{Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::Saturation;
+use crate::units::Px;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -149,6 +150,12 @@ pub struct FrameSummary {
     pub nodes_left_image: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
+    /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<Misfit>,
+    /// What the displacements may be off beyond noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_error: Option<ModelErrorSummary>,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
@@ -164,6 +171,36 @@ pub struct FrameSummary {
     /// The device that did the frame, when it is not that of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+}
+
+/// What the displacements of a frame may be off beyond noise, beside their standard uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ModelErrorSummary {
+    /// Root mean square of the estimates over the components of the measured nodes.
+    pub rms_px: f64,
+    /// The largest.
+    pub largest_px: f64,
+    /// Place of its node in the reference image.
+    pub at_px: [f64; 2],
+    /// Root mean square of the standard uncertainties, to compare with.
+    pub sigma_rms_px: f64,
+}
+
+impl ModelErrorSummary {
+    fn of(measurement: &Measurement<Px>) -> Option<Self> {
+        let model = measurement.model_error.as_ref()?;
+        let measured = || (0..model.nodes.len()).filter(|&node| measurement.measured[node]);
+        let n = 2.0 * measured().count() as f64;
+        let rms = |values: &[[f64; 2]]| (measured().flat_map(|k| values[k]).map(|v| v * v).sum::<f64>() / n).sqrt();
+        let larger = |node: usize| model.nodes[node][0].max(model.nodes[node][1]);
+        let worst = measured().max_by(|&a, &b| larger(a).total_cmp(&larger(b)))?;
+        Some(Self {
+            rms_px: rms(&model.nodes),
+            largest_px: larger(worst),
+            at_px: measurement.mesh.nodes()[worst],
+            sigma_rms_px: rms(&measurement.sigma),
+        })
+    }
 }
 
 /// A rigid motion: translation of `centre`, and rotation about it (positive from x to y, y down).
@@ -236,6 +273,8 @@ impl FrameSummary {
             nodes_measured: 0,
             nodes_left_image: 0,
             elements_poor: 0,
+            misfit: None,
+            model_error: None,
             saturated_percent: None,
             start: None,
             seconds: 0.0,
@@ -282,6 +321,8 @@ impl FrameSummary {
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
             elements_poor: result.poor_elements,
+            misfit: result.measurement.misfit(),
+            model_error: ModelErrorSummary::of(&result.measurement),
             saturated_percent: None,
             start: Some(result.start),
             seconds,
