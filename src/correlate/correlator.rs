@@ -178,7 +178,7 @@ impl<B: Backend> Correlator<B> {
             KernelOptions { interpolation: options.interpolation, grey_offset, brightness: options.brightness };
         let noise = options.noise.unwrap_or_else(|| assumed_noise(&reference));
         let rounding = rounding(&reference);
-        let fine = high_frequency(&reference) * (options.n_references.max(1) as f64).sqrt();
+        let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference, &kernel)?;
