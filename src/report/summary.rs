@@ -293,6 +293,8 @@ impl FrameSummary {
         result: &Correlation,
         [seconds, seconds_decode]: [f64; 2],
     ) -> Self {
+        // A field that is no measurement is not judged.
+        let field = Some(&result.measurement).filter(|field| field.status.has_field());
         // JSON has no infinity: a number that is none is left out.
         let finite = |v: f64| v.is_finite().then_some(v);
         let zones = result.zones.iter().map(|zone| ZoneSummary {
@@ -321,8 +323,8 @@ impl FrameSummary {
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
             elements_poor: result.poor_elements,
-            misfit: result.measurement.misfit(),
-            model_error: ModelErrorSummary::of(&result.measurement),
+            misfit: field.and_then(Measurement::misfit),
+            model_error: field.and_then(ModelErrorSummary::of),
             saturated_percent: None,
             start: Some(result.start),
             seconds,
