@@ -15,6 +15,7 @@ use sha2::{Digest, Sha256};
 const ROUNDED: f64 = 0.02;
 
 const PX_HEADER: &str = "node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px,exx,eyy,exy";
+const MODEL_HEADER: &str = "model_error_ux_px,model_error_uy_px";
 const MM_HEADER: &str = "x_mm,y_mm,ux_mm,uy_mm,sigma_ux_mm,sigma_uy_mm";
 
 /// A table without its comments, which name files and versions.
@@ -101,7 +102,7 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
         assert_keys(
             frame,
             "number file status iterations correction_px residual_grey residual_percent rigid_motion zones \
-             nodes_measured nodes_left_image elements_poor start seconds seconds_decode",
+             nodes_measured nodes_left_image elements_poor model_error start seconds seconds_decode",
         );
         assert_eq!(frame["number"], at + 1);
         assert_eq!((&frame["file"], &frame["status"]), (&json!(file), &json!("converged")));
@@ -114,6 +115,9 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
         assert!((number("residual_percent") - percent).abs() < 1e-12, "{frame:#}");
         assert_eq!(frame["nodes_measured"], N_INSIDE);
         assert!(number("seconds") > 0.0 && number("seconds_decode") > 0.0, "{frame:#}");
+        // Whole images that moved alike: nothing is amiss, and the table says so.
+        assert!(frame["misfit"].is_null(), "{frame:#}");
+        assert_keys(&frame["model_error"], "rms_px largest_px at_px sigma_rms_px");
         let zone = &frame["zones"][0];
         assert_keys(zone, "name rigid_motion correlation residual_grey noise_grey gain offset_grey");
         for motion in [&frame["rigid_motion"], &zone["rigid_motion"]] {
@@ -187,7 +191,7 @@ fn a_table_names_version_units_and_frame_of_reference_and_measures_the_exact_dis
         for wanted in ["lengths in px", "y down", "reference: ref.png", "status: converged", "origin", "16 px, cubic"] {
             assert!(head.contains(wanted), "'{wanted}' is missing in {head}");
         }
-        assert_eq!(body(&table).lines().next(), Some(PX_HEADER));
+        assert_eq!(body(&table).lines().next().unwrap(), format!("{PX_HEADER},{MODEL_HEADER}"));
         let rows = desk.rows(&format!("out/csv/{number:06}.csv"));
         assert_eq!(rows.iter().map(|row| row.node).collect::<Vec<_>>(), (0..N_INSIDE).collect::<Vec<_>>());
         assert_eq!((rows[0].px.position, rows[34].px.position), ([16.0, 16.0], [112.0, 80.0]));
@@ -208,7 +212,7 @@ fn a_pixel_size_adds_columns_in_millimetres() {
     desk.correlate(&format!("{INSIDE} --pixel-size 0.002 --output out ref.png a.png")).fine();
     let table = desk.read("out/csv/000001.csv");
     assert!(comments(&table).contains("1 px = 0.002 mm"), "{table}");
-    assert_eq!(body(&table).lines().next().unwrap(), format!("{PX_HEADER},{MM_HEADER}"));
+    assert_eq!(body(&table).lines().next().unwrap(), format!("{PX_HEADER},{MM_HEADER},{MODEL_HEADER}"));
     for row in desk.rows("out/csv/000001.csv") {
         let mm = row.mm.unwrap();
         assert_eq!(mm.displacement, row.px.displacement.map(|v| 0.002 * v));

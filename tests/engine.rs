@@ -402,7 +402,8 @@ fn places_without_texture_are_refused_by_name_and_left_out_when_asked() {
     for (what, striped, spoil) in spoils {
         let [reference, deformed] = spoilt(|x, y| in_hole(x, y).then(|| spoil(x, y, &stripes)));
         let zones = inside(TEXTURE_SIDE, TEXTURE_SIDE, 16);
-        let error = refusal(&reference, &zones, Options::default());
+        // The hole is a few of the nodes, which are left out unless none may be.
+        let error = refusal(&reference, &zones, Options { textureless_share: 0.0, ..Options::default() });
         let message = error.to_string();
         let CorrelationError::NoTexture { faults, n_nodes } = error else { panic!("{what}: {message}") };
         assert_eq!(n_nodes, 15 * 15);
@@ -467,7 +468,8 @@ fn noise_is_no_texture() {
     }
     // A part of a good picture, as dark as a shadow: only noise is there.
     let [reference, _] = spoilt(|x, y| in_hole(x, y).then_some(20.0));
-    let error = refusal(&noisy(&reference, 2.0, 78), &inside(TEXTURE_SIDE, TEXTURE_SIDE, 16), Options::default());
+    let options = Options { textureless_share: 0.0, ..Options::default() };
+    let error = refusal(&noisy(&reference, 2.0, 78), &inside(TEXTURE_SIDE, TEXTURE_SIDE, 16), options);
     let CorrelationError::NoTexture { faults, .. } = &error else { panic!("{error}") };
     assert_faults_in_hole(faults, "noise");
 }

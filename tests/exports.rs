@@ -1,6 +1,6 @@
 //! What quadrille writes for other programs reads back as it was.
 
-use quadrille::field::{Measurement, Status, Strain, StrainDefinition, StrainField};
+use quadrille::field::{Measurement, ModelError, Status, Strain, StrainDefinition, StrainField};
 use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
 use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -26,6 +26,7 @@ fn two_zones() -> Measurement<Px> {
         sigma: (0..n).map(|k| [awkward(k) / 3.0, 0.01]).collect(),
         measured: vec![true; n],
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
+        model_error: None,
         mesh: mesh.into(),
     };
     for node in [3, 11] {
@@ -93,6 +94,31 @@ fn a_table_begins_with_its_comments_and_the_names_of_its_columns() {
     let plain = String::from_utf8(out).unwrap();
     assert!(plain.contains("sigma_uy_px\n") && !plain.contains("strain"), "{plain}");
     assert!(read_displacements(plain.as_bytes()).unwrap().iter().all(|row| row.strain.is_none()));
+}
+
+#[test]
+fn a_table_and_a_grid_carry_the_model_error_where_it_is_known() {
+    let mut field = two_zones();
+    let [n, n_elements] = [field.mesh.n_nodes(), field.mesh.n_elements()];
+    let nodes: Vec<[f64; 2]> = (0..n).map(|k| [0.5 / (k + 1) as f64, 0.25]).collect();
+    field.model_error = Some(ModelError { nodes: nodes.clone(), misfit: vec![0.5; n_elements] });
+    for (strains, pixel_size) in [(None, None), (Some(strains()), PixelSize::new(0.002))] {
+        let mut out = Vec::new();
+        write_displacements(&mut out, &[], &field, strains.as_ref(), pixel_size).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        assert!(text.contains(",model_error_ux_px,model_error_uy_px\n"), "{text}");
+        for row in read_displacements(text.as_bytes()).unwrap() {
+            assert_eq!(row.model_error_px.unwrap().map(|v| v as f32), nodes[row.node].map(|v| v as f32));
+            assert_eq!((row.mm.is_some(), row.px.position), (pixel_size.is_some(), field.mesh.nodes()[row.node]));
+        }
+    }
+    let mut out = Vec::new();
+    write_vtu(&mut out, "", &field, None, 255.0).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains("model_error_px") && text.contains("misfit_px"), "{text}");
+    let mut out = Vec::new();
+    write_vtu(&mut out, "", &two_zones(), None, 255.0).unwrap();
+    assert!(!String::from_utf8(out).unwrap().contains("model_error_px"));
 }
 
 #[test]

@@ -281,6 +281,7 @@ fn field(mesh: Mesh<Px>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
         sigma: vec![[0.01, 0.02]; mesh.n_nodes()],
         measured: vec![true; mesh.n_nodes()],
         element_residual: (0..mesh.n_elements()).map(|e| 2.0 + (e as f64).sin()).collect(),
+        model_error: None,
         mesh: mesh.into(),
     }
 }

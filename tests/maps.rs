@@ -29,6 +29,7 @@ fn measurement(rois: &[Roi], size: usize, image: &Image) -> Measurement<Px> {
         sigma: vec![[0.0; 2]; mesh.n_nodes()],
         measured: vec![true; mesh.n_nodes()],
         element_residual: vec![0.0; mesh.n_elements()],
+        model_error: None,
         mesh: mesh.into(),
     }
 }

@@ -293,6 +293,7 @@ fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Optio
             sigma: vec![[0.01; 2]; mesh.n_nodes()],
             measured: (0..mesh.n_nodes()).map(|k| Some(k) != node).collect(),
             element_residual: vec![1.0; mesh.n_elements()],
+            model_error: None,
         };
         let strain = StrainField::of(&field, StrainDefinition::Infinitesimal);
         writer.write(number, &field, &strain).unwrap();

@@ -3,7 +3,7 @@
 mod program;
 
 use program::{Desk, INSIDE, moved};
-use quadrille::field::{Measurement, Status, Strain, StrainDefinition, StrainField};
+use quadrille::field::{Measurement, ModelError, Status, Strain, StrainDefinition, StrainField};
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
@@ -42,6 +42,10 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
         sigma: (0..n).map(|k| [0.01 + awkward(k).abs(), 0.02 / 3.0]).collect(),
         measured,
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
+        model_error: Some(ModelError {
+            nodes: (0..n).map(|k| [awkward(k + 2).abs(), 0.03 / 7.0]).collect(),
+            misfit: (0..mesh.n_elements()).map(|e| 0.1 / (e + 3) as f64).collect(),
+        }),
         mesh,
     }
 }
@@ -134,6 +138,13 @@ fn fields_and_header_read_back_to_the_same_bits() {
                     assert_eq!((read.displacement[node], read.sigma[node]), ([0.0; 2], [0.0; 2]));
                 }
             }
+            let (model, wanted_model) = (read.model_error.as_ref().unwrap(), wanted.model_error.as_ref().unwrap());
+            for (node, error) in model.nodes.iter().enumerate() {
+                let known = if wanted.measured[node] { wanted_model.nodes[node].map(short) } else { [0; 2] };
+                assert_eq!(error.map(f64::to_bits), known);
+            }
+            let misfit: Vec<u64> = model.misfit.iter().map(|v| v.to_bits()).collect();
+            assert_eq!(misfit, wanted_model.misfit.iter().map(|&v| short(v)).collect::<Vec<_>>());
             let residual: Vec<u64> = read.element_residual.iter().map(|v| v.to_bits()).collect();
             assert_eq!(residual, wanted.element_residual.iter().map(|&v| short(v)).collect::<Vec<_>>());
             let (read, wanted) = (store.strain(number).unwrap().unwrap(), strain(&wanted));
@@ -296,6 +307,32 @@ fn every_array_says_its_unit_its_meaning_and_its_axes() {
         let names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         assert_eq!(names.len(), 3, "{names:?}"); // two frames with a field, and the metadata
     }
+}
+
+#[test]
+fn a_store_of_before_the_model_error_is_read_and_goes_on_without_it() {
+    let (_folder, path) = written();
+    for name in ["model_error_px", "misfit_px"] {
+        fs::remove_dir_all(path.join(name)).unwrap();
+    }
+    let store = Store::open(&path).unwrap();
+    let read = store.frame(1).unwrap().unwrap().measurement;
+    assert_eq!((read.model_error.clone(), read.misfit()), (None, None));
+    assert!(!store.has(Variable::ModelError) && store.has(Variable::Sigma));
+    assert!(store.values(1, Variable::ModelError).unwrap().is_none());
+    store.check(1).unwrap();
+    let other = field(2, Status::Converged);
+    let writer = StoreWriter::open(&path).unwrap();
+    writer.write(2, &other, &strain(&other)).unwrap();
+    writer.extend(["later.tif".to_owned()], "# more".into()).unwrap();
+    let store = Store::open(&path).unwrap();
+    assert!(store.frame(2).unwrap().unwrap().measurement.model_error.is_none());
+    assert!(store.field_files(2).iter().all(|file| file.is_file()));
+    // A field of which nobody knows it stays one in a store that could hold it.
+    let (_folder, path) = written();
+    let unknown = Measurement { model_error: None, ..other };
+    StoreWriter::open(&path).unwrap().write(2, &unknown, &strain(&unknown)).unwrap();
+    assert_eq!(Store::open(&path).unwrap().frame(2).unwrap().unwrap().measurement.model_error, None);
 }
 
 #[test]

@@ -25,6 +25,7 @@ fn field(mesh: Mesh<Px>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
         sigma: vec![[0.01; 2]; mesh.n_nodes()],
         measured: vec![true; mesh.n_nodes()],
         element_residual: vec![1.0; mesh.n_elements()],
+        model_error: None,
         mesh: Arc::new(mesh),
     }
 }

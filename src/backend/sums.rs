@@ -135,6 +135,14 @@ pub struct ElementMoments {
 const FAR: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
 impl ElementMoments {
+    /// Sum over the pixels of product `p` of the gradient's components: fx fx, fx fy, fy fy.
+    pub fn gradient_power(&self, p: usize) -> f64 {
+        // (1-s)^2 + 2 s (1-s) + s^2 is 1 along both axes.
+        const ONE: [f64; 3] = [1.0, 2.0, 1.0];
+        let row = |sums: &[f64; 3]| sums.iter().zip(ONE).map(|(sum, one)| one * sum).sum::<f64>();
+        self.gradient[p].iter().zip(ONE).map(|(sums, one)| one * row(sums)).sum()
+    }
+
     /// The element's normal matrix `sum (psi_i . grad f)(psi_j . grad f)`.
     pub fn matrix(&self) -> ElementMatrix {
         let mut matrix = [0.0; 36];

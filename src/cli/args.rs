@@ -190,7 +190,8 @@ pub struct CorrelateArgs {
     /// amplitude, longer ones less, shorter ones more.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub cutoff: Option<f64>,
-    /// Leave out nodes that see no texture instead of refusing the reference.
+    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to 5 % of a zone, none of
+    /// them on a face of a joint, are left out without it.
     #[arg(long)]
     pub drop_textureless: bool,
     /// Page of multi-page TIFF files. Default 0, the first. With --pages all that of the reference.
@@ -506,7 +507,8 @@ pub struct FiguresArgs {
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
     pub frames: Frames,
-    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, mesh, deformed, register.
+    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh,
+    /// deformed, register.
     /// Default ux,uy,exx,eyy,exy,residual.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub quantity: Vec<Figure>,

@@ -17,7 +17,7 @@ use super::watch::Camera;
 use super::zones::Zones;
 use super::{Outcome, Result, chain, plural, pool, probe, quantities};
 use crate::backend::{AnyBackend, Backend};
-use crate::correlate::Correlator;
+use crate::correlate::{Correlator, TextureFault};
 use crate::field::{Status, UpdateReference};
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
@@ -406,9 +406,18 @@ fn begin_line(plan: &Plan, correlator: &Correlator<AnyBackend>, reference: &Imag
 
 /// What to say of nodes without texture.
 fn about_nodes(correlator: &Correlator<AnyBackend>) -> impl Iterator<Item = String> {
-    let [dropped, held] = [correlator.dropped(), correlator.held()].map(<[_]>::len);
-    let said = |n: usize, what: &str| (n > 0).then(|| format!("{} with too little texture {what}", plural(n, "node")));
-    [said(dropped, "left out"), said(held, "held by the regularisation")].into_iter().flatten()
+    const NAMED: usize = 3;
+    let said = |faults: &[TextureFault], begin: &str, what: &str| {
+        let mut places: Vec<String> = faults.iter().take(NAMED).map(ToString::to_string).collect();
+        if faults.len() > NAMED {
+            places.push(format!("{} more in summary.json", faults.len() - NAMED));
+        }
+        let n = plural(faults.len(), "node");
+        (!faults.is_empty()).then(|| format!("{begin}{n} with too little texture {what}: {}", places.join("; ")))
+    };
+    let dropped = said(correlator.dropped(), "warning: ", "left out");
+    let held = said(correlator.held(), "", "held by the regularisation");
+    [dropped, held].into_iter().flatten()
 }
 
 /// What to say of an earlier start: frames that are done, and those that are done again because they are `damaged` or

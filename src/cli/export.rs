@@ -180,10 +180,14 @@ fn shape(store: &Store, variable: Variable, numbers: &[usize], split: bool) -> S
     Shape { frames, rows, components: variable.n_components() }
 }
 
+/// The arrays that the store has.
+fn there(store: &Store) -> impl Iterator<Item = Variable> {
+    Variable::ALL.into_iter().filter(|&variable| store.has(variable))
+}
+
 /// Whether all arrays fit, before the first is written.
 fn check<F: ArrayFile>(store: &Store, numbers: &[usize], split: bool) -> std::result::Result<(), ArrayFileError> {
-    Variable::ALL
-        .into_iter()
+    there(store)
         .try_for_each(|variable| F::check(variable.name(), variable.number(), shape(store, variable, numbers, split)))
 }
 
@@ -220,7 +224,7 @@ fn fill<F: ArrayFile>(file: &mut F, store: &Store, numbers: &[usize], split: boo
     if !references.is_empty() {
         file.table("reference_frame", 1, &Values::U32(references))?;
     }
-    for variable in Variable::ALL {
+    for variable in there(store) {
         file.begin(variable.name(), variable.number(), shape(store, variable, numbers, split))?;
         for (done, &number) in numbers.iter().enumerate() {
             let values = store.values(number, variable)?;

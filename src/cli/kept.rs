@@ -31,7 +31,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// The states after every so many frames stay: their ten numbers per node are then few beside the fields.
+    /// The states after every so many frames stay: their dozen numbers per node are then few beside the fields.
     const STAYS: usize = 20;
 
     /// Where the state after frame `number` lies in the folder of the run.
@@ -88,11 +88,14 @@ impl Kept {
         let ChainState { reference, last, before, baseline, updates, refused } = &*self.state;
         put("frame", 1, whole([self.number]))?;
         for (name, key) in [("reference", reference), ("last", last)] {
-            let Some(Keyframe { frame, displacement, elements, variance, transfer }) = key else { continue };
+            let Some(Keyframe { frame, displacement, elements, variance, model_error, transfer }) = key else {
+                continue;
+            };
             put(&format!("{name}_frame"), 1, whole([*frame]))?;
             put(&format!("{name}_displacement_px"), 2, pairs(displacement))?;
             put(&format!("{name}_elements"), 1, Values::U8(elements.iter().copied().map(u8::from).collect()))?;
             put(&format!("{name}_variance_px2"), 2, pairs(variance))?;
+            put(&format!("{name}_model_error_px"), 2, pairs(model_error))?;
             let transfer: Vec<[f64; 2]> = transfer.iter().map(|transfer| [transfer.gain, transfer.offset]).collect();
             put(&format!("{name}_transfer"), 2, pairs(&transfer))?;
         }
@@ -126,6 +129,7 @@ impl Kept {
                 displacement: arrays.pairs(&format!("{name}_displacement_px"))?,
                 elements: arrays.bytes(&format!("{name}_elements"))?.into_iter().map(|shown| shown != 0).collect(),
                 variance: arrays.pairs(&format!("{name}_variance_px2"))?,
+                model_error: arrays.pairs(&format!("{name}_model_error_px"))?,
                 transfer: transfer.into_iter().map(|[gain, offset]| GreyTransfer { gain, offset }).collect(),
             }))
         };
@@ -210,6 +214,7 @@ mod tests {
             displacement: vec![[0.1 + frame as f64, -0.0], [1e-310, f64::INFINITY]],
             elements: vec![true, false, true],
             variance: vec![[1.0 / 3.0, 2e-5], [0.0, 1e300]],
+            model_error: vec![[0.125, 1e-7], [0.0, 3.0]],
             transfer: vec![GreyTransfer { gain: 1.01, offset: -0.7 }],
         };
         let state = ChainState {

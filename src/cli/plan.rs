@@ -82,6 +82,8 @@ impl Plan {
             noise: args.noise.or(given.noise).unwrap_or_default(),
             noise_correlation: args.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
             drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            // The edges of an opening are the faces of a joint.
+            whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
             regularisation: regularisation(args, given)?,
             ..default
         };

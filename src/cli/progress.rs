@@ -189,13 +189,20 @@ impl Progress {
             return;
         }
         const SHOWN: usize = 30;
-        eprintln!("frame  status           it.  correction  residual  residual   u_x mean   u_y mean  rotation");
-        eprintln!("                                     px      grey         %         px         px       deg");
+        eprintln!(
+            "frame  status           it.  correction  residual  residual   u_x mean   u_y mean  rotation  misfit     model"
+        );
+        eprintln!(
+            "                                     px      grey         %         px         px       deg       %  error px"
+        );
         for frame in frames.iter().take(SHOWN) {
             eprintln!("{}", row(frame));
         }
         if frames.len() > SHOWN {
             eprintln!("... {} more in summary.json", frames.len() - SHOWN);
+        }
+        if let Some(line) = about_misfit(frames) {
+            eprintln!("{line}");
         }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
@@ -210,7 +217,7 @@ fn row(frame: &FrameSummary) -> String {
     let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
     let motion = frame.rigid_motion.as_ref();
     format!(
-        "{:5}  {status:15}  {:3}  {:>10}  {:>8}  {:>8}  {:>9}  {:>9}  {:>8}",
+        "{:5}  {status:15}  {:3}  {:>10}  {:>8}  {:>8}  {:>9}  {:>9}  {:>8}  {:>6}  {:>8}",
         frame.number,
         frame.iterations,
         frame.correction_px.map_or("-".to_owned(), |v| format!("{v:.1e}")),
@@ -219,7 +226,18 @@ fn row(frame: &FrameSummary) -> String {
         number(motion.map(|m| m.translation_px[0]), 4),
         number(motion.map(|m| m.translation_px[1]), 4),
         number(motion.map(|m| m.rotation_deg), 4),
+        number(frame.model_error.map(|_| frame.misfit.map_or(0.0, |misfit| misfit.percent)), 1),
+        number(frame.model_error.map(|error| error.rms_px), 4),
     )
+}
+
+/// The frame with most misfit in words, and how many have some.
+fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
+    let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.misfit?)));
+    let (number, most) = with().max_by(|a, b| a.1.percent.total_cmp(&b.1.percent))?;
+    let advice = "smaller elements follow shorter waves; over a crack, a blur or a shadow none do; model_error_px holds the \
+                  estimated error";
+    Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(with().count(), "frame")))
 }
 
 /// One frame in words.
@@ -240,6 +258,9 @@ fn line(frame: &FrameSummary) -> String {
         if n > 0 {
             text.push_str(&format!(", {n} {what}"));
         }
+    }
+    if let Some(misfit) = frame.misfit {
+        text.push_str(&format!("; {misfit}"));
     }
     for message in &frame.messages {
         text.push_str("; ");

@@ -59,7 +59,9 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
     let mut steps = Steps::open(&args.output, args.overwrite)?;
     let correlation = args.output.join(CORRELATION);
 
-    let plan = Plan::of(&correlate_args(args, &correlation)?, &case.correlation)?;
+    let mut plan = Plan::of(&correlate_args(args, &correlation)?, &case.correlation)?;
+    // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.
+    plan.options.whole_borders = case.interface.zones.to_vec();
     let inputs = inputs_of(&plan)?;
     let complete = || {
         Store::open(&correlation).is_ok_and(|store| {

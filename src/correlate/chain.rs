@@ -5,7 +5,7 @@ use super::error::CorrelationError;
 use super::options::Options;
 use super::series::{History, Start};
 use crate::backend::{Backend, GreyTransfer};
-use crate::field::{Measurement, Status, UpdateReference};
+use crate::field::{Measurement, ModelError, Status, UpdateReference};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -33,6 +33,8 @@ pub struct Keyframe {
     /// Variance of each displacement but for the part of the noise of this frame that every frame measured from it
     /// loses again, px^2 along x and y.
     pub variance: Vec<[f64; 2]>,
+    /// What each displacement may be off beyond noise, px.
+    pub model_error: Vec<[f64; 2]>,
     /// What brings its grey levels to those of the reference given, per zone, about the offset of the series.
     pub transfer: Vec<GreyTransfer>,
 }
@@ -398,6 +400,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
                 displacement: found.full_displacement.clone(),
                 elements: shown_elements(found),
                 variance: carried_variance(&self.original, found, &nothing, of_reference),
+                model_error: found.model_error().nodes.clone(),
                 transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
             }
         })
@@ -415,6 +418,9 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         let mut full_displacement = key.displacement.clone();
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut measured = vec![false; mesh.n_nodes()];
+        // The bias of every stage adds to that of those before.
+        let of_stage = found.model_error();
+        let mut model_error = ModelError { nodes: key.model_error.clone(), misfit: vec![0.0; mesh.n_elements()] };
         let shares = stage.correlator.noise_shares(&found);
         for (own, &node) in stage.nodes.iter().enumerate() {
             let u = found.full_displacement[own];
@@ -422,6 +428,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
             if !found.measurement.measured[own] {
                 continue;
             }
+            [0, 1].iter().for_each(|&c| model_error.nodes[node][c] += of_stage.nodes[own][c]);
             measured[node] = true;
             displacement[node] = full_displacement[node];
             let carried = mapped(gradients[own], on_stage[own]);
@@ -435,6 +442,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         for (own, &element) in stage.elements.iter().enumerate() {
             counted[element] = found.counted[own];
             element_residual[element] = found.measurement.element_residual[own];
+            model_error.misfit[element] = of_stage.misfit[own];
         }
         let status = match found.measurement.status {
             Status::Converged | Status::IterationLimit if self.has_left(&counted) => Status::LeftImage,
@@ -448,8 +456,13 @@ impl<B: Backend + Clone> ReferenceChain<B> {
             let mut elements = vec![false; mesh.n_elements()];
             stage.elements.iter().zip(shown).for_each(|(&element, shown)| elements[element] = shown);
             let (displacement, transfer) = (full_displacement.clone(), transfer.clone());
-            Keyframe { frame: number, displacement, elements, variance: all, transfer }
+            let model_error = model_error.nodes.clone();
+            Keyframe { frame: number, displacement, elements, variance: all, model_error, transfer }
         });
+        for (error, _) in model_error.nodes.iter_mut().zip(&measured).filter(|(_, measured)| !**measured) {
+            *error = [0.0; 2];
+        }
+
         let dropped = self.original.dropped().len();
         let zones = found.zones.into_iter().zip(&transfer).enumerate().map(|(zone, (found, &transfer))| ZoneResult {
             rigid: rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone)),
@@ -463,7 +476,15 @@ impl<B: Backend + Clone> ReferenceChain<B> {
             worst_node: stage.nodes[found.worst_node],
             nodes_left: mesh.n_nodes() - dropped - measured.iter().filter(|&&measured| measured).count(),
             reference_frame: key.frame,
-            measurement: Measurement { mesh: mesh.clone(), status, displacement, sigma, measured, element_residual },
+            measurement: Measurement {
+                mesh: mesh.clone(),
+                status,
+                displacement,
+                sigma,
+                measured,
+                element_residual,
+                model_error: Some(model_error),
+            },
             full_displacement,
             counted,
             ..found
@@ -512,6 +533,7 @@ impl ChainState {
         for key in self.reference.iter().chain(&self.last) {
             check("displacements", key.displacement.len(), mesh.n_nodes())?;
             check("variances", key.variance.len(), mesh.n_nodes())?;
+            check("model errors", key.model_error.len(), mesh.n_nodes())?;
             check("elements", key.elements.len(), mesh.n_elements())?;
             check("grey transfers", key.transfer.len(), mesh.zones().len())?;
         }

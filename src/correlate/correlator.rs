@@ -7,20 +7,23 @@ use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, grad
 use super::iterate::{Limits, Outcome, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, SmoothLight, is_suspected};
+use super::misfit::{MisfitTest, Residuals};
+use super::model_error::{self, MeshLines, model_error};
 use super::noise_correlation::{NoiseColour, NoiseProbe, Prepared};
 use super::noise_model::{Elements, PhotonNoise, factors};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
-use super::texture::{TextureFault, rounding};
+use super::texture::{TextureFault, high_frequency, rounding};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
-use crate::field::{Brightness, Measurement, NoiseCorrelation, RigidMotion, Status};
+use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, RigidMotion, Status};
 use crate::imaging::Image;
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Where a frame's iteration started.
@@ -146,6 +149,8 @@ pub struct Correlator<B: Backend> {
     tolerance_px: f64,
     /// What looks for noise that is not white, if that is wanted and the zones are large enough.
     probe: Option<NoiseProbe>,
+    misfit_test: MisfitTest,
+    mesh_lines: MeshLines,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
@@ -158,6 +163,17 @@ impl Correlation {
     /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
     pub fn full_displacement(&self) -> &[[f64; 2]] {
         &self.full_displacement
+    }
+
+    /// What the field may be off beyond noise: of a correlation it is always known.
+    pub(super) fn model_error(&self) -> Cow<'_, ModelError> {
+        match &self.measurement.model_error {
+            Some(error) => Cow::Borrowed(error),
+            None => {
+                let Measurement { mesh, .. } = &self.measurement;
+                Cow::Owned(ModelError { nodes: vec![[0.0; 2]; mesh.n_nodes()], misfit: vec![0.0; mesh.n_elements()] })
+            }
+        }
     }
 }
 
@@ -196,6 +212,7 @@ impl<B: Backend> Correlator<B> {
         let noise = AssumedNoise::of(&reference, &options);
         let noise_gain = NoiseGain::new(options.interpolation, options.n_references);
         let rounding = rounding(&reference);
+        let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
         let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference.clone(), &kernel)?;
@@ -226,10 +243,14 @@ impl<B: Backend> Correlator<B> {
             laid = coarse;
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
+        let finest = &levels[0];
+        let gradient_noise = options.interpolation.gradient_noise_gain();
         Ok(Self {
             noise_gain,
             tolerance_px,
             probe,
+            misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
+            mesh_lines: MeshLines::new(&finest.mesh),
             grey_range: f64::from(high - low),
             rounding,
             backend,
@@ -660,6 +681,25 @@ impl<B: Backend> Correlator<B> {
             let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
+        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
+        let residuals = Residuals {
+            elements: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            freedom: &spread.freedom,
+            freedom_of_element: of_element,
+            noise: self.options.noise.constant(),
+        };
+        let excess = self.misfit_test.excess(mesh, &self.noise_gain, &residuals);
+        let found = model_error::Found {
+            displacement: &full_displacement,
+            sigma: &sigma,
+            measured: &measured,
+            not_followed: &excess.nodes,
+            solver: outcome.own.as_deref().unwrap_or(&level.solver),
+        };
+        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
         let displacement =
@@ -673,6 +713,7 @@ impl<B: Backend> Correlator<B> {
                 sigma,
                 measured,
                 element_residual: elements.iter().map(|e| e.residual_rms).collect(),
+                model_error: Some(model_error),
             },
             iterations: outcome.iterations,
             coarse_iterations,
@@ -692,7 +733,7 @@ impl<B: Backend> Correlator<B> {
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
             full_displacement,
-            counted: elements.iter().map(|e| e.n > 0.0).collect(),
+            counted,
             worst_node: outcome.worst_node,
         })
     }

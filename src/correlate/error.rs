@@ -22,7 +22,7 @@ pub enum CorrelationError {
         /// What is allowed.
         wanted: &'static str,
     },
-    /// Nodes of the reference see no texture.
+    /// Nodes of the reference see no texture, more than may be left out.
     #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes))]
     NoTexture {
         /// The nodes.

@@ -11,6 +11,7 @@ use crate::backend::{Backend, KernelOptions};
 use crate::linalg::{BlockMatrix, Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// The finest level and what goes with it.
@@ -107,8 +108,10 @@ pub(super) fn finest_level<B: Backend>(
                 return Ok(Finest { level, spread, dropped, held });
             }
         }
-        if !options.drop_textureless {
-            return Err(CorrelationError::NoTexture { faults: found, n_nodes: mesh.n_nodes() });
+        if !options.drop_textureless
+            && let Some(too_many) = refused(&mesh, &dropped, &found, options)
+        {
+            return Err(CorrelationError::NoTexture { faults: too_many, n_nodes: mesh.n_nodes() });
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             return Err(CorrelationError::Textureless);
@@ -126,6 +129,29 @@ pub(super) fn finest_level<B: Backend>(
         }
         dropped.extend(found);
     }
+}
+
+/// The nodes without texture, when they are not few: more than their share of a zone, or on a border of which none may be
+/// left out. `dropped` went before, because of others; `found` would follow.
+fn refused(
+    mesh: &Mesh<Px>,
+    dropped: &[TextureFault],
+    found: &[TextureFault],
+    options: &Options,
+) -> Option<Vec<TextureFault>> {
+    let mut all: Vec<TextureFault> = dropped.iter().chain(found).cloned().collect();
+    all.sort_by_key(|fault| fault.node);
+    let are_few = |zone: usize| {
+        let nodes = mesh.zone_nodes(zone);
+        let of_zone = || all.iter().map(|fault| fault.node).filter(|node| nodes.contains(node));
+        let whole = options.whole_borders.contains(&mesh.zones()[zone]);
+        let on_border = whole && {
+            let border: HashSet<u32> = mesh.boundary(zone).into_iter().flatten().collect();
+            of_zone().any(|node| border.contains(&(node as u32)))
+        };
+        !on_border && of_zone().count() as f64 <= options.textureless_share * nodes.len() as f64
+    };
+    (!(0..mesh.zones().len()).all(are_few)).then_some(all)
 }
 
 /// The nodes that see texture: kept, and not held by the regularisation alone.

@@ -9,6 +9,8 @@ mod gradient_noise;
 mod iterate;
 mod level;
 mod light;
+mod misfit;
+mod model_error;
 mod noise_correlation;
 mod noise_model;
 mod options;

@@ -30,8 +30,13 @@ pub struct Options {
     pub noise_correlation: NoiseCorrelation,
     /// How many images the reference is the mean of: its noise is less by the square root of that.
     pub n_references: usize,
-    /// Leave nodes without texture out instead of refusing the reference.
+    /// Leave nodes without texture out, however many, instead of refusing the reference.
     pub drop_textureless: bool,
+    /// Share of the nodes of a zone that are left out for want of texture without having asked for it, 0..=1: the
+    /// reference is refused when there are more.
+    pub textureless_share: f64,
+    /// Zones of whose border no node is left out so, such as those whose edges are the faces of a joint.
+    pub whole_borders: Vec<String>,
     /// What holds the displacement beside the images.
     pub regularisation: Regularisation,
     /// Solver of the normal equations; with regularisation always the direct one.
@@ -52,6 +57,8 @@ impl Default for Options {
             noise_correlation: NoiseCorrelation::default(),
             n_references: 1,
             drop_textureless: false,
+            textureless_share: 0.05,
+            whole_borders: Vec::new(),
             regularisation: Regularisation::default(),
             solver: SolverChoice::default(),
         }
@@ -77,6 +84,10 @@ impl Options {
         }
         if self.max_iterations == 0 {
             return fault("the largest number of iterations", "0".into(), "at least 1");
+        }
+        if !(0.0..=1.0).contains(&self.textureless_share) {
+            let share = self.textureless_share.to_string();
+            return fault("the share of nodes without texture", share, "a number from 0 to 1");
         }
         if let Some(wanted) = self.noise.fault(f64::MAX) {
             return fault("the noise", self.noise.to_string(), wanted);

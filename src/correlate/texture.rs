@@ -3,7 +3,7 @@
 use super::gradient_noise::AssumedNoise;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::BlockMatrix;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Roi};
 use crate::units::Px;
 
 /// A node is without texture when its weakest gradient direction carries less than this many times what
@@ -162,15 +162,37 @@ pub(super) fn rounding(image: &Image) -> f64 {
 /// Where these tiles hold nothing but white noise there is no fine texture to mistake for it, and only the
 /// span of such noise limits it: 8 to 10 standard deviations.
 pub fn assumed_noise(image: &Image) -> f64 {
+    let (low, high) = image.range();
+    let quiet_tiles = &quietest_tiles(image, |_, _| true);
+    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
+    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
+    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
+    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
+    quiet.min(share * f64::from(high - low)).max(rounding(image))
+}
+
+/// The high-frequency content of the quietest tenth of the zones of `mesh`, grey levels: white noise, and what fine
+/// texture adds to it.
+pub(super) fn high_frequency(image: &Image, mesh: &Mesh<Px>) -> f64 {
+    let bounds: Vec<Roi> = (0..mesh.zones().len()).map(|zone| mesh.bounds(zone)).collect();
+    let inside = |x: usize, y: usize| {
+        let (x, y) = (x as f64, y as f64);
+        bounds.iter().any(|zone| (zone.x0..zone.x1).contains(&x) && (zone.y0..zone.y1).contains(&y))
+    };
+    quietest_tiles(image, inside).last().map_or(0.0, |tile| tile.0)
+}
+
+/// Noise by second differences, and standard deviation, of each tile of the quietest tenth of those that begin where
+/// `counts` holds, in rising order.
+fn quietest_tiles(image: &Image, counts: impl Fn(usize, usize) -> bool) -> Vec<(f64, f64)> {
     const TILE: usize = 16;
     let (width, height) = (image.width(), image.height());
-    let (low, high) = image.range();
-    // Noise by second differences, and standard deviation, of each tile.
+    let (low, _) = image.range();
     let mut tiles: Vec<(f64, f64)> = Vec::new();
     // Every few rows and columns of tiles: a sample is enough.
     let step = TILE * (1 + width.max(height) / 1024);
     for y0 in (1..height.saturating_sub(TILE)).step_by(step) {
-        for x0 in (1..width.saturating_sub(TILE)).step_by(step) {
+        for x0 in (1..width.saturating_sub(TILE)).step_by(step).filter(|&x0| counts(x0, y0)) {
             let (mut sum, mut greys, mut squares) = (0.0, 0.0, 0.0);
             for y in y0..y0 + TILE {
                 for x in x0..x0 + TILE {
@@ -190,10 +212,6 @@ pub fn assumed_noise(image: &Image) -> f64 {
         }
     }
     tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let quiet_tiles = &tiles[..tiles.len().div_ceil(10)];
-    let quiet = quiet_tiles.last().map_or(0.0, |tile| tile.0);
-    // White noise has both alike, texture that a camera resolves has less than half of its contrast there.
-    let n_white = quiet_tiles.iter().filter(|(noise, deviation)| *noise > 0.75 * deviation).count();
-    let share = if 2 * n_white > quiet_tiles.len() { 0.125 } else { 0.01 };
-    quiet.min(share * f64::from(high - low)).max(rounding(image))
+    tiles.truncate(tiles.len().div_ceil(10));
+    tiles
 }

@@ -213,6 +213,12 @@ impl NoiseGain {
         table[k] + (t - k as f64) * (table[k + 1] - table[k])
     }
 
+    /// Variance of the residual at a displacement `u` for noise of one grey level in one image.
+    pub fn of_pair(&self, u: [f64; 2], transfer: GreyTransfer) -> f64 {
+        let [vx, vy] = u.map(|u| Self::at(&self.deformed, u));
+        self.reference + transfer.gain.powi(2) * vx * vy
+    }
+
     /// Variance of the interpolated noise in the middle of each element of a zone, in that of one image.
     pub fn variances(&self, mesh: &Mesh<Px>, zone: usize, displacement: &[[f64; 2]]) -> Vec<f64> {
         mesh.zone_elements(zone).map(|element| self.in_element(mesh, element, displacement)).collect()

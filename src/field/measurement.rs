@@ -3,6 +3,7 @@
 use crate::mesh::Mesh;
 use crate::units::Length;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::sync::Arc;
 
 /// How the correlation of one frame ended.
@@ -67,6 +68,47 @@ impl Status {
     }
 }
 
+/// What a field may be off beyond noise, as far as the field and its residual show (THEORY 11): estimates, in `U`, of
+/// sizes and not of signs.
+///
+/// Where the truth is smooth and well resolved the nodal error comes out right within a small factor. Of noise it holds
+/// next to nothing: that is what the standard uncertainty says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ModelError {
+    /// Error of each displacement for want of nodes, of focus, or by a regularisation; zero where nothing shows.
+    pub nodes: Vec<[f64; 2]>,
+    /// Displacement, root mean square over the element, that the field does not follow there: zero but in elements whose
+    /// residual is beyond noise by the test (1 % over the zone).
+    pub misfit: Vec<f64>,
+}
+
+/// The elements of a frame whose residual is beyond noise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Misfit {
+    /// How many.
+    pub elements: usize,
+    /// Of how many, per cent.
+    pub percent: f64,
+    /// Middle of the one whose displacement is followed worst, in the unit of the mesh (of the reference image).
+    #[serde(rename = "at_px")]
+    pub at: [f64; 2],
+    /// Displacement that is not followed there, root mean square, in the same unit.
+    #[serde(rename = "displacement_px")]
+    pub displacement: f64,
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { elements, percent, at: [x, y], displacement } = self;
+        let plural = if *elements == 1 { "" } else { "s" };
+        write!(
+            f,
+            "misfit: the residual of {elements} element{plural} ({percent:.1} %) is beyond noise, most at ({x:.0}, {y:.0}) px, \
+             where {displacement:.2} px are not followed"
+        )
+    }
+}
+
 /// The displacement field of one deformed image, on the nodes of a mesh of the reference image.
 ///
 /// A node that was not measured (without texture, or outside the deformed image) has
@@ -85,4 +127,28 @@ pub struct Measurement<U: Length> {
     pub measured: Vec<bool>,
     /// Root mean square of the residual `f - g` in each element, in grey levels.
     pub element_residual: Vec<f64>,
+    /// What the field may be off beyond noise, in `U`; `None` where nothing made an estimate, as in stores of earlier
+    /// versions.
+    pub model_error: Option<ModelError>,
+}
+
+impl<U: Length> Measurement<U> {
+    /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.
+    pub fn misfit(&self) -> Option<Misfit> {
+        let not_followed = &self.model_error.as_ref()?.misfit;
+        let elements = not_followed.iter().filter(|&&v| v > 0.0).count();
+        let worst = (0..not_followed.len()).max_by(|&a, &b| not_followed[a].total_cmp(&not_followed[b]))?;
+        let nodes = self.mesh.elements().get(worst)?;
+        let sides = if nodes[2] == nodes[3] { 3 } else { 4 };
+        let corners = self.mesh.corners(worst);
+        let middle = [0, 1].map(|c| corners[..sides].iter().map(|p| p[c]).sum::<f64>() / sides as f64);
+        // An element that has left the image, or has no texture, has no residual.
+        let of = self.element_residual.iter().filter(|&&residual| residual > 0.0).count();
+        (elements > 0).then(|| Misfit {
+            elements,
+            percent: 100.0 * elements as f64 / of.max(1) as f64,
+            at: middle,
+            displacement: not_followed[worst],
+        })
+    }
 }

@@ -8,7 +8,7 @@ mod quantities;
 mod rigid;
 mod strain;
 
-pub use measurement::{Measurement, Status};
+pub use measurement::{Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{

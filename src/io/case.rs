@@ -173,7 +173,7 @@ pub struct CaseCorrelation {
     /// Definition of the strains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strain: Option<StrainDefinition>,
-    /// Whether nodes without texture are left out instead of refused.
+    /// Whether nodes without texture are left out, however many; if not, a few of them are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_textureless: Option<bool>,
 }

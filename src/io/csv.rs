@@ -8,6 +8,7 @@ use thiserror::Error;
 
 const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
 const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
+const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const MM_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"];
 
 /// Why a table of displacements cannot be read.
@@ -71,6 +72,8 @@ pub struct DisplacementRow {
     pub px: NodeValues,
     /// The strain, when the table has it and it is known at this node.
     pub strain: Option<Strain>,
+    /// What each component of the displacement may be off beyond noise, px, when the table has it.
+    pub model_error_px: Option<[f64; 2]>,
     /// The values in millimetres, when the table was written with a pixel size.
     pub mm: Option<NodeValues>,
 }
@@ -79,7 +82,7 @@ pub struct DisplacementRow {
 ///
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
 /// `exx,eyy,exy` (without dimension; empty where it is not known), and with a `pixel_size` the six in px again
-/// in mm. Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
+/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand last. Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
 /// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
 /// **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
@@ -89,7 +92,7 @@ pub struct DisplacementRow {
 /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap();
 /// # let measurement = Measurement { mesh: mesh.into(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5] };
+/// #     element_residual: vec![1.5], model_error: None };
 /// let mut table = Vec::new();
 /// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None, None).unwrap();
 /// let table = String::from_utf8(table).unwrap();
@@ -114,6 +117,9 @@ pub fn write_displacements<W: Write>(
         "# lengths in px: x to the right, y down, origin at the centre of the top-left pixel of the reference image"
     )?;
     writeln!(out, "# u leads from the reference to the deformed image; sigma is its standard uncertainty")?;
+    if measurement.model_error.is_some() {
+        writeln!(out, "# model_error is what u may be off beyond noise: mesh too coarse, misfit, regularisation")?;
+    }
     if let Some(strain) = strain {
         for line in strain.definition.describe(strain.length_px) {
             writeln!(out, "# {line}")?;
@@ -125,7 +131,9 @@ pub fn write_displacements<W: Write>(
     let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
     let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
     let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
-    table.write_record(["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(mm_columns))?;
+    let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
+    let columns = ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(mm_columns);
+    table.write_record(columns.chain(model_columns))?;
     let mesh = &measurement.mesh;
     for (node, &[x, y]) in mesh.nodes().iter().enumerate() {
         if !measurement.measured[node] {
@@ -145,12 +153,9 @@ pub fn write_displacements<W: Write>(
             None => [None; 3],
         });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
-        match (strain, mm) {
-            (None, None) => table.serialize((node, zone, px))?,
-            (Some(strain), None) => table.serialize((node, zone, px, strain))?,
-            (None, Some(mm)) => table.serialize((node, zone, px, mm))?,
-            (Some(strain), Some(mm)) => table.serialize((node, zone, px, strain, mm))?,
-        }
+        let model = measurement.model_error.as_ref().map(|model| model.nodes[node].map(|v| v as f32));
+        // A slice of none is no column.
+        table.serialize((node, zone, px, strain.as_slice(), mm.as_slice(), model.as_slice()))?;
     }
     table.flush()
 }
@@ -176,6 +181,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     };
     let px = find_all(&PX_COLUMNS)?;
     let (strain, mm) = (find_group(&STRAIN_COLUMNS)?, find_group(&MM_COLUMNS)?);
+    let model = find_group(&MODEL_COLUMNS)?;
     let mut rows = Vec::new();
     for record in table.records() {
         let record = record.map_err(row_error)?;
@@ -184,6 +190,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
             zone: zone.text(&record).to_owned(),
             px: NodeValues::from_columns(values(&px, &record)?),
             strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
+            model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
             mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?.map(NodeValues::from_columns),
         });
     }

@@ -34,7 +34,8 @@ pub enum VtkError {
 /// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
 /// with displacement zero, so threshold on `measured`. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
-/// and `zone`, numbered from 0. With a `strain`, `strain_node` and `strain_element`: three components exx,
+/// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px` of the
+/// elements ([`crate::field::ModelError`]). With a `strain`, `strain_node` and `strain_element`: three components exx,
 /// eyy, exy without dimension, NaN where they are not known. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
 /// and `dynamic_range_grey`. A comment at
 /// the head holds `title`, status, units and zone names.
@@ -64,6 +65,10 @@ pub fn write_vtu<W: Write>(
     let measured: Vec<u8> = measured().map(u8::from).collect();
     let residual: Vec<f32> = measurement.element_residual.iter().map(|&r| r as f32).collect();
     let residual_percent: Vec<f32> = residual.iter().map(|&r| (100.0 * f64::from(r) / dynamic_range) as f32).collect();
+    let model = measurement.model_error.as_ref();
+    let model_error: Option<Vec<[f32; 3]>> =
+        model.map(|model| spatial(&model.nodes).into_iter().map(|v| v.map(|v| v as f32)).collect());
+    let misfit: Option<Vec<f32>> = model.map(|model| model.misfit.iter().map(|&v| v as f32).collect());
     let zone: Vec<i32> = mesh.element_zone().iter().map(|&zone| zone as i32).collect();
     // Signed, as VTK itself does: meshio turns unsigned node numbers into floats.
     let connectivity: Vec<i64> = mesh.elements().iter().flatten().map(|&node| i64::from(node)).collect();
@@ -93,12 +98,14 @@ pub fn write_vtu<W: Write>(
                 inside(xml, "PointData", &[], |xml| {
                     vectors(xml, "displacement_px", &displacement)?;
                     vectors(xml, "sigma_px", &sigma)?;
+                    model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
                     scalars(xml, "measured", &measured)?;
                     strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))
                 })?;
                 inside(xml, "CellData", &[], |xml| {
                     scalars(xml, "residual_grey", &residual)?;
                     scalars(xml, "residual_percent", &residual_percent)?;
+                    misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
                     scalars(xml, "zone", &zone)?;
                     strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))
                 })?;

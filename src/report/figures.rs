@@ -31,6 +31,10 @@ pub enum Figure {
     ResidualPercent,
     /// Standard uncertainty of the displacement, px: root mean square of both components.
     Sigma,
+    /// What the displacement may be off beyond noise, px: root mean square of both components.
+    ModelError,
+    /// Displacement that the elements do not follow, px.
+    Misfit,
     /// The mesh on the reference image.
     Mesh,
     /// The deformed mesh.
@@ -41,7 +45,7 @@ pub enum Figure {
 
 impl Figure {
     /// All there are.
-    pub const ALL: [Figure; 11] = [
+    pub const ALL: [Figure; 13] = [
         Figure::Ux,
         Figure::Uy,
         Figure::Exx,
@@ -50,6 +54,8 @@ impl Figure {
         Figure::Residual,
         Figure::ResidualPercent,
         Figure::Sigma,
+        Figure::ModelError,
+        Figure::Misfit,
         Figure::Mesh,
         Figure::Deformed,
         Figure::Register,
@@ -66,6 +72,8 @@ impl Figure {
             Figure::Residual => "residual",
             Figure::ResidualPercent => "residual-percent",
             Figure::Sigma => "sigma",
+            Figure::ModelError => "model-error",
+            Figure::Misfit => "misfit",
             Figure::Mesh => "mesh",
             Figure::Deformed => "deformed",
             Figure::Register => "register",
@@ -83,6 +91,8 @@ impl Figure {
             Figure::Residual => ("Residual, rms per element", "grey levels"),
             Figure::ResidualPercent => ("Residual, rms per element", "% of the grey range"),
             Figure::Sigma => ("Standard uncertainty of the displacement", "px"),
+            Figure::ModelError => ("Model error of the displacement", "px"),
+            Figure::Misfit => ("Displacement not followed, rms per element", "px"),
             Figure::Mesh | Figure::Deformed | Figure::Register => return None,
         })
     }
@@ -106,7 +116,7 @@ impl FromStr for Figure {
         Figure::ALL.into_iter().find(|figure| figure.name() == word).ok_or_else(|| UnknownChoice {
             option: "quantity",
             given: word.to_owned(),
-            expected: "ux, uy, exx, eyy, exy, residual, residual-percent, sigma, mesh, deformed or register",
+            expected: "ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh, deformed or register",
         })
     }
 }
@@ -277,7 +287,7 @@ impl<'a> Frame<'a> {
             trim: if matches!(figure, Figure::Ux | Figure::Uy) { 0.002 } else { 0.005 },
             palette: match figure {
                 _ if signed => Palette::BlueRed,
-                Figure::Residual | Figure::ResidualPercent => Palette::Plasma,
+                Figure::Residual | Figure::ResidualPercent | Figure::Misfit => Palette::Plasma,
                 _ => Palette::Viridis,
             },
             // A white middle must not be taken for a grey image.
@@ -295,14 +305,20 @@ impl<'a> Frame<'a> {
 
     fn values(&self, figure: Figure) -> Result<Values, ReportError> {
         let measurement = self.measurement;
+        let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
         let nodal = |c: usize| Values::Nodes(measurement.displacement.iter().map(|u| u[c]).collect());
         Ok(match figure {
             Figure::Ux => nodal(0),
             Figure::Uy => nodal(1),
-            Figure::Sigma => {
-                let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
-                Values::Nodes(measurement.sigma.iter().map(rms).collect())
-            }
+            Figure::Sigma => Values::Nodes(measurement.sigma.iter().map(rms).collect()),
+            Figure::ModelError => Values::Nodes(match &measurement.model_error {
+                Some(model) => model.nodes.iter().map(rms).collect(),
+                None => vec![f64::NAN; measurement.mesh.n_nodes()],
+            }),
+            Figure::Misfit => Values::Elements(match &measurement.model_error {
+                Some(model) => model.misfit.clone(),
+                None => vec![f64::NAN; measurement.mesh.n_elements()],
+            }),
             Figure::ResidualPercent => {
                 let range = self.options.range_grey.filter(|range| *range > 0.0).ok_or(ReportError::Percent)?;
                 Values::Elements(measurement.element_residual.iter().map(|r| 100.0 * r / range).collect())
@@ -356,6 +372,7 @@ impl<'a> Frame<'a> {
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
         }
+        notes.extend(self.measurement.misfit().map(|misfit| misfit.to_string()));
         notes.extend(self.options.notes.iter().cloned());
         notes
     }

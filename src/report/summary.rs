@@ -4,8 +4,9 @@ use crate::backend::{Backend, Traffic};
 use crate::correlate::{
     Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, SmoothLight, StartUsed, TextureFault, ZoneResult,
 };
-use crate::field::{RigidMotion, Status};
+use crate::field::{Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::Saturation;
+use crate::units::Px;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -187,6 +188,12 @@ pub struct FrameSummary {
     pub nodes_at_noise_bound: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
+    /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<Misfit>,
+    /// What the displacements may be off beyond noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_error: Option<ModelErrorSummary>,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
@@ -239,6 +246,36 @@ impl From<NoiseColour> for NoiseColourSummary {
         };
         let NoiseColour { factor, factor_sigma, neighbours, misfit } = colour;
         Self { verdict: verdict.into(), factor, factor_sigma, neighbours, misfit }
+    }
+}
+
+/// What the displacements of a frame may be off beyond noise, beside their standard uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ModelErrorSummary {
+    /// Root mean square of the estimates over the components of the measured nodes.
+    pub rms_px: f64,
+    /// The largest.
+    pub largest_px: f64,
+    /// Place of its node in the reference image.
+    pub at_px: [f64; 2],
+    /// Root mean square of the standard uncertainties, to compare with.
+    pub sigma_rms_px: f64,
+}
+
+impl ModelErrorSummary {
+    fn of(measurement: &Measurement<Px>) -> Option<Self> {
+        let model = measurement.model_error.as_ref()?;
+        let measured = || (0..model.nodes.len()).filter(|&node| measurement.measured[node]);
+        let n = 2.0 * measured().count() as f64;
+        let rms = |values: &[[f64; 2]]| (measured().flat_map(|k| values[k]).map(|v| v * v).sum::<f64>() / n).sqrt();
+        let larger = |node: usize| model.nodes[node][0].max(model.nodes[node][1]);
+        let worst = measured().max_by(|&a, &b| larger(a).total_cmp(&larger(b)))?;
+        Some(Self {
+            rms_px: rms(&model.nodes),
+            largest_px: larger(worst),
+            at_px: measurement.mesh.nodes()[worst],
+            sigma_rms_px: rms(&measurement.sigma),
+        })
     }
 }
 
@@ -336,6 +373,8 @@ impl FrameSummary {
             nodes_left_image: 0,
             nodes_at_noise_bound: 0,
             elements_poor: 0,
+            misfit: None,
+            model_error: None,
             saturated_percent: None,
             noise_correlation_factor: None,
             noise_colour: None,
@@ -357,6 +396,8 @@ impl FrameSummary {
         result: &Correlation,
         [seconds, seconds_decode]: [f64; 2],
     ) -> Self {
+        // A field that is no measurement is not judged.
+        let field = Some(&result.measurement).filter(|field| field.status.has_field());
         // JSON has no infinity: a number that is none is left out.
         let finite = |v: f64| v.is_finite().then_some(v);
         let mut messages = messages;
@@ -393,6 +434,8 @@ impl FrameSummary {
             nodes_left_image: result.nodes_left,
             nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
+            misfit: field.and_then(Measurement::misfit),
+            model_error: field.and_then(ModelErrorSummary::of),
             saturated_percent: None,
             noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),
             noise_colour: result.noise_colour.map(Into::into),

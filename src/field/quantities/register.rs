@@ -68,7 +68,7 @@ pub struct RigidRemoved {
 /// # let displacement: Vec<_> =
 /// #     mesh.nodes().iter().map(|[x, y]| [(cos - 1.0) * x - sin * y, sin * x + (cos - 1.0) * y]).collect();
 /// # let turned = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-/// #     element_residual: vec![1.0; 4], mesh: mesh.into(), displacement };
+/// #     element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
 /// let (left, removed) = remove_rigid(&turned, RemoveRigid::All); // a rotation by 0.1
 /// assert!(left.displacement.iter().flatten().all(|u| u.abs() < 1e-12));
 /// assert!((removed[0].motion.rotation_rad - 0.1).abs() < 1e-12);
@@ -96,6 +96,10 @@ pub fn remove_rigid<U: Length>(field: &Measurement<U>, which: RemoveRigid) -> (M
             let sigma = field.sigma[node];
             left.displacement[node] = u;
             left.sigma[node] = [(cos * sigma[0]).hypot(sin * sigma[1]), (cos * sigma[1]).hypot(sin * sigma[0])];
+            if let Some(model) = &mut left.model_error {
+                let [x, y] = model.nodes[node];
+                model.nodes[node] = [(cos * x).hypot(sin * y), (cos * y).hypot(sin * x)];
+            }
             largest = largest.max(rigid[0].hypot(rigid[1]));
             squares += u[0] * u[0] + u[1] * u[1];
             n += 1.0;

@@ -4,6 +4,7 @@ use super::StoreError;
 use super::folder::Folder;
 use crate::io::arrays::Number;
 use serde_json::json;
+use std::path::Path;
 use std::sync::Arc;
 use zarrs::array::codec::{Crc32cCodec, ZstdCodec};
 use zarrs::array::{Array, ArrayBuilder, ArrayMetadataOptions, ArrayShape, CodecOptions, DataType, data_type};
@@ -45,6 +46,10 @@ pub enum Variable {
     StrainNode,
     /// Residual of the elements.
     Residual,
+    /// What the displacement of the nodes may be off beyond noise; not in stores of earlier versions.
+    ModelError,
+    /// Displacement that the elements do not follow; not in stores of earlier versions.
+    Misfit,
 }
 
 /// Where the values of a [`Variable`] live.
@@ -68,13 +73,15 @@ impl Place {
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 6] = [
+    pub const ALL: [Variable; 8] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
         Variable::StrainElement,
         Variable::StrainNode,
         Variable::Residual,
+        Variable::ModelError,
+        Variable::Misfit,
     ];
 
     /// Name of the array in the store and in exported files.
@@ -86,13 +93,15 @@ impl Variable {
             Variable::StrainElement => "strain_element",
             Variable::StrainNode => "strain_node",
             Variable::Residual => "residual_grey",
+            Variable::ModelError => "model_error_px",
+            Variable::Misfit => "misfit_px",
         }
     }
 
     /// Unit of the values; `1` for numbers without dimension.
     pub fn unit(self) -> &'static str {
         match self {
-            Variable::Displacement | Variable::Sigma => "px",
+            Variable::Displacement | Variable::Sigma | Variable::ModelError | Variable::Misfit => "px",
             Variable::Measured | Variable::StrainElement | Variable::StrainNode => "1",
             Variable::Residual => "grey levels",
         }
@@ -112,23 +121,34 @@ impl Variable {
             }
             Variable::StrainNode => "strain at the node, exy the tensor shear; NaN where it is not known",
             Variable::Residual => "root mean square of the residual f - (1 + c) g - d over the element",
+            Variable::ModelError => {
+                "estimate of what each component of displacement_px may be off beyond noise (mesh too coarse, misfit, \
+                 regularisation), beside sigma_px; NaN where not measured"
+            }
+            Variable::Misfit => {
+                "displacement that the element does not follow, root mean square; 0 where its residual is not beyond noise"
+            }
         }
     }
 
     /// Nodes or elements.
     pub fn place(self) -> Place {
         match self {
-            Variable::Displacement | Variable::Sigma | Variable::Measured | Variable::StrainNode => Place::Nodes,
-            Variable::StrainElement | Variable::Residual => Place::Elements,
+            Variable::Displacement
+            | Variable::Sigma
+            | Variable::Measured
+            | Variable::StrainNode
+            | Variable::ModelError => Place::Nodes,
+            Variable::StrainElement | Variable::Residual | Variable::Misfit => Place::Elements,
         }
     }
 
     /// Names along the last axis; none when there is one value per node or element.
     pub fn components(self) -> &'static [&'static str] {
         match self {
-            Variable::Displacement | Variable::Sigma => &["x", "y"],
+            Variable::Displacement | Variable::Sigma | Variable::ModelError => &["x", "y"],
             Variable::StrainElement | Variable::StrainNode => &["exx", "eyy", "exy"],
-            Variable::Measured | Variable::Residual => &[],
+            Variable::Measured | Variable::Residual | Variable::Misfit => &[],
         }
     }
 
@@ -139,6 +159,16 @@ impl Variable {
 }
 
 impl Variable {
+    /// Whether every store has it: those of earlier versions do not have all.
+    pub fn is_in_every_store(self) -> bool {
+        !matches!(self, Variable::ModelError | Variable::Misfit)
+    }
+
+    /// Whether it stands in the store in `folder`.
+    pub(super) fn is_in(self, folder: &Path) -> bool {
+        self.is_in_every_store() || folder.join(self.name()).join("zarr.json").is_file()
+    }
+
     /// Kind of the numbers.
     pub fn number(self) -> Number {
         match self {

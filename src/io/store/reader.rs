@@ -6,7 +6,7 @@ use super::layout::{
     Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
-use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::field::{Measurement, ModelError, Status, Strain, StrainField};
 use crate::io::arrays::{Number, Values};
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
@@ -27,8 +27,8 @@ pub struct Store {
     header: StoreHeader,
     frames_sha256: Vec<Option<String>>,
     status: Array<Folder>,
-    /// In the order of [`Variable::ALL`].
-    variables: Vec<Array<Folder>>,
+    /// Those that the store has, in the order of [`Variable::ALL`].
+    variables: Vec<(Variable, Array<Folder>)>,
 }
 
 /// The field of one frame.
@@ -36,7 +36,8 @@ pub struct Store {
 pub struct StoredFrame {
     /// Its number in the series, from 1.
     pub number: usize,
-    /// The field. Standard uncertainties and residuals have the precision of `f32`, which they are stored with.
+    /// The field. Standard uncertainties, model errors and residuals have the precision of `f32`, which they are
+    /// stored with.
     pub measurement: Measurement<Px>,
     /// File of the deformed image.
     pub file: String,
@@ -62,8 +63,9 @@ impl Store {
         let header = attributes.header(mesh, &path)?;
         let (n_nodes, n_elements) = (attributes.n_nodes, attributes.n_elements);
         let n_frames = header.frames.len();
-        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).open(&folder);
-        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
+        let variable = |v| Ok((v, Form::variable(v, n_frames, n_nodes, n_elements).open(&folder)?));
+        let there = Variable::ALL.into_iter().filter(|v| v.is_in(&path));
+        let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
         let status = Form::status(n_frames).open(&folder)?;
         Ok(Self { folder, header, frames_sha256: attributes.frames_sha256, status, variables })
     }
@@ -184,8 +186,10 @@ impl Store {
 
     /// The files that hold the field of frame `number` (from 1), which are there when it has one.
     pub fn field_files(&self, number: usize) -> Vec<PathBuf> {
-        let file = |variable| self.folder.file(&self.array(variable).chunk_key(&place_of(number, variable)));
-        Variable::ALL.map(file).to_vec()
+        let file = |(variable, array): &(Variable, Array<Folder>)| {
+            self.folder.file(&array.chunk_key(&place_of(number, *variable)))
+        };
+        self.variables.iter().map(file).collect()
     }
 
     /// Reads every chunk of frame `number` (from 1) and checks it.
@@ -232,8 +236,40 @@ impl Store {
             let reason = format!("the residual of element {element} is no finite number");
             return Err(self.damaged_variable(number, Variable::Residual, reason));
         }
-        let measurement = Measurement { mesh, status, displacement, sigma, measured, element_residual };
+        let model_error = self.model_error(number, &measured)?;
+        let measurement = Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error };
         Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+    }
+
+    /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or where it was not known.
+    fn model_error(&self, number: usize, measured: &[bool]) -> Result<Option<ModelError>, StoreError> {
+        if ![Variable::ModelError, Variable::Misfit].into_iter().all(|variable| self.has(variable)) {
+            return Ok(None);
+        }
+        let misfit = doubles(&self.variable(number, Variable::Misfit)?);
+        let mut nodes = pairs(&doubles(&self.variable(number, Variable::ModelError)?));
+        let is_known = |(at, &measured): (usize, &bool)| measured && nodes[at].iter().any(|v| !v.is_nan());
+        if misfit.iter().all(|v| v.is_nan()) && !measured.iter().enumerate().any(is_known) {
+            return Ok(None);
+        }
+        if let Some(element) = misfit.iter().position(|v| !v.is_finite()) {
+            let reason = format!("the misfit of element {element} is no finite number");
+            return Err(self.damaged_variable(number, Variable::Misfit, reason));
+        }
+        for (node, (error, &measured)) in nodes.iter_mut().zip(measured).enumerate() {
+            if !measured {
+                *error = [0.0; 2];
+            } else if !error.iter().all(|v| v.is_finite()) {
+                let reason = format!("node {node} is measured and has no finite model error");
+                return Err(self.damaged_variable(number, Variable::ModelError, reason));
+            }
+        }
+        Ok(Some(ModelError { nodes, misfit }))
+    }
+
+    /// Whether the store has this array: those of earlier versions do not have all.
+    pub fn has(&self, variable: Variable) -> bool {
+        self.variables.iter().any(|(there, _)| *there == variable)
     }
 
     /// The strains of frame `number` (from 1), with the precision of `f32`; `None` as for [`Store::frame`].
@@ -257,12 +293,13 @@ impl Store {
         }))
     }
 
-    /// The numbers of one array of frame `number` (from 1) as they are stored; `None` as for [`Store::frame`].
+    /// The numbers of one array of frame `number` (from 1) as they are stored; `None` as for [`Store::frame`], and of an
+    /// array that the store does not have.
     ///
     /// # Errors
     /// As [`Store::frame`].
     pub fn values(&self, number: usize, variable: Variable) -> Result<Option<Values>, StoreError> {
-        if self.status(number)?.is_none_or(|status| !status.has_field()) {
+        if self.status(number)?.is_none_or(|status| !status.has_field()) || !self.has(variable) {
             return Ok(None);
         }
         Ok(Some(match variable.number() {
@@ -274,7 +311,7 @@ impl Store {
     }
 
     fn array(&self, variable: Variable) -> &Array<Folder> {
-        &self.variables[Variable::ALL.iter().position(|&other| other == variable).unwrap_or(0)]
+        &self.variables[self.variables.iter().position(|(there, _)| *there == variable).unwrap_or(0)].1
     }
 
     /// The numbers of one array of a frame that has a field.

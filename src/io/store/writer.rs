@@ -28,7 +28,7 @@ const ROOM_AHEAD: usize = 64;
 /// # let mesh = std::sync::Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap());
 /// # let measurement = Measurement { mesh: mesh.clone(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5] };
+/// #     element_residual: vec![1.5], model_error: None };
 /// # let header = StoreHeader { quadrille: "0.1.0".into(), device: "cpu".into(), mesh, image_size_px: [32, 32],
 /// #     reference: vec!["ref.tif".into()], reference_sha256: vec![String::new()],
 /// #     frames: vec!["a.tif".into(), "b.tif".into()], pixel_size: None, range_grey: 255.0,
@@ -49,8 +49,8 @@ pub struct StoreWriter {
     series: Mutex<Series>,
     mesh: Arc<Mesh<Px>>,
     status: Array<Folder>,
-    /// In the order of [`Variable::ALL`].
-    variables: Vec<Array<Folder>>,
+    /// Those that the store has, in the order of [`Variable::ALL`].
+    variables: Vec<(Variable, Array<Folder>)>,
 }
 
 /// What a store says of its frames.
@@ -112,8 +112,9 @@ impl StoreWriter {
         let mesh = Store::open(path)?.mesh().clone();
         let folder = Arc::new(Folder::new(path));
         let (n_frames, n_nodes, n_elements) = (attributes.frames.len(), mesh.n_nodes(), mesh.n_elements());
-        let variable = |v| Form::variable(v, n_frames, n_nodes, n_elements).open(&folder);
-        let variables = Variable::ALL.into_iter().map(variable).collect::<Result<_, _>>()?;
+        let variable = |v| Ok((v, Form::variable(v, n_frames, n_nodes, n_elements).open(&folder)?));
+        let there = Variable::ALL.into_iter().filter(|v| v.is_in(path));
+        let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
         let status = Form::status(n_frames).open(&folder)?;
         let room = status.shape()[0] as usize;
         Ok(Self { folder, series: Mutex::new(Series { attributes, room }), mesh, status, variables })
@@ -216,8 +217,8 @@ impl StoreWriter {
         strain: &StrainField,
     ) -> Result<(), StoreError> {
         self.check_sizes(number, measurement, strain)?;
-        for (variable, array) in Variable::ALL.into_iter().zip(&self.variables) {
-            self.write_variable(number, variable, array, measurement, strain)?;
+        for (variable, array) in &self.variables {
+            self.write_variable(number, *variable, array, measurement, strain)?;
         }
         Ok(())
     }
@@ -325,7 +326,10 @@ impl StoreWriter {
     ) -> Result<(), StoreError> {
         self.check_number(number)?;
         let (nodes, elements) = (self.mesh.n_nodes(), self.mesh.n_elements());
+        let model = measurement.model_error.as_ref();
         let sizes = [
+            ("model errors", model.map_or(nodes, |model| model.nodes.len()), nodes),
+            ("misfits", model.map_or(elements, |model| model.misfit.len()), elements),
             ("displacements", measurement.displacement.len(), nodes),
             ("standard uncertainties", measurement.sigma.len(), nodes),
             ("marks of measured nodes", measurement.measured.len(), nodes),
@@ -362,6 +366,16 @@ impl StoreWriter {
             Variable::StrainElement => self.chunk(array, &at, strain_values(&strain.elements).as_slice()),
             Variable::StrainNode => self.chunk(array, &at, strain_values(&strain.nodes).as_slice()),
             Variable::Residual => self.chunk(array, &at, singles(&measurement.element_residual).as_slice()),
+            Variable::ModelError => {
+                let unknown = vec![[f64::NAN; 2]; self.mesh.n_nodes()];
+                let known = measurement.model_error.as_ref().map(|model| kept(&model.nodes));
+                self.chunk(array, &at, singles(known.unwrap_or(unknown).as_flattened()).as_slice())
+            }
+            Variable::Misfit => {
+                let unknown = vec![f64::NAN; self.mesh.n_elements()];
+                let known = measurement.model_error.as_ref().map(|model| singles(&model.misfit));
+                self.chunk(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
+            }
         }
     }
 
@@ -381,7 +395,9 @@ fn strain_values(strains: &[Option<Strain>]) -> Vec<f32> {
 /// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is
 /// that which all have.
 fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>) -> Result<(), StoreError> {
-    for v in Variable::ALL {
+    // A store of an earlier version stays one.
+    let is_new = !folder.path().join("status").join("zarr.json").is_file();
+    for v in Variable::ALL.into_iter().filter(|v| is_new || v.is_in(folder.path())) {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
     Form::noise(n_frames).create(folder)?;
