@@ -593,10 +593,7 @@ fn a_frame_without_texture_somewhere_becomes_no_reference() {
             if clear { grey } else { 128.0 + 0.12 * (grey - 128.0) }
         });
     }
-    // A few nodes would be left out.
-    let textureless_share = 0.0;
-    let options =
-        Options { brightness: Brightness::Element, noise: Some(2.0), textureless_share, ..Options::default() };
+    let options = Options { brightness: Brightness::Element, noise: Some(2.0), ..Options::default() };
     let mut chain = chain_of(&reference, &inside(SIDE, SIDE, 32), options, every(2));
     let found = followed(&mut chain, &frames);
     let references: Vec<usize> = found.iter().map(|found| found.reference_frame).collect();
