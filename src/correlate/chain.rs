@@ -364,7 +364,8 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         let frame = key.frame;
         let carried = mesh.carried(original.zone_pixels(), &moved, &kept, original.size());
         let prepared = carried.map_err(CorrelationError::from).and_then(|carried| {
-            let options = Options { n_references: 1, ..original.options().clone() };
+            // A node that is left out does not come back: rather no new reference than one that loses nodes.
+            let options = Options { n_references: 1, textureless_share: 0.0, ..original.options().clone() };
             let backend = original.backend().clone();
             let correlator = Correlator::with_offset(backend, image, &carried.zones, options, original.grey_offset())?;
             Ok(Stage { key, correlator, nodes: carried.nodes, elements: carried.elements })

@@ -249,7 +249,14 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64) -> Option<ZoneNois
                 (0..3).for_each(|k| (matrix[2][k], matrix[k][2]) = (0.0, 0.0));
                 (matrix[2][2], rhs[2]) = (1.0, 0.0);
             }
-            let Some((solution, variance)) = solved(matrix, rhs) else { return Some(found) };
+            let Some((solution, variance)) = solved(matrix, rhs) else {
+                // Grey level and gradient may go together.
+                if with_texture {
+                    with_texture = false;
+                    continue;
+                }
+                return Some(found);
+            };
             // Scatter of an element's mean square about the fit, in that, for one pixel: never below that of white noise.
             let fit = |one: &Seen| features(one).iter().zip(solution).map(|(phi, a)| phi * a).sum::<f64>();
             let low = solution[0].abs().max(f64::MIN_POSITIVE) * 0.25;
