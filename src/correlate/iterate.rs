@@ -16,7 +16,7 @@ pub(super) struct Limits<'a> {
 }
 
 /// From this iteration on corrections count as slow, and as stalled from the second on.
-const SLOW: [usize; 2] = [6, 10];
+const SLOW: [usize; 2] = [7, 12];
 
 /// How an iteration ended.
 pub(super) struct Outcome<B: Backend> {
