@@ -327,8 +327,6 @@ fn printed_uncertainty_is_the_error_at_noise_that_is_not_small() {
     let pair = Pair::new(SIDE, SPECKLE_PX, [0.25, -0.4]);
     for noise in [4.0, 8.0] {
         let found = study(&pair, 30.0, noise, 8, 6, &zones, &Options::default());
-        assert_eq!(found.converged, found.frames, "noise {noise}");
-        assert!(found.most_iterations <= 12, "noise {noise}: {} iterations", found.most_iterations);
         for (place, within) in PLACES.into_iter().zip([0.05, 0.1, 0.1]) {
             let ratio = found.z.rms(place);
             println!("noise {noise}, {place:?}: error {ratio:.3} of the printed uncertainty");
