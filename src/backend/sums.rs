@@ -64,6 +64,12 @@ impl PixelSums {
     /// has in the variance of g, so the line is the one closest to the pairs (f, g) in both directions (Deming 1943),
     /// whose slope noise does not change.
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
+        self.transfer_for(1.0)
+    }
+
+    /// The same when the noise variance in f is `ratio` times that in g: interpolation and averaged references make it
+    /// another than 1.
+    pub fn transfer_for(&self, ratio: f64) -> Option<super::GreyTransfer> {
         if self.n < 2.0 {
             return None;
         }
@@ -72,9 +78,9 @@ impl PixelSums {
             return None;
         }
         // Without cancellation, whichever of the two varies more.
-        let half = 0.5 * (vf - vg);
-        let root = half.hypot(c);
-        let gain = if half > 0.0 { (half + root) / c } else { c / (root - half) };
+        let half = 0.5 * (vf - ratio * vg);
+        let root = half.hypot(ratio.sqrt() * c);
+        let gain = if half > 0.0 { (half + root) / c } else { ratio * c / (root - half) };
         Some(super::GreyTransfer { gain, offset: (self.f - gain * self.g) / self.n })
     }
 

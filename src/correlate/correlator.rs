@@ -123,10 +123,12 @@ const PREDICTION_OFF_PX: f64 = 1.0;
 const TOLERANCE_BY_SIGMA: f64 = 0.01;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 const ENOUGH_BY_SIGMA: f64 = 0.1;
+/// Where noise is more than this share of the mean square gradient it slows the iteration down.
+const NOISY: f64 = 0.1;
 /// A zone of which this share of elements has left the deformed image is lost.
 pub(super) const LEFT_SHARE: f64 = 0.5;
 /// On coarse levels: good enough for the next finer one.
-const COARSE: Limits = Limits { tolerance_px: 0.03, enough_px: 0.03, max_iterations: 12 };
+const COARSE: Limits<'_> = Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12 };
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -151,6 +153,7 @@ pub struct Correlator<B: Backend> {
     probe: Option<NoiseProbe>,
     misfit_test: MisfitTest,
     mesh_lines: MeshLines,
+    enough_px: Vec<f64>,
     dropped: Vec<TextureFault>,
     held: Vec<TextureFault>,
     bare_borders: Vec<BareBorder>,
@@ -218,17 +221,23 @@ impl<B: Backend> Correlator<B> {
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
-        let tolerance_px = {
-            let (keep, at_rest) = (&level.keep, noise_gain.at_rest());
+        let sigma: Vec<f64> = {
+            let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
-            let of = |(node, c)| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
-            let nodes = (0..keep.len()).filter(|&node| keep[node]).flat_map(|node| [(node, 0), (node, 1)]);
-            let smallest = nodes.map(of).fold(f64::INFINITY, f64::min);
-            if smallest.is_finite() {
-                options.tolerance_px.max(TOLERANCE_BY_SIGMA * smallest)
-            } else {
-                options.tolerance_px
-            }
+            let of = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
+            (0..level.keep.len()).map(|node| of(node, 0).min(of(node, 1))).collect()
+        };
+        let kept = level.keep.iter().zip(&sigma).filter(|(keep, _)| **keep);
+        let smallest = kept.map(|(_, sigma)| *sigma).fold(f64::INFINITY, f64::min);
+        let tolerance_px = match smallest.is_finite() {
+            true => options.tolerance_px.max(TOLERANCE_BY_SIGMA * smallest),
+            false => options.tolerance_px,
+        };
+        let power: f64 = level.moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
+        let of_noise: f64 = 2.0 * level.lambda * level.moments.iter().map(|m| m.n).sum::<f64>();
+        let enough_px = match of_noise > NOISY * power {
+            true => sigma.iter().map(|sigma| ENOUGH_BY_SIGMA * sigma).collect(),
+            false => Vec::new(),
         };
         let of = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
         let probe = (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&of)).flatten();
@@ -251,6 +260,7 @@ impl<B: Backend> Correlator<B> {
             probe,
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
+            enough_px,
             grey_range: f64::from(high - low),
             rounding,
             backend,
@@ -431,10 +441,10 @@ impl<B: Backend> Correlator<B> {
         self.search(&mut frame)
     }
 
-    fn limits(&self) -> Limits {
+    fn limits(&self) -> Limits<'_> {
         Limits {
             tolerance_px: self.tolerance_px,
-            enough_px: ENOUGH_BY_SIGMA / TOLERANCE_BY_SIGMA * self.tolerance_px,
+            enough_px: &self.enough_px,
             max_iterations: self.options.max_iterations,
         }
     }
@@ -614,7 +624,7 @@ impl<B: Backend> Correlator<B> {
         let spread = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
-        let (mut smallest_sigma, mut nodes_at_bound) = (f64::INFINITY, 0);
+        let mut nodes_at_bound = 0;
         let by_grey = Elements {
             mesh,
             moments: &level.moments,
@@ -643,7 +653,8 @@ impl<B: Backend> Correlator<B> {
             let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
             let unknowns = taken + of_light + 2.0 * n_transfers as f64;
             freedom_left.push(1.0 - unknowns / sums.n.max(1.0));
-            let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer);
+            let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
+            let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer, by_sums.then_some(sums));
             // Identical images still hold the same rounding.
             let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
             let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
@@ -652,7 +663,6 @@ impl<B: Backend> Correlator<B> {
                 let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
                 nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
                 sigma[node] = [0, 1].map(|c| gain.variance(noise, at[c], c).sqrt());
-                smallest_sigma = smallest_sigma.min(sigma[node][0].min(sigma[node][1]));
             }
             zones.push(ZoneResult {
                 name: name.clone(),
@@ -665,7 +675,8 @@ impl<B: Backend> Correlator<B> {
                 residual_noise,
             });
         }
-        let enough = smallest_sigma.is_finite() && outcome.correction_px < ENOUGH_BY_SIGMA * smallest_sigma;
+        let [x, y] = sigma[outcome.worst_node];
+        let enough = outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }

@@ -7,12 +7,16 @@ use crate::linalg::Solver;
 
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Limits {
+pub(super) struct Limits<'a> {
     pub tolerance_px: f64,
-    /// Corrections below this that no longer fall are good enough: a small part of the standard uncertainty.
-    pub enough_px: f64,
+    /// Per node, what is good enough where corrections fall slowly, px: a tenth of its standard uncertainty. Empty where
+    /// noise is not what slows them down.
+    pub enough_px: &'a [f64],
     pub max_iterations: usize,
 }
+
+/// From this iteration on corrections count as slow, and as stalled from the second on.
+const SLOW: [usize; 2] = [7, 12];
 
 /// How an iteration ended.
 pub(super) struct Outcome<B: Backend> {
@@ -59,7 +63,7 @@ pub(super) fn iterate<B: Backend>(
     level: &Level<B>,
     frame: &mut B::Frame,
     field: &mut B::Field,
-    limits: Limits,
+    limits: Limits<'_>,
     options: &KernelOptions,
     mut between: impl FnMut(&mut B::Frame, &mut B::Field) -> Result<(), BackendError>,
 ) -> Result<Outcome<B>, BackendError> {
@@ -112,9 +116,12 @@ pub(super) fn iterate<B: Backend>(
             outcome.status = Status::Converged;
             break;
         }
-        if stalls > 3 && correction < limits.enough_px {
-            outcome.status = Status::Converged;
-            break;
+        if let Some(&enough) = limits.enough_px.get(step.worst_node).filter(|enough| correction < **enough) {
+            let slow = iteration >= SLOW[0] && error_left(correction, before) < 3.0 * enough;
+            if slow || iteration >= SLOW[1] {
+                outcome.status = Status::Converged;
+                break;
+            }
         }
         // After a half step the correction is that of the full one: counting starts anew.
         stalls = if correction > STALLED * before[0] && damping == 1.0 { stalls + 1 } else { 0 };

@@ -235,8 +235,15 @@ impl NoiseGain {
         }
     }
 
-    /// For a zone of a frame, the mean over its elements.
-    pub fn of_zone(&self, mesh: &Mesh<Px>, zone: usize, displacement: &[[f64; 2]], transfer: GreyTransfer) -> ZoneGain {
+    /// For a zone of a frame, the mean over its elements; `fitted` are the sums that the transfer was fitted to.
+    pub fn of_zone(
+        &self,
+        mesh: &Mesh<Px>,
+        zone: usize,
+        displacement: &[[f64; 2]],
+        transfer: GreyTransfer,
+        fitted: Option<&PixelSums>,
+    ) -> ZoneGain {
         let elements = mesh.zone_elements(zone);
         let n_elements = (elements.len() as f64).max(1.0);
         let middle = shape_functions(0.5, 0.5);
@@ -251,12 +258,16 @@ impl NoiseGain {
             product[0] += px * vy;
             product[1] += vx * py;
         }
-        let gain = transfer.gain * transfer.gain;
+        let used = transfer.gain * transfer.gain;
+        // The gain in use supposes that both images are noisy alike; what it is off by scales the residual's derivative.
+        let ratio = self.reference * n_elements / residual.max(f64::MIN_POSITIVE);
+        let known = fitted.and_then(|sums| sums.transfer_for(ratio)).map_or(used, |known| known.gain * known.gain);
+        let off = if used > 0.0 { known / used } else { 1.0 };
         ZoneGain {
-            residual: self.reference + gain * residual / n_elements,
-            reference: self.reference,
-            deformed: gain,
-            product: product.map(|sum| gain * sum / n_elements),
+            residual: self.reference + used * residual / n_elements,
+            reference: self.reference * off,
+            deformed: known,
+            product: product.map(|sum| known * sum / n_elements),
             gradient: self.gradient * self.reference,
         }
     }
