@@ -329,7 +329,7 @@ fn white_noise_is_never_called_correlated() {
     for (noise, seeds) in [(0.5, 6), (2.0, 6), (5.0, 4)] {
         let out = outcome(&scene, Camera::White(noise), seeds, &Options::default());
         assert_eq!(out.warned, 0, "noise {noise}: {out:?}");
-        // 144 blocks tell the factor to 2.5 %.
+        // 100 blocks tell the factor to 3 %.
         assert!(out.factor.iter().all(|f| (f - 1.0).abs() < 0.04), "noise {noise}: {out:?}");
     }
     for (element_size, brightness) in [(8, Brightness::Zone), (16, Brightness::Element), (32, Brightness::Zone)] {
@@ -502,7 +502,8 @@ fn cost_of_looking() {
     let mut best = [f64::INFINITY; 2];
     for _ in 0..5 {
         for (best, noise_correlation) in best.iter_mut().zip([NoiseCorrelation::Off, NoiseCorrelation::Auto]) {
-            let correlator = prepared(&f, &inside(1024, 1024, MARGIN), Options { noise_correlation, ..Options::default() });
+            let correlator =
+                prepared(&f, &inside(1024, 1024, MARGIN), Options { noise_correlation, ..Options::default() });
             let begin = std::time::Instant::now();
             cold(&correlator, &g);
             *best = best.min(begin.elapsed().as_secs_f64());
