@@ -452,6 +452,10 @@ fn a_factor_that_is_given_multiplies_and_off_leaves_all_as_it_is() {
     for fault in [NoiseCorrelation::Factor(0.0), NoiseCorrelation::Factor(f64::NAN), NoiseCorrelation::Factor(1e3)] {
         assert!(Options { noise_correlation: fault, ..Options::default() }.check().is_err());
     }
+    // Identical images leave round-off alone, which has no colour worth a word.
+    let whole = rounded(&scene.images[0]);
+    let same = cold(&prepared(&whole, &inside(SIDE, SIDE, MARGIN), Options::default()), &whole);
+    assert!(same.noise_colour.is_none() && same.noise_factor == [1.0; 2], "{:?}", same.noise_colour);
     let photon = |a, b| Options { noise: Noise::Photon { a, b }, ..Options::default() };
     assert!(photon(-1.0, 0.1).check().is_ok() && photon(0.0, 0.0).check().is_err());
     assert!(photon(1.0, -0.1).check().is_err() && photon(f64::NAN, 0.1).check().is_err());

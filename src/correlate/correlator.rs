@@ -538,7 +538,7 @@ impl<B: Backend> Correlator<B> {
         }
         let noise_colour = self.probe.as_ref().filter(|_| status == Status::Converged).and_then(|probe| {
             let image = self.backend.image(frame);
-            probe.look(mesh, &image, &full_displacement, &elements, &transfers, &freedom_left)
+            probe.look(&light, &image, &freedom_left)
         });
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
         let own_noise = photon_noise.map(|noise| light.by_node(noise));
