@@ -457,7 +457,11 @@ fn noise_is_no_texture() {
             let zones = inside(256, 256, 32);
             let image = noisy(&drawn(256, 256, |_, _| grey), 2.0, 77);
             for noise in [None, Some(2.0)] {
-                assert_textureless(&image, &zones, &Options { noise: Option::<f64>::into(noise), element_size, ..Options::default() });
+                assert_textureless(
+                    &image,
+                    &zones,
+                    &Options { noise: Option::<f64>::into(noise), element_size, ..Options::default() },
+                );
             }
         }
     }

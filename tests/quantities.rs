@@ -455,7 +455,8 @@ fn printed_uncertainty_of_quantities_is_their_scatter() {
     let mut found = Calibration::default();
     for seed in 0..8 {
         let noise = Some(f64::from(NOISE));
-        let correlator = prepared(&noisy(&picture, NOISE, 2 * seed), &zones, Options { noise: noise.into(), ..Options::default() });
+        let correlator =
+            prepared(&noisy(&picture, NOISE, 2 * seed), &zones, Options { noise: noise.into(), ..Options::default() });
         let field = solved(&correlator, &noisy(&picture, NOISE, 2 * seed + 1));
         let noise = noise_of(&field);
         for &[x, y] in &corners {
