@@ -24,6 +24,7 @@ test: ## Install what tests need where it may, then run every test
 study: ## Identification over many seeds and draws, for the tables of docs/identification.md (about 40 minutes); in out/study
 	$(CARGO) test --release --locked --test identify -- --ignored --nocapture
 	$(CARGO) test --release --locked --test uncertainty -- --ignored --nocapture
+	$(CARGO) test --release --locked --test noise_model -- --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study
 

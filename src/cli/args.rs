@@ -94,6 +94,8 @@ pub enum Export {
     quadrille correlate --update-reference residual --output out ref.tif 'frames/*.tif'\n\n\
     Half of a long series on each of two machines that share a disk:\n    \
     quadrille correlate --case long.toml --shard 1/2 --output out      (and 2/2 on the other)\n\n\
+    With the noise that `quadrille metrology ref.tif 'static_*.tif'` found: photon noise, and a factor for a demosaiced image:\n    \
+    quadrille correlate --noise photon:1.2,0.04 --noise-correlation 1.6 --output out ref.tif 'frames/*.tif'\n\n\
     A run that was stopped goes on when the same command is given again.\n\n\
     Exit status: 0 all frames converged; 1 some frame did not (see DIR/summary.json); 2 nothing could be run; 130 stopped \
     by Ctrl-C or SIGTERM.")]

@@ -684,7 +684,7 @@ impl<B: Backend> Correlator<B> {
         let looked_at = status == Status::Converged && light.is_none();
         let noise_colour = self.probe.as_ref().filter(|_| looked_at).and_then(|probe| {
             let image = self.backend.image(frame);
-            probe.look(mesh, &image, &full_displacement, &elements, &transfers, &freedom_left)
+            probe.look(&by_grey, &image, &freedom_left)
         });
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
         let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));

@@ -98,7 +98,7 @@ impl Elements<'_> {
             let [pp, pq, qq, ps, qs] = sums;
             let determinant = pp * qq - pq * pq;
             // One grey level everywhere: nothing says how the noise rises.
-            if quiet.len() < 3 || !(determinant > 1e-9 * pp * qq) {
+            if quiet.len() < 3 || determinant <= 1e-9 * pp * qq || determinant.is_nan() {
                 break;
             }
             let b = (pp * qs - pq * ps) / determinant;

@@ -2,7 +2,7 @@
 //! the whole image.
 
 use crate::backend::{at_pixel, taps};
-use crate::imaging::{Image, Interpolation};
+use crate::imaging::{Image, Interpolation, Pixels};
 
 /// Samples beside the piece from which its coefficients are made: poles of 0.27 and 0.43 forget what lies further to
 /// below 3e-5.
@@ -27,6 +27,7 @@ impl Patch {
         let corner = low.map(|v| v - margin);
         let [width, height] = [0, 1].map(|c| (high[c] - low[c] + 2 * margin + 1).max(1) as usize);
         let (columns, rows) = (image.width() as isize, image.height() as isize);
+        let within = corner[0] >= 0 && corner[0] + width as isize <= columns;
         let columns: Vec<Through> = (0..width).map(|k| Through::of(corner[0] + k as isize, columns)).collect();
         let mut coefficients = Vec::with_capacity(width * height);
         for k in 0..height {
@@ -36,6 +37,14 @@ impl Patch {
                 columns.iter().map(move |column| column.value(grey))
             };
             match row {
+                Through::Pixel(y) if within => {
+                    let at = y * image.width() + corner[0] as usize;
+                    match image.pixels() {
+                        Pixels::U8(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
+                        Pixels::U16(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
+                        Pixels::F32(p) => coefficients.extend(p[at..][..width].iter().map(|&v| v - offset)),
+                    }
+                }
                 Through::Pixel(y) => coefficients.extend(along(y)),
                 Through::End { end, mirrored } => {
                     coefficients.extend(along(end).zip(along(mirrored)).map(|(end, mirrored)| 2.0 * end - mirrored));
@@ -54,11 +63,26 @@ impl Patch {
         let whole = u.map(f32::floor);
         let [(wx, n), (wy, _)] = [0, 1].map(|c| taps(self.interpolation, u[c] - whole[c]));
         let first = [0, 1].map(|c| pixel[c] as isize + whole[c] as isize - self.corner[c] - (n as isize / 2 - 1));
-        let rows = wy[..n].iter().enumerate().map(|(k, wy)| {
-            let at = (first[1] as usize + k) * self.width + first[0] as usize;
-            wy * self.coefficients[at..at + n].iter().zip(&wx).map(|(c, wx)| c * wx).sum::<f32>()
-        });
-        rows.sum()
+        let at = first[1] as usize * self.width + first[0] as usize;
+        match n {
+            2 => self.sum::<2>(at, &wx, &wy),
+            4 => self.sum::<4>(at, &wx, &wy),
+            _ => self.sum::<6>(at, &wx, &wy),
+        }
+    }
+
+    /// Weighted sum of K x K coefficients.
+    fn sum<const K: usize>(&self, at: usize, wx: &[f32; 6], wy: &[f32; 6]) -> f32 {
+        let mut sum = 0.0;
+        for k in 0..K {
+            let row = &self.coefficients[at + k * self.width..][..K];
+            let mut along = 0.0;
+            for l in 0..K {
+                along += row[l] * wx[l];
+            }
+            sum += wy[k] * along;
+        }
+        sum
     }
 
     /// The gradient at a pixel of the piece, as the reference has it.
@@ -136,7 +160,6 @@ fn filter_columns(pole: f32, width: usize, values: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::imaging::Pixels;
 
     #[test]
     fn grey_levels_and_gradients_are_sums_of_cardinal_functions() {

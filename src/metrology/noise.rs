@@ -142,7 +142,7 @@ pub(super) fn noise(
     }
     let fitting = || DRIFT_ELEMENTS.into_iter().filter(|&size| region.fits(size));
     let element_size =
-        fitting().find(|&size| region.elements(size) >= ENOUGH_ELEMENTS).or(fitting().last()).unwrap_or(16);
+        fitting().find(|&size| region.elements(size) >= ENOUGH_ELEMENTS).or(fitting().next()).unwrap_or(16);
     // Quintic: what interpolation does to the texture would count as noise.
     let interpolation = Interpolation::Quintic;
     let options =
