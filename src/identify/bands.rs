@@ -1,21 +1,29 @@
-//! Confidence bands: tractions along the joint, and the law itself.
+//! Confidence bands: tractions along the joint, and the law itself. Tables, figures and pages all draw these.
 
 use super::FitError;
-use super::fit::Fit;
+use super::fit::{Fit, NORMAL_95};
 use super::objective::Problem;
+use super::statistics::Statistics;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Tractions of one instant, with their standard uncertainties.
+/// Tractions of one instant, with their standard uncertainties and 95 % bands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
     /// The instant, from 1.
     pub instant: usize,
     /// Traction at each node pair, MPa.
     pub traction: Vec<Traction>,
-    /// Standard uncertainty of its components, MPa.
+    /// Standard uncertainty of its components, MPa: noise and uncertain constants, to first order.
     pub std: Vec<Traction>,
+    /// Lower ends of the 95 % bands, MPa.
+    pub low: Vec<Traction>,
+    /// Upper ends of the 95 % bands, MPa.
+    pub high: Vec<Traction>,
 }
 
 /// Traction against separation in pure opening and pure sliding.
@@ -27,134 +35,277 @@ pub struct CurveBand {
     pub traction: Vec<f64>,
     /// Its standard uncertainty, MPa.
     pub std: Vec<f64>,
+    /// Lower end of its 95 % band, MPa.
+    pub low: Vec<f64>,
+    /// Upper end of its 95 % band, MPa.
+    pub high: Vec<f64>,
+}
+
+/// Draws that are led through the law where it is not linear.
+const DRAWS: usize = 240;
+/// Their seed: a fit has the same bands every time.
+const SEED: u64 = 0x5175_6164;
+
+/// Errors of the parameters, and the laws that go with them.
+struct Draws {
+    /// Errors of the scaled unknowns.
+    scaled: Vec<Vec<f64>>,
+    laws: Vec<Box<dyn CohesiveLaw>>,
+    /// Two independent numbers of variance 1 for each draw.
+    more: Vec<[f64; 2]>,
+}
+
+impl Draws {
+    /// Those of errors with this covariance of the scaled unknowns; none where it has no factor or a law refuses.
+    fn new(problem: &Problem<'_>, x: &[f64], covariance: &Dense) -> Option<Self> {
+        let factor = covariance.cholesky().ok()?;
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let mut white = Dense::zeros(x.len(), DRAWS);
+        for k in 0..DRAWS {
+            white.column_mut(k).iter_mut().for_each(|v| *v = StandardNormal.sample(&mut random));
+        }
+        let more = (0..DRAWS).map(|_| [(); 2].map(|()| StandardNormal.sample(&mut random))).collect();
+        let errors = factor.half_times(&white);
+        let scaled: Vec<Vec<f64>> = (0..DRAWS).map(|k| errors.column(k).to_vec()).collect();
+        let z = problem.unknowns.scaled(x);
+        let law = |error: &Vec<f64>| {
+            let moved: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
+            problem.unknowns.law_at(&problem.unknowns.unscaled(&moved)).ok()
+        };
+        let laws = scaled.iter().map(law).collect::<Option<_>>()?;
+        Some(Self { scaled, laws, more })
+    }
+}
+
+/// How far a 95 % band reaches below and above the value whose standard uncertainty to first order is `std`: the quantiles of
+/// the `errors` of draws, by those that the same draws have to first order, so that a linear law gives `1.96 std` exactly.
+fn reach(std: f64, errors: &mut [f64], linear: &mut [f64]) -> [f64; 2] {
+    let half = NORMAL_95 * std;
+    errors.sort_by(f64::total_cmp);
+    linear.sort_by(f64::total_cmp);
+    let n = errors.len();
+    // The mean of three neighbours about the 2.5th percentile.
+    let at = n / 40;
+    if at == 0 || !(errors[0].is_finite() && errors[n - 1].is_finite()) {
+        return [half; 2];
+    }
+    let low = |list: &[f64]| -list[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
+    let high = |list: &[f64]| list[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
+    let side = |of: &dyn Fn(&[f64]) -> f64| match of(linear) {
+        first_order if first_order > 0.0 => (half * of(errors) / first_order).max(0.0),
+        _ => half,
+    };
+    [side(&low), side(&high)]
+}
+
+/// Covariance of the scaled unknowns: noise, and what the uncertain constants add.
+fn of_parameters(statistics: &Statistics, fit: &Fit) -> Dense {
+    let n = statistics.covariance.n_rows();
+    let mut sum = statistics.covariance.clone();
+    for effect in &fit.constants {
+        let shift = Dense::from_fn(n, 1, |r, _| effect.scaled[r]);
+        sum.add(1.0, &shift.times(&Dense::from_fn(1, n, |_, k| effect.scaled[k])));
+    }
+    sum
+}
+
+/// What the errors of the measurement do to the jumps of one instant beside what the parameters do: `dJ = by_z^T dz + w`.
+struct JumpErrors {
+    /// Derivatives of the jumps by the scaled unknowns: a column for D_n and one for D_t of every pair.
+    by_z: Dense,
+    /// `Cov(dz, w)`.
+    cross: Dense,
+    /// `Cov(w)` of each pair.
+    own: Vec<[[f64; 2]; 2]>,
 }
 
 /// Tractions along the joint at every instant compared, with what the noise of the measurement (through the parameters and,
 /// where the boundary is noisy, through the prescribed displacements, the two correlated) and the uncertain constants do
-/// to them. Empty without covariance.
+/// to them; bands also hold the effect of the element size where the intervals do. Empty without covariance.
 ///
-/// To first order: `dT = g^T dz + h^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the error of the prescribed displacements.
+/// Parameters and jumps have errors to first order: `dJ = G^T dz + H^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the
+/// error of the prescribed displacements. Bands lead them through the law itself, with its peak and its kink at zero opening, so
+/// that they need not be symmetric.
 ///
 /// # Errors
 /// A tangent without inverse.
 pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let (Some(statistics), Some(_)) = (&fit.statistics, &fit.covariance) else { return Ok(Vec::new()) };
-    let law = problem.unknowns.law_at(&fit.evaluation.x)?;
+    let x = &fit.evaluation.x;
+    let law = problem.unknowns.law_at(x)?;
     let model = &problem.joint.model;
-    let (noise, observation) = (&*problem.noise, &*problem.observation);
     let n = problem.unknowns.n();
-    let slopes = problem.unknowns.slopes(&fit.evaluation.x);
-    let columns = problem.unit_motions();
-    let c = &noise.precision;
-    let sigma2 = statistics.sigma * statistics.sigma;
-    let mut all = Dense::zeros(observation.n_rows(), n);
-    statistics.v.iter().for_each(|v| all.add(1.0, v));
-    // Noise of the parameters plus what the constants add.
-    let mut of_parameters = statistics.covariance.clone();
-    for effect in &fit.constants {
-        let shift = Dense::from_fn(n, 1, |r, _| effect.scaled[r]);
-        of_parameters.add(1.0, &shift.times(&Dense::from_fn(1, n, |_, k| effect.scaled[k])));
-    }
-    let estimated = fit.largest_correction.is_some();
+    let slopes = problem.unknowns.slopes(x);
+    let covariance = of_parameters(statistics, fit);
+    let inverse = covariance.cholesky().ok();
+    let draws = Draws::new(problem, x, &covariance);
     let of = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
-        let instant = &fit.solution().instants[observed.index];
-        let u = &instant.displacement;
-        let jumps = model.jumps(u);
-        let by_unknown: Vec<Vec<Jump>> = (problem.unknowns.list().iter())
-            .map(|unknown| model.jumps(&instant.sensitivities[unknown.index]))
-            .collect();
-        let by_boundary: Vec<Vec<Jump>> = match observation.prescribed.is_empty() {
-            true => Vec::new(),
-            false => {
-                let fields = model.linearise(&*law, u)?.by_boundary(columns.instants());
-                fields.iter().map(|field| model.jumps(field)).collect()
-            }
-        };
+        let jumps = model.jumps(&fit.solution().instants[observed.index].displacement);
+        let errors = jump_errors(problem, fit, statistics, &covariance, i, &*law)?;
+        let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
+        let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
         let n_pairs = jumps.len();
-        // Columns: T_n and T_t of every pair.
-        let mut g = Dense::zeros(n, 2 * n_pairs);
-        let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
-        let mut h_border = Dense::zeros(by_boundary.len(), 2 * n_pairs);
-        for (pair, &jump) in jumps.iter().enumerate() {
-            let tangent = law.response(jump).tangent;
-            let along = |moved: Jump, d: usize| tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
-            let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
-            law.by_parameters(jump, &mut at_fixed_jump);
-            for (k, unknown) in problem.unknowns.list().iter().enumerate() {
-                let direct = at_fixed_jump[unknown.index];
-                for (d, direct) in [direct.normal, direct.tangential].into_iter().enumerate() {
-                    g[(k, 2 * pair + d)] = slopes[k] * (direct + along(by_unknown[k][pair], d));
-                }
-            }
-            for (k, moved) in by_boundary.iter().enumerate() {
-                for d in 0..2 {
-                    let row = 2 * observation.prescribed[k / 2] + k % 2;
-                    h[(row, 2 * pair + d)] = along(moved[pair], d);
-                    h_border[(k, 2 * pair + d)] = along(moved[pair], d);
-                }
-            }
-        }
-        let variance = match (by_boundary.is_empty(), estimated) {
-            (true, _) => squares(&g, &of_parameters.times(&g)),
-            (false, false) => {
-                let ch = c.inverse_times(&h);
-                let own = squares(&h, &ch);
-                let mut cross = statistics.v[i].transposed_times(&ch);
-                cross.add(noise.common, &all.transposed_times(&ch));
-                let cross = squares(&g, &statistics.a.times(&cross));
-                let of_parameters = squares(&g, &of_parameters.times(&g));
-                (0..2 * n_pairs)
-                    .map(|k| of_parameters[k] + sigma2 * (2.0 * cross[k] + (1.0 + noise.common) * own[k]))
-                    .collect()
-            }
-            (false, true) => joint_variance(problem, fit, i, &g, &h_border, &of_parameters),
-        };
-        let std = |k: usize| variance[k].max(0.0).sqrt();
-        Ok(Band {
+        let mut band = Band {
             instant: observed.index + 1,
             traction: jumps.iter().map(|&jump| law.response(jump).traction).collect(),
-            std: (0..n_pairs).map(|p| Traction { normal: std(2 * p), tangential: std(2 * p + 1) }).collect(),
-        })
+            std: Vec::with_capacity(n_pairs),
+            low: Vec::with_capacity(n_pairs),
+            high: Vec::with_capacity(n_pairs),
+        };
+        let mut list = [(); 4].map(|()| Vec::with_capacity(DRAWS));
+        for (pair, &jump) in jumps.iter().enumerate() {
+            let tangent = law.response(jump).tangent;
+            let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
+            law.by_parameters(jump, &mut at_fixed_jump);
+            let by_z = |c: usize| errors.by_z.column(2 * pair + c);
+            let g = Dense::from_fn(n, 2, |k, d| {
+                let direct = at_fixed_jump[problem.unknowns.list()[k].index];
+                slopes[k] * [direct.normal, direct.tangential][d]
+                    + (0..2).map(|c| tangent[d][c] * by_z(c)[k]).sum::<f64>()
+            });
+            let through = covariance.times(&g);
+            let own = errors.own[pair];
+            let std = [0, 1].map(|d| {
+                let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                let cross = |c: usize| dot(g.column(d), errors.cross.column(2 * pair + c));
+                let mut variance = dot(g.column(d), through.column(d));
+                for c in 0..2 {
+                    variance += 2.0 * tangent[d][c] * cross(c);
+                    variance += (0..2).map(|e| tangent[d][c] * own[c][e] * tangent[d][e]).sum::<f64>();
+                }
+                variance.max(0.0).sqrt()
+            });
+            let mut reaches = std.map(|std| [NORMAL_95 * std; 2]);
+            if let (Some(draws), Some(given_z)) = (&draws, &given_z) {
+                list.iter_mut().for_each(Vec::clear);
+                // w given dz, and the factor of what is left of its covariance.
+                let b = |c: usize| given_z.column(2 * pair + c);
+                let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                let left = |c: usize, d: usize| own[c][d] - dot(errors.cross.column(2 * pair + c), b(d));
+                let first = left(0, 0).max(0.0).sqrt();
+                let tie = if first > 0.0 { left(0, 1) / first } else { 0.0 };
+                let second = (left(1, 1) - tie * tie).max(0.0).sqrt();
+                let here = band.traction[pair];
+                for ((dz, moved), [p, q]) in draws.scaled.iter().zip(&draws.laws).zip(&draws.more) {
+                    let w = [dot(b(0), dz) + first * p, dot(b(1), dz) + tie * p + second * q];
+                    let dj = [0, 1].map(|c| dot(by_z(c), dz) + w[c]);
+                    let there = Jump { normal: jump.normal + dj[0], tangential: jump.tangential + dj[1] };
+                    let t = moved.response(there).traction;
+                    for (d, error) in [t.normal - here.normal, t.tangential - here.tangential].into_iter().enumerate() {
+                        list[2 * d].push(error);
+                        list[2 * d + 1].push(dot(g.column(d), dz) + tangent[d][0] * w[0] + tangent[d][1] * w[1]);
+                    }
+                }
+                let [a, a1, b, b1] = &mut list;
+                reaches = [reach(std[0], a, a1), reach(std[1], b, b1)];
+            }
+            if let Some(finer) = finer {
+                let there = finer.jumps[observed.index][pair];
+                let moved = |d: usize| {
+                    let by_jump = tangent[d][0] * (there.normal - jump.normal)
+                        + tangent[d][1] * (there.tangential - jump.tangential);
+                    by_jump + g.column(d).iter().zip(&finer.scaled).map(|(g, z)| g * z).sum::<f64>()
+                };
+                for (d, sides) in reaches.iter_mut().enumerate() {
+                    *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
+                }
+            }
+            let t = band.traction[pair];
+            let at = |side: usize| {
+                let sign = [-1.0, 1.0][side];
+                Traction {
+                    normal: t.normal + sign * reaches[0][side],
+                    tangential: t.tangential + sign * reaches[1][side],
+                }
+            };
+            band.std.push(Traction { normal: std[0], tangential: std[1] });
+            band.low.push(at(0));
+            band.high.push(at(1));
+        }
+        Ok(band)
     };
-    observation.instants.par_iter().enumerate().map(of).collect()
+    problem.observation.instants.par_iter().enumerate().map(of).collect()
 }
 
-/// `(a^T b)_kk` for each column.
-fn squares(a: &Dense, b: &Dense) -> Vec<f64> {
-    (0..a.n_columns()).map(|k| a.column(k).iter().zip(b.column(k)).map(|(a, b)| a * b).sum()).collect()
-}
-
-/// Variance of `g^T dz + h^T d_i` when the boundary was estimated with the parameters: `d_i` then follows `z`, and what is
-/// left is the uncertainty of the boundary given the parameters, with that of the common error.
-fn joint_variance(problem: &Problem<'_>, fit: &Fit, i: usize, g: &Dense, h: &Dense, of_parameters: &Dense) -> Vec<f64> {
-    let Some(statistics) = &fit.statistics else { return Vec::new() };
-    let noise = &*problem.noise;
+/// Errors of the jumps at the instant number `i` of those compared.
+fn jump_errors(
+    problem: &Problem<'_>,
+    fit: &Fit,
+    statistics: &Statistics,
+    covariance: &Dense,
+    i: usize,
+    law: &dyn CohesiveLaw,
+) -> Result<JumpErrors, FitError> {
+    let (model, observation, noise) = (&problem.joint.model, &*problem.observation, &*problem.noise);
+    let instant = &fit.solution().instants[observation.instants[i].index];
+    let n = problem.unknowns.n();
+    let slopes = problem.unknowns.slopes(&fit.evaluation.x);
+    let by_unknown: Vec<Vec<Jump>> =
+        (problem.unknowns.list().iter()).map(|unknown| model.jumps(&instant.sensitivities[unknown.index])).collect();
+    let n_pairs = model.mesh().pairs().len();
+    let of = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
+    let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * of(by_unknown[k][at / 2], at % 2));
+    let mut cross = Dense::zeros(n, 2 * n_pairs);
+    if observation.prescribed.is_empty() {
+        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+    }
+    let columns = problem.unit_motions();
+    let fields = model.linearise(law, &instant.displacement)?.by_boundary(columns.instants());
+    let by_boundary: Vec<Vec<Jump>> = fields.iter().map(|field| model.jumps(field)).collect();
     let sigma2 = statistics.sigma * statistics.sigma;
+    let products = |a: &Dense, b: &Dense, add: &dyn Fn(usize, usize) -> f64| -> Vec<[[f64; 2]; 2]> {
+        let dot = |r: usize, c: usize| a.column(r).iter().zip(b.column(c)).map(|(a, b)| a * b).sum::<f64>();
+        let entry = |r: usize, c: usize| dot(r, c) + add(r, c);
+        (0..n_pairs).map(|p| [0, 1].map(|r| [0, 1].map(|c| entry(2 * p + r, 2 * p + c)))).collect()
+    };
+    if fit.largest_correction.is_none() {
+        let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
+        for (k, moved) in by_boundary.iter().enumerate() {
+            let row = 2 * observation.prescribed[k / 2] + k % 2;
+            (0..2 * n_pairs).for_each(|at| h[(row, at)] = of(moved[at / 2], at % 2));
+        }
+        let ch = noise.precision.inverse_times(&h);
+        let mut all = Dense::zeros(observation.n_rows(), n);
+        statistics.v.iter().for_each(|v| all.add(1.0, v));
+        let mut tied = statistics.v[i].transposed_times(&ch);
+        tied.add(noise.common, &all.transposed_times(&ch));
+        cross.add(sigma2, &statistics.a.times(&tied));
+        let mut own = products(&h, &ch, &|_, _| 0.0);
+        own.iter_mut().flatten().flatten().for_each(|v| *v *= sigma2 * (1.0 + noise.common));
+        return Ok(JumpErrors { by_z, cross, own });
+    }
+    // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is the
+    // uncertainty of the boundary given the parameters, with that of the common error e, which is good to sigma^2 common.
+    let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| of(by_boundary[k][at / 2], at % 2));
     let t = &statistics.by_boundary[i];
     let mt = noise.precision.times(t);
-    let Ok(factor) = t.transposed_times(&mt).cholesky() else { return vec![0.0; g.n_columns()] };
-    // d_i = N^-1 T^T M (r - J z - e): by z, and by the common error e whose own estimate is good to sigma^2 common.
-    let back = factor.solve(h);
-    let jacobian = fit.evaluation.jacobian();
-    let by_z = jacobian[i].transposed_times(&mt.times(&back));
-    let mut total = g.clone();
-    total.add(-1.0, &by_z);
-    let of_z = squares(&total, &of_parameters.times(&total));
-    let given_z = squares(h, &back);
+    let Ok(factor) = t.transposed_times(&mt).cholesky() else {
+        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+    };
+    let back = factor.solve(&h);
     let pushed = mt.times(&back);
-    let of_common = squares(&pushed, &noise.precision.inverse_times(&pushed));
+    let follows = fit.evaluation.jacobian()[i].transposed_times(&pushed);
+    let taken = covariance.times(&follows);
+    cross.add(-1.0, &taken);
+    let of_common = noise.precision.inverse_times(&pushed);
     // The common error is known better than before by the number of instants.
-    let m = problem.observation.instants.len() as f64;
+    let m = observation.instants.len() as f64;
     let common = if noise.common > 0.0 { 1.0 / (m + 1.0 / noise.common) } else { 0.0 };
-    (0..g.n_columns()).map(|k| of_z[k] + sigma2 * (given_z[k] + common * of_common[k])).collect()
+    let dot =
+        |a: &Dense, r: usize, b: &Dense, c: usize| a.column(r).iter().zip(b.column(c)).map(|(a, b)| a * b).sum::<f64>();
+    let left = |r: usize, c: usize| sigma2 * (dot(&h, r, &back, c) + common * dot(&pushed, r, &of_common, c));
+    let own = products(&follows, &taken, &left);
+    Ok(JumpErrors { by_z, cross, own })
 }
 
-/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty.
+/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty; the bands
+/// lead the errors of the parameters through the law itself.
 ///
 /// # Errors
 /// Values that the law does not allow.
 pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], FitError> {
-    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(&fit.evaluation.x)?;
+    let x = &fit.evaluation.x;
+    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
     let opening = law.front_opening();
     // Sliding goes on until its traction is a hundredth of the peak.
     let peak = law.peak().tangential;
@@ -167,27 +318,49 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
         sliding *= 1.3;
     }
     let list = problem.unknowns.list();
+    let slopes = problem.unknowns.slopes(x);
+    let covariance = fit.statistics.as_ref().map(|statistics| of_parameters(statistics, fit));
+    let draws = covariance.as_ref().and_then(|covariance| Draws::new(problem, x, covariance));
+    let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
     let band = |largest: f64, normal: bool| {
-        let jumps: Vec<Jump> = (0..=100)
-            .map(|k| {
-                let s = largest * f64::from(k) / 100.0;
-                if normal { Jump { normal: s, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: s } }
-            })
-            .collect();
         let pick = |t: Traction| if normal { t.normal } else { t.tangential };
-        let std = |&jump: &Jump| {
-            let Some(covariance) = &fit.covariance else { return 0.0 };
-            let mut slopes = vec![Traction::default(); law.parameters().len()];
-            law.by_parameters(jump, &mut slopes);
-            let g: Vec<f64> = list.iter().map(|unknown| pick(slopes[unknown.index])).collect();
-            let of = |r: usize| (0..g.len()).map(|k| g[r] * covariance[(r, k)] * g[k]).sum::<f64>();
-            (0..g.len()).map(of).sum::<f64>().max(0.0).sqrt()
+        let n = 101;
+        let mut band = CurveBand {
+            jumps: Vec::with_capacity(n),
+            traction: Vec::with_capacity(n),
+            std: Vec::with_capacity(n),
+            low: Vec::with_capacity(n),
+            high: Vec::with_capacity(n),
         };
-        CurveBand {
-            traction: jumps.iter().map(|&jump| pick(law.response(jump).traction)).collect(),
-            std: jumps.iter().map(std).collect(),
-            jumps,
+        for k in 0..n {
+            let s = largest * k as f64 / (n - 1) as f64;
+            let jump = if normal { Jump { normal: s, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: s } };
+            let value = pick(law.response(jump).traction);
+            let mut by = vec![Traction::default(); law.parameters().len()];
+            law.by_parameters(jump, &mut by);
+            let g: Vec<f64> = list.iter().zip(&slopes).map(|(u, slope)| slope * pick(by[u.index])).collect();
+            let dot = |z: &[f64]| g.iter().zip(z).map(|(g, z)| g * z).sum::<f64>();
+            let variance = |covariance: &Dense| {
+                let of = |r: usize| (0..g.len()).map(|c| g[r] * covariance[(r, c)] * g[c]).sum::<f64>();
+                (0..g.len()).map(of).sum::<f64>()
+            };
+            let std = covariance.as_ref().map_or(0.0, variance).max(0.0).sqrt();
+            let mut sides = [NORMAL_95 * std; 2];
+            if let Some(draws) = &draws {
+                let mut errors: Vec<f64> =
+                    draws.laws.iter().map(|law| pick(law.response(jump).traction) - value).collect();
+                let mut linear: Vec<f64> = draws.scaled.iter().map(|dz| dot(dz)).collect();
+                sides = reach(std, &mut errors, &mut linear);
+            }
+            let more = finer.map_or(0.0, |finer| NORMAL_95 * dot(&finer.scaled));
+            let [low, high] = sides.map(|half| half.hypot(more));
+            band.jumps.push(jump);
+            band.traction.push(value);
+            band.std.push(std);
+            band.low.push(value - low);
+            band.high.push(value + high);
         }
+        band
     };
     Ok([band(opening, true), band(sliding, false)])
 }

@@ -2,7 +2,9 @@
 
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
+use crate::mechanics::cohesive::Jump;
 use crate::mechanics::{BoundaryHistory, ForwardOptions, Model};
+use std::collections::HashMap;
 
 /// What becomes of the effect of the element size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,29 +28,52 @@ impl Discretisation {
     }
 }
 
+/// What elements half as large would change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refinement {
+    /// Change of each scaled unknown, to first order.
+    pub scaled: Vec<f64>,
+    /// The jumps that the finer mesh has at the node pairs of the mesh, at the parameters found; by instant of the boundary.
+    pub jumps: Vec<Vec<Jump>>,
+    /// Whether intervals and bands hold it.
+    pub included: bool,
+}
+
 impl Problem<'_> {
-    /// Change of each scaled unknown if every element were cut into four, to first order, with the displacements `boundary`
+    /// Change of each scaled unknown and of the jumps if every element were cut into four, to first order, with the displacements `boundary`
     /// of the border carried along its edges; `None` where that mesh cannot be made or has no solution.
-    pub(super) fn refinement_shift(
+    pub(super) fn refinement(
         &self,
         evaluation: &Evaluation,
         statistics: &Statistics,
         boundary: &BoundaryHistory,
-    ) -> Option<Vec<f64>> {
+        included: bool,
+    ) -> Option<Refinement> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
-        let fine = Model::new(mesh, model.materials().to_vec(), boundary.nodes(), *model.options()).ok()?;
-        let fine = fine.forward(&*law, &boundary, &ForwardOptions::default()).ok()?;
+        let finer = Model::new(mesh, model.materials().to_vec(), boundary.nodes(), *model.options()).ok()?;
+        let fine = finer.forward(&*law, &boundary, &ForwardOptions::default()).ok()?;
         let compared = |i: &super::observation::ObservedInstant| fine.instants[i.index].status.converged();
         if !self.observation.instants.iter().all(compared) {
             return None;
         }
         // Nodes keep their numbers in the finer mesh.
-        Some(self.shift(statistics, |instant, node, c| {
+        let scaled = self.shift(statistics, |instant, node, c| {
             let at = |instants: &[crate::mechanics::Instant]| instants[instant].displacement[node][c];
             at(&fine.instants) - at(&evaluation.solution.instants)
-        }))
+        });
+        let place: HashMap<[u32; 2], usize> = (0..).zip(finer.mesh().pairs()).map(|(k, &pair)| (pair, k)).collect();
+        let places: Vec<usize> =
+            model.mesh().pairs().iter().map(|pair| place.get(pair).copied()).collect::<Option<_>>()?;
+        let jumps = |instant: &crate::mechanics::Instant| match instant.status.converged() {
+            true => {
+                let all = finer.jumps(&instant.displacement);
+                places.iter().map(|&k| all[k]).collect()
+            }
+            false => Vec::new(),
+        };
+        Some(Refinement { scaled, jumps: fine.instants.iter().map(jumps).collect(), included })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
-use super::discretisation::Discretisation;
+use super::discretisation::{Discretisation, Refinement};
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
@@ -137,6 +137,8 @@ pub struct Fit {
     pub statistics: Option<Statistics>,
     /// What each uncertain constant does to the parameters.
     pub constants: Vec<ConstantEffect>,
+    /// What elements half as large would change; `None` where that was not asked for or could not be computed.
+    pub refinement: Option<Refinement>,
     /// The objective's ingredients at the end.
     pub evaluation: Evaluation,
     /// The prescribed displacements of the end: as measured, or as estimated.
@@ -264,12 +266,14 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
     };
     let std = |k: usize| covariance.as_ref().map(|c| c[(k, k)].max(0.0).sqrt());
-    let by_refinement: Option<Vec<f64>> = match (&statistics, options.discretisation) {
+    let refinement: Option<Refinement> = match (&statistics, options.discretisation) {
         (_, Discretisation::Off) | (None, _) => None,
-        (Some(statistics), _) => problem
-            .refinement_shift(&evaluation, statistics, &boundary)
-            .map(|shift| shift.iter().zip(&slopes).map(|(z, slope)| z * slope).collect()),
+        (Some(statistics), kind) => {
+            problem.refinement(&evaluation, statistics, &boundary, kind == Discretisation::Included)
+        }
     };
+    let by_refinement: Option<Vec<f64>> =
+        refinement.as_ref().map(|finer| finer.scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
     let interval = |value: f64, std: Option<f64>, discretisation: Option<f64>| {
         let more = discretisation.filter(|_| options.discretisation == Discretisation::Included).unwrap_or(0.0);
         std.map(|std| Fit::interval95(value, std.hypot(more)))
@@ -321,6 +325,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         verdict,
         statistics,
         constants,
+        refinement,
         evaluation,
         boundary,
         largest_correction,

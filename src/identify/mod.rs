@@ -30,7 +30,7 @@ pub use case::Case;
 pub use cone_step::{StepRegion, cone_step};
 pub use constants::{Constant, ConstantEffect, ConstantKind};
 pub use derived::{Derived, derived};
-pub use discretisation::Discretisation;
+pub use discretisation::{Discretisation, Refinement};
 pub use error::FitError;
 pub use fit::{Fit, FitOptions, FittedParameter, FittedQuantity, NORMAL_95, StartEnd, first_order, fit};
 pub use noise::{Noise, Precision};

@@ -5,7 +5,7 @@ mod json;
 mod tables;
 
 pub use json::{FitJson, SweepJson};
-pub use tables::write_sweep;
+pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};
 
@@ -32,5 +32,13 @@ impl<'a> FitReport<'a> {
     pub fn new(case: &'a Case<'a>, fit: &'a Fit, profile: Option<Profile>) -> Result<Self, FitError> {
         let (bands, curves) = (bands(&case.problem, fit)?, curve_bands(&case.problem, fit)?);
         Ok(Self { case, fit, bands, curves, profile })
+    }
+
+    /// What the 95 % bands hold, in words.
+    pub(super) fn bands_hold(&self) -> &'static str {
+        match self.fit.refinement.as_ref().is_some_and(|refinement| refinement.included) {
+            true => "noise of the measurement, uncertain constants and the element size",
+            false => "noise of the measurement and uncertain constants",
+        }
     }
 }
