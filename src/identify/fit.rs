@@ -1,8 +1,10 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
+use super::bootstrap::Base;
 use super::constants::{Constant, ConstantEffect};
 use super::derived::{Derived, derived};
 use super::discretisation::{Discretisation, Refinement};
+use super::intervals::{IntervalBasis, Intervals, settle};
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
@@ -33,6 +35,10 @@ pub struct FitOptions {
     pub constants: Vec<Constant>,
     /// What becomes of the effect of the element size.
     pub discretisation: Discretisation,
+    /// Which intervals are wanted.
+    pub intervals: Intervals,
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as are good.
+    pub bootstrap: Option<usize>,
 }
 
 impl Default for FitOptions {
@@ -45,6 +51,8 @@ impl Default for FitOptions {
             region,
             constants: Vec::new(),
             discretisation: Discretisation::Stated,
+            intervals: Intervals::Auto,
+            bootstrap: None,
         }
     }
 }
@@ -60,8 +68,18 @@ pub struct FittedParameter {
     pub std: Option<f64>,
     /// Its change if the elements were half as large.
     pub discretisation: Option<f64>,
-    /// 95 % interval, with the change by the element size as one more standard uncertainty where that was asked for.
+    /// 95 % interval, with the change by the element size as one more standard uncertainty where that was asked for; `None`
+    /// where it has not two ends.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself: `None` where the data do not bound the parameter on that side.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts the value by on the average (found less true), through kinks and plasticity; the interval is extended
+    /// by it, the value is not moved. `None` where it was not looked for.
+    pub bias: Option<f64>,
+    /// Standard uncertainty of the bias; `None` where one pair of draws told it.
+    pub bias_std: Option<f64>,
+    /// Standard deviation of the bootstrap, to be held against `std`; `None` without one.
+    pub std_bootstrap: Option<f64>,
     /// Where the fit started.
     pub start: f64,
     /// The bounds.
@@ -81,6 +99,30 @@ pub struct FittedQuantity {
     pub discretisation: Option<f64>,
     /// 95 % interval, as that of a parameter.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts it by on the average, as of a parameter.
+    pub bias: Option<f64>,
+}
+
+impl FittedParameter {
+    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
+        (self.ends95, self.interval95) = (ends, both(ends));
+    }
+}
+
+impl FittedQuantity {
+    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
+        (self.ends95, self.interval95) = (ends, both(ends));
+    }
+}
+
+fn both(ends: [Option<f64>; 2]) -> Option<[f64; 2]> {
+    Some([ends[0]?, ends[1]?])
+}
+
+fn each(interval: Option<[f64; 2]>) -> [Option<f64>; 2] {
+    interval.map_or([None; 2], |ends| ends.map(Some))
 }
 
 /// Where one start led.
@@ -137,6 +179,8 @@ pub struct Fit {
     pub statistics: Option<Statistics>,
     /// What each uncertain constant does to the parameters.
     pub constants: Vec<ConstantEffect>,
+    /// What the intervals rest on: linear theory or the profile likelihood, and a bootstrap; `None` without covariance.
+    pub intervals: Option<IntervalBasis>,
     /// What elements half as large would change; `None` where that was not asked for or could not be computed.
     pub refinement: Option<Refinement>,
     /// The objective's ingredients at the end.
@@ -283,21 +327,32 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         let [low, high] = unknowns.list()[k].bounds;
         x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9)
     };
-    let parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
+    let mut parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
         .map(|(k, unknown)| {
             let (std, discretisation) = (std(k), by_refinement.as_ref().map(|change| change[k]));
+            let interval95 = interval(x[k], std, discretisation);
             FittedParameter {
                 parameter: unknown.parameter,
                 value: x[k],
                 std,
                 discretisation,
-                interval95: interval(x[k], std, discretisation),
+                interval95,
+                ends95: each(interval95),
+                bias: None,
+                bias_std: None,
+                std_bootstrap: None,
                 start: unknown.start,
                 bounds: unknown.bounds,
                 at_bound: at_bound(k),
             }
         })
         .collect();
+    let mut derived = with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval);
+    let intervals = statistics.as_ref().map(|statistics| {
+        let base = Base { problem, evaluation: &evaluation, statistics, weights: &weights, boundary: &boundary };
+        let included = options.discretisation == Discretisation::Included;
+        settle(&base, options.intervals, options.bootstrap, included, &mut parameters, &mut derived)
+    });
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
     let verdict = correlation.as_ref().map(|correlation| {
@@ -309,7 +364,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
     Ok(Fit {
-        derived: with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval),
+        derived,
         parameters,
         values: law.values(),
         covariance,
@@ -325,6 +380,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         verdict,
         statistics,
         constants,
+        intervals,
         refinement,
         evaluation,
         boundary,
@@ -364,7 +420,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// One start under fixed weights; `known` is what is known there.
-fn run(
+pub(super) fn run(
     problem: &Problem<'_>,
     boundary: &BoundaryHistory,
     weights: &Weights,
@@ -483,7 +539,8 @@ fn with_uncertainty(
         let discretisation =
             by_refinement.map(|change| change.iter().enumerate().map(|(k, change)| slope(k, q) * change).sum());
         let std = std(q);
-        FittedQuantity { quantity, std, discretisation, interval95: interval(quantity.value, std, discretisation) }
+        let interval95 = interval(quantity.value, std, discretisation);
+        FittedQuantity { quantity, std, discretisation, interval95, ends95: each(interval95), bias: None }
     };
     at(x).into_iter().enumerate().map(of).collect()
 }

@@ -5,6 +5,7 @@
 //! the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
 mod bands;
+mod bootstrap;
 mod case;
 mod cone_step;
 mod constants;
@@ -13,6 +14,7 @@ mod discretisation;
 mod error;
 mod estimated_boundary;
 mod fit;
+mod intervals;
 mod noise;
 mod objective;
 mod observation;
@@ -26,6 +28,7 @@ mod verdict;
 mod weights;
 
 pub use bands::{Band, CurveBand, bands, curve_bands};
+pub use bootstrap::Bootstrap;
 pub use case::Case;
 pub use cone_step::{StepRegion, cone_step};
 pub use constants::{Constant, ConstantEffect, ConstantKind};
@@ -33,6 +36,9 @@ pub use derived::{Derived, derived};
 pub use discretisation::{Discretisation, Refinement};
 pub use error::FitError;
 pub use fit::{Fit, FitOptions, FittedParameter, FittedQuantity, NORMAL_95, StartEnd, first_order, fit};
+pub use intervals::{
+    DRAWS, IntervalBasis, IntervalKind, Intervals, LINEAR_PROBE, LINEAR_STD, Linearity, compose, doubts,
+};
 pub use noise::{Noise, Precision};
 pub use objective::{Evaluation, Problem};
 pub use observation::{Observation, ObservedInstant, largest_without_rigid_motion};

@@ -19,7 +19,8 @@ pub use tables::{
 
 use crate::identify::largest_without_rigid_motion;
 use crate::identify::{
-    Discretisation, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind,
+    Discretisation, FitOptions, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
+    WeightKind,
 };
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -164,7 +165,9 @@ impl Experiment {
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.
     pub fn options() -> FitOptions {
         let discretisation = Discretisation::Off;
-        FitOptions { weights: WeightKind::Paper, discretisation, ..FitOptions::default() }
+        // The paper's uncertainties are linear ones.
+        let intervals = Intervals::Linear;
+        FitOptions { weights: WeightKind::Paper, discretisation, intervals, ..FitOptions::default() }
     }
 }
 
