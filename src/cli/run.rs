@@ -85,7 +85,9 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
     let joint_case = args.output.join(name);
     let inputs = sha256(format!("{}\n{inputs}\n{text}", env!("CARGO_PKG_VERSION")).as_bytes());
     let result = args.output.join(if case.has_fit() { FIT } else { "solution.csv" });
-    let outcome = if steps.done(step, &inputs) && result.exists() {
+    // A fit of an earlier version has no bands to draw.
+    let has_bands = || !case.has_fit() || read_bands(&args.output.join("traction-bands.csv")).is_ok();
+    let outcome = if steps.done(step, &inputs) && result.exists() && has_bands() {
         say(&format!("{step}: done before with the same measurement and options, taken from there"));
         steps.outcome(step)
     } else {

@@ -92,7 +92,8 @@ fn reach(std: f64, errors: &mut [f64], linear: &mut [f64]) -> [f64; 2] {
     let low = |list: &[f64]| -list[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
     let high = |list: &[f64]| list[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
     let side = |of: &dyn Fn(&[f64]) -> f64| match of(linear) {
-        first_order if first_order > 0.0 => (half * of(errors) / first_order).max(0.0),
+        // Never less than the first order: the errors of the jumps beyond it are not among the draws.
+        first_order if first_order > 0.0 => half * (of(errors) / first_order).max(1.0),
         _ => half,
     };
     [side(&low), side(&high)]
@@ -121,7 +122,8 @@ struct JumpErrors {
 
 /// Tractions along the joint at every instant compared, with what the noise of the measurement (through the parameters and,
 /// where the boundary is noisy, through the prescribed displacements, the two correlated) and the uncertain constants do
-/// to them; bands also hold the effect of the element size where the intervals do. Empty without covariance.
+/// to them; bands also hold the effect of the element size and the bias of the noise where the intervals do. Empty without
+/// covariance.
 ///
 /// Parameters and jumps have errors to first order: `dJ = G^T dz + H^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the
 /// error of the prescribed displacements. Bands lead them through the law itself, with its peak and its kink at zero opening, so
@@ -144,6 +146,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
         let errors = jump_errors(problem, fit, statistics, &covariance, i, &*law)?;
         let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
         let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
+        let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
         let n_pairs = jumps.len();
         let mut band = Band {
             instant: observed.index + 1,
@@ -209,6 +212,11 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
                 for (d, sides) in reaches.iter_mut().enumerate() {
                     *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
                 }
+            }
+            // To where the bias of the parameters says that the truth is.
+            for (d, sides) in reaches.iter_mut().enumerate() {
+                let shift = bias.map_or(0.0, |bias| g.column(d).iter().zip(bias).map(|(g, z)| g * z).sum());
+                *sides = [sides[0] + f64::max(shift, 0.0), sides[1] + f64::max(-shift, 0.0)];
             }
             let t = band.traction[pair];
             let at = |side: usize| {
@@ -322,6 +330,7 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
     let covariance = fit.statistics.as_ref().map(|statistics| of_parameters(statistics, fit));
     let draws = covariance.as_ref().and_then(|covariance| Draws::new(problem, x, covariance));
     let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
+    let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
     let band = |largest: f64, normal: bool| {
         let pick = |t: Traction| if normal { t.normal } else { t.tangential };
         let n = 101;
@@ -354,6 +363,8 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
             }
             let more = finer.map_or(0.0, |finer| NORMAL_95 * dot(&finer.scaled));
             let [low, high] = sides.map(|half| half.hypot(more));
+            let shift = bias.map_or(0.0, |bias| dot(bias));
+            let [low, high] = [low + shift.max(0.0), high + (-shift).max(0.0)];
             band.jumps.push(jump);
             band.traction.push(value);
             band.std.push(std);

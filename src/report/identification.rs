@@ -182,6 +182,7 @@ impl IdentificationReport<'_> {
             "standard uncertainty",
             "with half the element size",
             "95 % interval",
+            "bias of the noise",
             "start",
             "on a bound",
         ]
@@ -198,7 +199,7 @@ impl IdentificationReport<'_> {
                 let number = |key: &str| entry[key].as_f64().map(|v| scale * v);
                 let value = number("value").unwrap_or(f64::NAN);
                 let std = number("std");
-                let interval = numbers(&entry["interval95"]);
+                let ends = [0, 1].map(|side| entry["ends95"][side].as_f64().map(|v| significant(scale * v, 5)));
                 let mut row = vec![
                     self.label(name),
                     format!("{} {unit}", significant(value, 5)),
@@ -207,12 +208,14 @@ impl IdentificationReport<'_> {
                     }),
                     number("discretisation")
                         .map_or("-".into(), |change| format!("{:+.2} %", 100.0 * change / value.abs())),
-                    match interval.as_slice() {
-                        [low, high] => {
-                            format!("{} to {} {unit}", significant(scale * low, 5), significant(scale * high, 5))
-                        }
-                        _ => "-".into(),
+                    match (ends, std) {
+                        ([Some(low), Some(high)], _) => format!("{low} to {high} {unit}"),
+                        ([Some(low), None], _) => format!("from {low} {unit}, no upper end"),
+                        ([None, Some(high)], _) => format!("up to {high} {unit}, no lower end"),
+                        ([None, None], Some(_)) => "without ends".into(),
+                        ([None, None], None) => "-".into(),
                     },
+                    number("bias").map_or("-".into(), |bias| format!("{:+.2} %", 100.0 * bias / value.abs())),
                     number("start").map_or("-".into(), |v| format!("{} {unit}", significant(v, 4))),
                     text(&entry["at_bound"]),
                 ];
@@ -238,6 +241,22 @@ impl IdentificationReport<'_> {
                   would change is not part of them."
                 .into(),
         }));
+        if fit["intervals"]["kind"] == "profile" {
+            let count = |key: &str| text(&fit["intervals"][key]);
+            blocks.push(Block::Text(format!(
+                "The intervals are those of the profile likelihood, because linear theory is in doubt; they need not be symmetric. Where \
+                 refits of data simulated from the fitted model ({} of them, {} failed) are shifted on the average, the interval is \
+                 extended to hold the shift; the value is as fitted.",
+                count("draws"),
+                count("failed")
+            )));
+        } else if fit["parameters"].as_object().is_some_and(|all| all.values().any(|p| !p["bias"].is_null())) {
+            blocks.push(Block::Text(
+                "The bias of the noise is what a pair of opposite draws of it shifts each parameter by, through kinks and plasticity; \
+                 the interval is extended to hold it, the value is as fitted."
+                    .into(),
+            ));
+        }
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
             .map(|(p, value)| {

@@ -112,9 +112,14 @@ impl FitReport<'_> {
         for (k, p) in self.fit.parameters.iter().enumerate() {
             let accepted = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted);
             let (x, y): (Vec<f64>, Vec<f64>) = accepted.map(|(e, i)| (e as f64, i.z[k] / p.value)).unzip();
-            let half = NORMAL_95 * p.std.unwrap_or(0.0) / p.value.abs();
-            let band = vec![half; x.len()];
-            series.push(Series::new(p.parameter.name, Style::LineAndMarkers, x, y).with_band(band));
+            let mut one = Series::new(p.parameter.name, Style::LineAndMarkers, x, y);
+            if let Some([low, high]) = p.interval95 {
+                // How far the interval reaches from the value, about every point.
+                let reach = |end: f64| (end - p.value) / p.value.abs();
+                let [low, high] = [low, high].map(|end| one.y.iter().map(|y| y + reach(end)).collect::<Vec<f64>>());
+                one = one.with_limits(&low, &high);
+            }
+            series.push(one);
         }
         let of = |p: &crate::identify::FittedParameter| match p.std {
             Some(std) => format!(
