@@ -22,9 +22,10 @@ test: ## Install what tests need where it may, then run every test
 	scripts/test.sh --profile $(or $(PROFILE),dev)
 
 study: ## Identification over many seeds and draws, for the tables of docs/identification.md (about 40 minutes); in out/study
-	$(CARGO) test --release --locked --test identify -- --ignored --nocapture
+	$(CARGO) test --release --locked --test identify --test intervals -- --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study
+	scripts/bands.py --output out/study/bands
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check
