@@ -45,6 +45,8 @@ pub(super) struct Base<'a> {
     pub statistics: &'a Statistics,
     pub weights: &'a Weights,
     pub boundary: &'a BoundaryHistory,
+    /// Whether the prescribed displacements were estimated: refits that take them as measured then tell nothing of the bias.
+    pub border_estimated: bool,
 }
 
 /// One refit: the error of the scaled unknowns, and whether it ended on a bound.

@@ -349,7 +349,9 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         .collect();
     let mut derived = with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval);
     let intervals = statistics.as_ref().map(|statistics| {
-        let base = Base { problem, evaluation: &evaluation, statistics, weights: &weights, boundary: &boundary };
+        let border_estimated = largest_correction.is_some();
+        let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
+        let base = Base { problem, evaluation, statistics, weights, boundary, border_estimated };
         let included = options.discretisation == Discretisation::Included;
         settle(&base, options.intervals, options.bootstrap, included, &mut parameters, &mut derived)
     });
