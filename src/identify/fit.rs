@@ -349,9 +349,9 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         .collect();
     let mut derived = with_uncertainty(unknowns, &x, covariance.as_ref(), by_refinement.as_deref(), interval);
     let intervals = statistics.as_ref().map(|statistics| {
-        let border_estimated = largest_correction.is_some();
+        let follows_data = weighted_again;
         let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
-        let base = Base { problem, evaluation, statistics, weights, boundary, border_estimated };
+        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data };
         let included = options.discretisation == Discretisation::Included;
         settle(&base, options.intervals, options.bootstrap, included, &mut parameters, &mut derived)
     });

@@ -131,7 +131,7 @@ pub(super) fn settle(
         return basis;
     }
     let mut list = doubts(&names, &relative, None);
-    if list.is_empty() && !base.border_estimated {
+    if list.is_empty() && !base.follows_data {
         let probe = base.probe().map(|parts| {
             parts.map(|part| part.iter().zip(&scaled_std).map(|(off, std)| off / std).collect::<Vec<f64>>())
         });
@@ -166,7 +166,7 @@ pub(super) fn settle(
     }
     basis.kind = IntervalKind::Profile;
     let draws = n_draws.unwrap_or(DRAWS);
-    if draws > 0 && !base.border_estimated {
+    if draws > 0 && !base.follows_data {
         basis.bootstrap = base.bootstrap(draws.div_ceil(2));
         basis.bias = basis.bootstrap.as_ref().map(|bootstrap| bootstrap.bias.clone());
     }
