@@ -190,7 +190,7 @@ pub(super) fn settle(
             z[k] += by;
             unknowns.unscaled(&z)[k]
         };
-        let ends = [reach[0].map(|by| moved(-by)), reach[1].map(|by| moved(by))];
+        let ends = [reach[0].map(|by| moved(-by)), reach[1].map(moved)];
         p.bias = bias.map(|bias| slopes[k] * bias);
         p.bias_std = basis.bootstrap.as_ref().and_then(|b| b.bias_std.as_ref()).map(|std| slopes[k] * std[k]);
         p.std_bootstrap = basis.bootstrap.as_ref().map(|b| slopes[k] * b.std[k]);
