@@ -45,6 +45,9 @@ pub(super) struct Base<'a> {
     pub statistics: &'a Statistics,
     pub weights: &'a Weights,
     pub boundary: &'a BoundaryHistory,
+    /// Whether the fit makes its weights (or the border) anew from the data: refits under the weights of the end then tell nothing
+    /// of its bias, whose part through the border even changes its sign.
+    pub follows_data: bool,
 }
 
 /// One refit: the error of the scaled unknowns, and whether it ended on a bound.

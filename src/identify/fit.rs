@@ -389,7 +389,9 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         })
         .collect();
     let intervals = statistics.as_ref().map(|statistics| {
-        let base = Base { problem, evaluation: &evaluation, statistics, weights: &weights, boundary: &boundary };
+        let follows_data = weighted_again;
+        let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
+        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data };
         settle(&base, options.intervals, options.bootstrap, &budget, &mut parameters, &mut derived)
     });
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;

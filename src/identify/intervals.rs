@@ -146,7 +146,7 @@ pub(super) fn settle(
         return basis;
     }
     let mut list = doubts(&names, &relative, None);
-    if list.is_empty() {
+    if list.is_empty() && !base.follows_data {
         let probe = base.probe().map(|parts| {
             parts.map(|part| part.iter().zip(&scaled_std).map(|(off, std)| off / std).collect::<Vec<f64>>())
         });
@@ -175,7 +175,7 @@ pub(super) fn settle(
     }
     basis.kind = IntervalKind::Profile;
     let pairs = n_draws.unwrap_or(DRAWS).div_ceil(2);
-    if pairs > 0 {
+    if pairs > 0 && !base.follows_data {
         basis.draws = 2 * pairs;
         basis.bootstrap = base.bootstrap(pairs);
         basis.bias = basis.bootstrap.as_ref().map(|bootstrap| bootstrap.bias.clone());

@@ -121,7 +121,7 @@ impl<'a> ProfileEnds<'a> {
     /// Both ends for each of `directions`, in scaled unknowns; `None` where there is none within [`FAR`] and the bounds.
     pub(super) fn along(&self, directions: Vec<Vec<f64>>) -> Vec<[Option<Vec<f64>>; 2]> {
         let of = |k: usize| {
-            let sign = if k % 2 == 0 { -1.0 } else { 1.0 };
+            let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
             self.end(&directions[k / 2].iter().map(|s| sign * s).collect::<Vec<_>>())
         };
         let ends: Vec<Option<Vec<f64>>> = (0..2 * directions.len()).into_par_iter().map(of).collect();
