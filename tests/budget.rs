@@ -384,7 +384,7 @@ fn refused(change: impl FnOnce(&mut JointInput)) -> String {
         Ok(joint) => joint,
         Err(error) => return error.to_string(),
     };
-    Case::new(&joint, &input, Path::new("case.toml")).err().expect("it is refused").to_string()
+    Case::new(&joint, &input, Path::new("case.toml")).expect_err("it is refused").to_string()
 }
 
 #[test]
