@@ -78,7 +78,8 @@ fn input_of(kinematics: Kinematics, measurement: &str, fit: &str) -> JointInput 
          [substrate]\nE_MPa = {e:?}\nnu = {nu}\nsigma_0_MPa = {sigma_0:?}\nalpha = {alpha}\nn = {n:?}\n\
          [cohesive]\nphi_n_N_per_mm = {phi_n:?}\ndelta_n_mm = {delta_n}\ndelta_t_mm = {delta_t}\nr = {r:?}\n\
          kinematics = \"{}\"\n[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\nnoise_mm = 2e-5\npixel_size_mm = {PIXEL_MM}\n{measurement}\n\
-         [fit]\nparameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n{fit}\n",
+         [fit]\nparameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
+         intervals = \"linear\"\n{fit}\n",
         kinematics.name()
     );
     std::fs::write(folder.path().join("case.toml"), text).unwrap();

@@ -151,8 +151,8 @@ struct JumpErrors {
 ///
 /// Parameters and jumps have errors to first order: `dJ = G^T dz + H^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the
 /// error of the prescribed displacements. A constant moves the parameters, the law where it is one of its own, and the jumps
-/// together; constants are independent of the noise and of one another. Bands lead them through the law itself, with its peak and its kink at zero opening, so
-/// that they need not be symmetric.
+/// together; constants are independent of the noise and of one another. Bands lead all of them through the law itself, with
+/// its peak and its kink at zero opening, so that they need not be symmetric.
 ///
 /// # Errors
 /// A tangent without inverse.
