@@ -171,6 +171,7 @@ fn covariance() -> FitOptions {
     FitOptions {
         weights: WeightKind::Covariance,
         discretisation: quadrille::identify::Discretisation::Off,
+        doubt: false,
         ..FitOptions::default()
     }
 }
@@ -242,6 +243,13 @@ fn coverage(known: &Known, sigma_px: f64, options: &FitOptions, n: u64) -> Cover
             one(known, sigma_px, options, seed, &mut |_, found| {
                 let basis = found.intervals.as_ref();
                 let failed = basis.and_then(|b| b.bootstrap.as_ref()).map_or(0, |b| b.failed);
+                // An open side is never determined, and the verdict says whose it is.
+                for p in found.parameters.iter().filter(|p| p.ends95.contains(&None) && !p.at_bound) {
+                    let said = found.verdict.sentences.join(". ");
+                    let wanted = format!("{} is not determined: its 95 % interval has", p.parameter.name);
+                    assert!(!found.verdict.determined() && said.contains(&wanted), "{p:?} {said}");
+                    assert_eq!(Fit::relative_std(p), f64::INFINITY);
+                }
                 if found.status == FitStatus::Converged {
                     kept = Some((
                         found.parameters.clone(),
