@@ -21,12 +21,13 @@ paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh --profile $(or $(PROFILE),dev)
 
-study: ## Identification over many seeds and draws, for the tables of docs/identification.md (about 40 minutes); in out/study
-	$(CARGO) test --release --locked --test identify -- --ignored --nocapture
-	$(CARGO) test --release --locked --test uncertainty -- --ignored --nocapture
-	$(CARGO) test --release --locked --test noise_model -- --ignored --nocapture
+study: ## Uncertainty and identification over many seeds and draws, for the tables of the documents (about two hours); in out/study
+	$(CARGO) test --release --locked --test uncertainty --test noise_model -- --ignored --nocapture
+	$(CARGO) test --release --locked --test identify --test intervals -- --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study
+	scripts/bands.py --output out/study/bands
+	scripts/doubt.py --output out/study/doubt
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

@@ -43,13 +43,15 @@ fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> P
         })
         .collect();
     let nodes: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-    let observation = Observation { compared: vec![true; nodes.len()], nodes, prescribed, instants };
+    let observation =
+        Observation { compared: vec![true; nodes.len()], nodes, prescribed, instants, pixel_size_mm: None };
     let noise = Noise {
         precision: Precision::White(observation.n_rows()),
         common: 1.0,
         on_boundary: true,
         sigma: Some(mm),
         source: "white".into(),
+        ratio: None,
     };
     Problem {
         joint: experiment.joint(),

@@ -169,10 +169,9 @@ def fits(program, folder, seed, cases):
 
 
 def holds(fit, key):
-    interval = fit["parameters"][key]["interval95"] if key in fit["parameters"] else None
-    if interval is None:
-        return True  # no interval, no claim
-    low, high = (-math.inf if interval[0] is None else interval[0]), (math.inf if interval[1] is None else interval[1])
+    low, high = fit["parameters"][key]["ends95"] if key in fit["parameters"] else (None, None)
+    # No end, no claim.
+    low, high = (-math.inf if low is None else low), (math.inf if high is None else high)
     return low <= TRUTH[key] <= high
 
 
@@ -200,7 +199,7 @@ def main():
                 for key, truth in TRUTH.items():
                     p = fit["parameters"][key]
                     table.writerow([seed, name, fit["verdict"]["outcome"], len(fit.get("implausible") or []), key, p["value"],
-                                    p["std"], *(p["interval95"] or ["", ""]), truth, misfit.get("z"), misfit.get("excess"),
+                                    p["std"], *p["ends95"], truth, misfit.get("z"), misfit.get("excess"),
                                     released.get("omega_falls_by"), fit["seconds"], fit["verdict"]["text"]])
             out.flush()
             print(f"{time.monotonic() - begin:7.1f} s  seed {seed}", file=sys.stderr)

@@ -61,6 +61,12 @@ def variant_of(text, keys):
     return "\n".join(lines) + "\n\n[output]\nfigures = []\n"
 
 
+def interval(p):
+    """The ends of a 95 % interval; one that is not there is infinitely far away."""
+    low, high = p["ends95"]
+    return [-math.inf if low is None else low, math.inf if high is None else high]
+
+
 def study(program, folder, seed, noise, depth, variants):
     """The fits of one series: `(variant, fit.json)`."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -101,7 +107,7 @@ def main():
                 for key, truth in TRUTH.items():
                     p = fit["parameters"][key]
                     table.writerow([seed, noise, depth, name, fit["status"], key, p["value"], p["std"], p["discretisation"],
-                                    *p["interval95"], truth, fit["omega"], fit["omega_expected"], fit["seconds"]])
+                                    *interval(p), truth, fit["omega"], fit["omega_expected"], fit["seconds"]])
             out.flush()
             print(f"{time.monotonic() - begin:7.1f} s  seed {seed}, noise {noise}, {depth} bit", file=sys.stderr)
     print("phi_n, delta_n, delta_t in %; intervals: how many hold the truth\n")
@@ -118,9 +124,10 @@ def main():
             cells["scatter"].append(f"{scatter:.2f}" if n > 1 else "-")
             cells["std"].append(f"{sum(100 * p['std'] / truth for p in found) / n:.2f}")
             cells["size"].append(f"{sum(100 * (p['discretisation'] or 0) / truth for p in found) / n:+.2f}")
-            cells["held"].append(str(sum(p["interval95"][0] <= truth <= p["interval95"][1] for p in found)))
+            cells["held"].append(str(sum(interval(p)[0] <= truth <= interval(p)[1] for p in found)))
             cells["noise"].append(str(sum(abs(p["value"] - truth) <= 1.959964 * p["std"] for p in found)))
-        holds = lambda fit, key: fit["parameters"][key]["interval95"][0] <= TRUTH[key] <= fit["parameters"][key]["interval95"][1]
+        ends = lambda fit, key: interval(fit["parameters"][key])
+        holds = lambda fit, key: ends(fit, key)[0] <= TRUTH[key] <= ends(fit, key)[1]
         cells["all"] = [str(sum(all(holds(fit, key) for key in TRUTH) for fit in list_))]
         converged = sum(fit["status"] == "converged" for fit in list_)
         row = [f"{noise} grey, {depth} bit", name, f"{converged} of {len(list_)} converged"]

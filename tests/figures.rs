@@ -662,7 +662,7 @@ fn what_cannot_be_drawn_is_refused() {
         name: "odd".into(),
         x: vec![1.0; 3],
         y: vec![1.0; y],
-        band,
+        band: band.map(|half| [half.clone(), half]),
         ..Series::default()
     };
     for series in [series(None, 2), series(Some(vec![1.0; 4]), 3)] {

@@ -196,7 +196,7 @@ fn four_parameters_are_not_determined_by_this_test_and_the_verdict_says_which_ar
 fn a_parameter_that_ends_on_its_bound_is_flagged_and_no_bound_is_ever_passed() {
     mechanics_common::reference_folder();
     let fit = format!(
-        "{THREE}\n[fit.start]\nphi_n = 1.5\ndelta_n = 0.0045\n[fit.lower]\ndelta_t = 0.03\n[fit.upper]\ndelta_n = 0.0047"
+        "{THREE}\nintervals = \"linear\"\n[fit.start]\nphi_n = 1.5\ndelta_n = 0.0045\n[fit.lower]\ndelta_t = 0.03\n[fit.upper]\ndelta_n = 0.0047"
     );
     let Some(input) = mechanics_common::reference_folder().and_then(|_| input(truth(), "", &fit, false)) else {
         return;
@@ -254,7 +254,7 @@ fn the_effect_of_the_element_size_is_what_a_refit_on_a_finer_mesh_moves() {
 /// Data without noise, the effect of the element size in the intervals.
 fn reference_input(measurement: &str) -> Option<JointInput> {
     mechanics_common::reference_folder()?;
-    input(truth(), measurement, &format!("{THREE}\ndiscretisation = \"included\""), false)
+    input(truth(), measurement, &format!("{THREE}\ndiscretisation = \"included\"\nintervals = \"linear\""), false)
 }
 
 #[test]
@@ -326,7 +326,7 @@ fn with_fields(input: &JointInput, fields: &[Vec<[f64; 2]>]) -> JointInput {
 fn near(measurement: &str, more: &str) -> Option<JointInput> {
     mechanics_common::reference_folder()?;
     let fit = format!(
-        "{THREE}\ndiscretisation = \"off\"\n{more}\n[fit.start]\nphi_n = 1.01\ndelta_n = 0.00498\ndelta_t = 0.0502"
+        "{THREE}\ndiscretisation = \"off\"\nintervals = \"linear\"\n{more}\n[fit.start]\nphi_n = 1.01\ndelta_n = 0.00498\ndelta_t = 0.0502"
     );
     input(truth(), measurement, &fit, true)
 }

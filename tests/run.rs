@@ -176,6 +176,76 @@ fn the_report_tells_everything_and_needs_nothing_else() {
     assert!(html.len() < 6_000_000, "{} bytes: too much for a phone", html.len());
 }
 
+/// The numbers of a table that the program wrote, by column.
+fn table(path: &Path) -> std::collections::BTreeMap<String, Vec<f64>> {
+    let text = text(path);
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+    names.iter().enumerate().map(|(k, name)| ((*name).to_owned(), rows.iter().map(|row| row[k]).collect())).collect()
+}
+
+#[test]
+fn the_page_draws_the_bands_of_the_fit_and_states_its_numbers() {
+    let folder = made().join("run");
+    let (html, fit) = (text(folder.join("report.html")), json(folder.join("fit.json")));
+    let series = |title: &str| -> Value {
+        let figure = html.split("<figure data-title=\"").find(|rest| rest.starts_with(title)).expect(title);
+        let data = figure.split("data-series=\"").nth(1).unwrap().split('"').next().unwrap();
+        serde_json::from_str(&data.replace("&quot;", "\"").replace("&amp;", "&")).unwrap()
+    };
+    let list = |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect() };
+    let same = |found: &Value, wanted: &[f64], what: &str| {
+        let found = list(found);
+        assert_eq!(found.len(), wanted.len(), "{what}");
+        for (found, wanted) in found.iter().zip(wanted) {
+            // Bands go through a difference from the value: round-off of its size, 100 MPa at most.
+            assert!((found - wanted).abs() <= 1e-12 * wanted.abs().max(100.0), "{what}: {found} {wanted}");
+        }
+    };
+    let bands = table(&folder.join("traction-bands.csv"));
+    for (title, t) in [("Normal traction along the joint", "Tn"), ("Tangential traction along the joint", "Tt")] {
+        let drawn = series(title);
+        assert_eq!(drawn.as_array().unwrap().len(), 3);
+        for one in drawn.as_array().unwrap() {
+            let name = one["name"].as_str().unwrap();
+            let number: f64 = name.rsplit(' ').next().unwrap().parse().unwrap();
+            let of = |column: &str| -> Vec<f64> {
+                let rows = bands["instant"].iter().zip(&bands[column]);
+                rows.filter(|(instant, _)| **instant == number).map(|(_, value)| *value).collect()
+            };
+            same(&one["x"], &of("along_mm"), name);
+            same(&one["y"], &of(&format!("{t}_MPa")), name);
+            same(&one["low"], &of(&format!("{t}_low95_MPa")), name);
+            same(&one["high"], &of(&format!("{t}_high95_MPa")), name);
+        }
+    }
+    let law = table(&folder.join("law.csv"));
+    for (title, mode) in [("Opening without sliding", 1.0), ("Sliding without opening", 2.0)] {
+        let one = &series(title)[0];
+        let of = |column: &str| -> Vec<f64> {
+            law["mode"].iter().zip(&law[column]).filter(|(m, _)| **m == mode).map(|(_, value)| *value).collect()
+        };
+        same(&one["y"], &of("traction_MPa"), title);
+        same(&one["low"], &of("low95_MPa"), title);
+        same(&one["high"], &of("high95_MPa"), title);
+    }
+    // The table of the parameters: five significant digits of the numbers in fit.json, mm as um.
+    for (name, scale) in [("phi_n", 1.0), ("delta_n", 1e3), ("delta_t", 1e3)] {
+        let row = html.split("<tr>").find(|row| row.contains(&format!(">{name}: "))).unwrap();
+        let cell = |column: &str| {
+            let cell = row.split(&format!("data-name=\"{column}\">")).nth(1).unwrap().split('<').next().unwrap();
+            cell.split(' ').filter_map(|word| word.parse::<f64>().ok()).collect::<Vec<_>>()
+        };
+        let p = &fit["parameters"][name];
+        let stated = [cell("value")[0], cell("95 % interval")[0], cell("95 % interval")[1]];
+        let wanted = [&p["value"], &p["interval95"][0], &p["interval95"][1]].map(|v| scale * v.as_f64().unwrap());
+        for (stated, wanted) in stated.iter().zip(wanted) {
+            assert!((stated / wanted - 1.0).abs() < 5.1e-5, "{name}: {stated} for {wanted}");
+        }
+    }
+}
+
 /// A page that shows `report.html` in a frame as wide as a phone or a window, and counts what is clipped, not loaded or
 /// too small to read.
 const LOOK: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="report.html" style="width:WIDTHpx;height:900px;border:0">

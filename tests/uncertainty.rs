@@ -356,7 +356,7 @@ fn frames_as_noisy_as_a_third_of_their_contrast_converge_in_a_dozen_iterations()
 fn a_stated_noise_is_held_to_the_residual() {
     let pair = Pair::new(200, SPECKLE_PX, [0.25, 0.5]);
     for (stated, contradicted) in [(0.2, true), (2.0, false), (6.0, true)] {
-        let options = Options { noise: Some(stated), ..Options::default() };
+        let options = Options { noise: stated.into(), ..Options::default() };
         let (_, found) = pair.sample(1, &inside(200, 200, 20), &options);
         let zone = &found.zones[0];
         assert_eq!(zone.noise, stated);

@@ -80,14 +80,17 @@ pub(super) fn say(json: &FitJson, output: &Path) {
     json.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     for name in &json.parameter_order {
         let p = &json.parameters[name];
-        let spread = match p.interval95 {
-            Some([low, high]) if json.verdict.conditional => {
-                format!(", 95 % {low:.6} to {high:.6} if the model were true")
-            }
-            Some([low, high]) => format!(", 95 % {low:.6} to {high:.6}"),
-            None => String::new(),
+        let spread = match p.ends95 {
+            [Some(low), Some(high)] => format!(", 95 % {low:.6} to {high:.6}"),
+            [Some(low), None] => format!(", 95 % from {low:.6}, no upper end"),
+            [None, Some(high)] => format!(", 95 % up to {high:.6}, no lower end"),
+            [None, None] if p.std.is_some() => ", 95 % interval without ends".to_owned(),
+            [None, None] => String::new(),
         };
-        eprintln!("{name} = {:.6} {}{spread}{}", p.value, p.unit, if p.at_bound { ", on its bound" } else { "" });
+        let conditional = json.verdict.conditional && p.std.is_some();
+        let conditional = if conditional { " if the model were true" } else { "" };
+        let bound = if p.at_bound { ", on its bound" } else { "" };
+        eprintln!("{name} = {:.6} {}{spread}{conditional}{bound}", p.value, p.unit);
     }
     let parts = budget_lines(json);
     if !parts.is_empty() {

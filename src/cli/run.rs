@@ -15,6 +15,7 @@ use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::fit::{read_bands, read_law};
 use crate::report::identification::IdentificationReport;
 use crate::units::Px;
 use clap::Parser;
@@ -86,7 +87,9 @@ pub(super) fn of_case(args: &RunArgs) -> Result<Outcome> {
     let joint_case = args.output.join(name);
     let inputs = sha256(format!("{}\n{inputs}\n{text}", env!("CARGO_PKG_VERSION")).as_bytes());
     let result = args.output.join(if case.has_fit() { FIT } else { "solution.csv" });
-    let outcome = if steps.done(step, &inputs) && result.exists() {
+    // A fit of an earlier version has no bands to draw.
+    let has_bands = || !case.has_fit() || read_bands(&args.output.join("traction-bands.csv")).is_ok();
+    let outcome = if steps.done(step, &inputs) && result.exists() && has_bands() {
         say(&format!("{step}: done before with the same measurement and options, taken from there"));
         steps.outcome(step)
     } else {
@@ -299,7 +302,9 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
     let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
     let fit = found.map(|path| read_json(&path)).transpose()?;
     let law = identified(&*joint.law, fit.as_ref())?;
-    let (computed, sensitivities) = fields(folder, &joint, frames.len(), fit.as_ref())?;
+    let computed = fields(folder, &joint, frames.len())?;
+    let bands = if fit.is_some() { read_bands(&folder.join("traction-bands.csv"))? } else { Vec::new() };
+    let law_bands = fit.is_some().then(|| read_law(&folder.join("law.csv"))).transpose()?;
     let truth = args.case.parent().map(|folder| folder.join("truth.json")).filter(|path| path.exists());
     let truth = truth.map(|path| read_json(&path)).transpose()?;
     let mut provenance = vec![("quadrille".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
@@ -338,7 +343,8 @@ fn report(args: &RunArgs, case: &RunCase, joint_case: &Path, steps: &Steps) -> R
         joint: &joint,
         law: &*law,
         computed: &computed,
-        sensitivities: &sensitivities,
+        bands: &bands,
+        law_bands: law_bands.as_ref(),
         fit: fit.as_ref(),
         truth: truth.as_ref().map(|truth| &truth["parameters"]),
         other_rigid_motion: other.as_ref(),
@@ -361,42 +367,21 @@ fn identified(law: &dyn CohesiveLaw, fit: Option<&Value>) -> Result<Box<dyn Cohe
 /// Displacements by instant and node.
 type Fields = Vec<Vec<[f64; 2]>>;
 
-/// The computed displacements and their derivatives by the fitted parameters, from `solution.csv` and `sensitivities.csv`.
-fn fields(folder: &Path, joint: &Joint, n: usize, fit: Option<&Value>) -> Result<(Fields, Vec<Fields>)> {
+/// The computed displacements, from `solution.csv`.
+fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
     let n_nodes = joint.model.mesh().nodes().len();
     let n_instants = n.max(joint.boundary.instants().len());
-    let collect = |rows: &[Vec<f64>], at: [usize; 2]| -> Fields {
-        let mut fields: Fields = vec![Vec::new(); n_instants];
-        for row in rows {
-            let (instant, node) = (row[0] as usize, row[1] as usize);
-            if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
-                field.resize(n_nodes, [0.0; 2]);
-                field[node] = [row[at[0]], row[at[1]]];
-            }
-        }
-        fields
-    };
-    let place = |columns: &[String], name: &str| columns.iter().position(|column| column == name);
     let path = folder.join("solution.csv");
     let (columns, rows) = read_table(&path)?;
-    let at = [place(&columns, "ux_mm"), place(&columns, "uy_mm")];
+    let at = ["ux_mm", "uy_mm"].map(|name| columns.iter().position(|column| column == name));
     let [Some(x), Some(y)] = at else { return Err(format!("{}: no columns ux_mm and uy_mm", path.display()).into()) };
-    let computed = collect(&rows, [x, y]);
-    let mut sensitivities: Vec<Fields> = vec![Vec::new(); n_instants];
-    let names = joint.law.parameters().iter().map(|parameter| parameter.name);
-    let fitted: Vec<&str> = names.filter(|name| fit.is_some_and(|fit| !fit["parameters"][*name].is_null())).collect();
-    let path = folder.join("sensitivities.csv");
-    if !fitted.is_empty() && path.exists() {
-        let (columns, rows) = read_table(&path)?;
-        for name in fitted {
-            let at = [format!("dux_d{name}"), format!("duy_d{name}")].map(|name| place(&columns, &name));
-            let [Some(x), Some(y)] = at else { continue };
-            for (all, field) in sensitivities.iter_mut().zip(collect(&rows, [x, y])) {
-                if !field.is_empty() {
-                    all.push(field);
-                }
-            }
+    let mut fields: Fields = vec![Vec::new(); n_instants];
+    for row in rows {
+        let (instant, node) = (row[0] as usize, row[1] as usize);
+        if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
+            field.resize(n_nodes, [0.0; 2]);
+            field[node] = [row[x], row[y]];
         }
     }
-    Ok((computed, sensitivities))
+    Ok(fields)
 }

@@ -1,22 +1,30 @@
-//! Confidence bands: tractions along the joint, and the law itself.
+//! Confidence bands: tractions along the joint, and the law itself. Tables, figures and pages all draw these.
 
 use super::FitError;
 use super::constants::ConstantEffect;
-use super::fit::Fit;
+use super::fit::{Fit, NORMAL_95};
 use super::objective::Problem;
+use super::statistics::Statistics;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Tractions of one instant, with their standard uncertainties.
+/// Tractions of one instant, with their standard uncertainties and 95 % bands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
     /// The instant, from 1.
     pub instant: usize,
     /// Traction at each node pair, MPa.
     pub traction: Vec<Traction>,
-    /// Standard uncertainty of its components, MPa.
+    /// Standard uncertainty of its components, MPa: noise and uncertain constants, to first order.
     pub std: Vec<Traction>,
+    /// Lower ends of the 95 % bands, MPa.
+    pub low: Vec<Traction>,
+    /// Upper ends of the 95 % bands, MPa.
+    pub high: Vec<Traction>,
 }
 
 /// Traction against separation in pure opening and pure sliding.
@@ -28,155 +36,337 @@ pub struct CurveBand {
     pub traction: Vec<f64>,
     /// Its standard uncertainty, MPa.
     pub std: Vec<f64>,
+    /// Lower end of its 95 % band, MPa.
+    pub low: Vec<f64>,
+    /// Upper end of its 95 % band, MPa.
+    pub high: Vec<f64>,
+}
+
+/// Draws that are led through the law where it is not linear.
+const DRAWS: usize = 240;
+/// Their seed: a fit has the same bands every time.
+const SEED: u64 = 0x5175_6164;
+
+/// Errors of parameters and constants, and the laws that go with them.
+struct Draws {
+    /// Errors of the scaled unknowns by the noise.
+    noise: Vec<Vec<f64>>,
+    /// By how many standard uncertainties each constant is off.
+    constants: Vec<Vec<f64>>,
+    /// Errors of the scaled unknowns by both.
+    scaled: Vec<Vec<f64>>,
+    laws: Vec<Box<dyn CohesiveLaw>>,
+    /// Two independent numbers of variance 1 for each draw.
+    more: Vec<[f64; 2]>,
+}
+
+impl Draws {
+    /// Those of noise with this covariance of the scaled unknowns and of the constants of `fit`; none where it has no factor
+    /// or a law refuses.
+    fn new(problem: &Problem<'_>, fit: &Fit, covariance: &Dense) -> Option<Self> {
+        let unknowns = &problem.unknowns;
+        let factor = covariance.cholesky().ok()?;
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let mut white = Dense::zeros(unknowns.n(), DRAWS);
+        for k in 0..DRAWS {
+            white.column_mut(k).iter_mut().for_each(|v| *v = StandardNormal.sample(&mut random));
+        }
+        let more = (0..DRAWS).map(|_| [(); 2].map(|()| StandardNormal.sample(&mut random))).collect();
+        let constants: Vec<Vec<f64>> =
+            (0..DRAWS).map(|_| fit.constants.iter().map(|_| StandardNormal.sample(&mut random)).collect()).collect();
+        let errors = factor.half_times(&white);
+        let noise: Vec<Vec<f64>> = (0..DRAWS).map(|k| errors.column(k).to_vec()).collect();
+        let both = |(noise, off): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> {
+            let by = |k: usize| off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.scaled[k]).sum::<f64>();
+            noise.iter().enumerate().map(|(k, e)| e + by(k)).collect()
+        };
+        let scaled: Vec<Vec<f64>> = noise.iter().zip(&constants).map(both).collect();
+        let z = unknowns.scaled(&fit.evaluation.x);
+        let law = |(error, off): (&Vec<f64>, &Vec<f64>)| {
+            let there: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
+            let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
+            let mut values = law.values();
+            for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
+                *value += off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.law[index]).sum::<f64>();
+            }
+            law.with_values(&values).ok()
+        };
+        let laws = scaled.iter().zip(&constants).map(law).collect::<Option<_>>()?;
+        Some(Self { noise, constants, scaled, laws, more })
+    }
+}
+
+/// Whether parameter `index` of the law is an unknown.
+fn is_fitted(problem: &Problem<'_>, index: usize) -> bool {
+    problem.unknowns.list().iter().any(|unknown| unknown.index == index)
+}
+
+/// How far a 95 % band reaches below and above the value whose standard uncertainty to first order is `std`: the quantiles of
+/// the `errors` of draws, by those that the same draws have to first order, so that a linear law gives `1.96 std` exactly.
+fn reach(std: f64, errors: &mut [f64], linear: &mut [f64]) -> [f64; 2] {
+    let half = NORMAL_95 * std;
+    errors.sort_by(f64::total_cmp);
+    linear.sort_by(f64::total_cmp);
+    let n = errors.len();
+    // The mean of three neighbours about the 2.5th percentile.
+    let at = n / 40;
+    if at == 0 || !(errors[0].is_finite() && errors[n - 1].is_finite()) {
+        return [half; 2];
+    }
+    let low = |list: &[f64]| -list[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
+    let high = |list: &[f64]| list[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
+    let side = |of: &dyn Fn(&[f64]) -> f64| match of(linear) {
+        // Never less than the first order: the errors of the jumps beyond it are not among the draws.
+        first_order if first_order > 0.0 => half * (of(errors) / first_order).max(1.0),
+        _ => half,
+    };
+    [side(&low), side(&high)]
+}
+
+/// By how much the variance of the noise grows since its level is not known exactly.
+fn noise_factor(fit: &Fit) -> f64 {
+    1.0 + fit.budget.noise_level().powi(2)
+}
+
+/// Covariance of the scaled unknowns by the noise alone.
+fn by_noise(statistics: &Statistics, fit: &Fit) -> Dense {
+    let n = statistics.covariance.n_rows();
+    Dense::from_fn(n, n, |r, c| noise_factor(fit) * statistics.covariance[(r, c)])
+}
+
+/// What the noise of the measurement does to the jumps of one instant beside what the parameters do: `dJ = by_z^T dz + w`.
+struct JumpErrors {
+    /// Derivatives of the jumps by the scaled unknowns: a column for D_n and one for D_t of every pair.
+    by_z: Dense,
+    /// `Cov(dz, w)`.
+    cross: Dense,
+    /// `Cov(w)` of each pair.
+    own: Vec<[[f64; 2]; 2]>,
 }
 
 /// Tractions along the joint at every instant compared, with what the noise of the measurement (through the parameters and,
 /// where the boundary is noisy, through the prescribed displacements, the two correlated) and the uncertain constants do
-/// to them. Empty without covariance.
+/// to them; bands also hold the effect of the element size and the bias of the noise where the intervals do. Empty without
+/// covariance.
 ///
-/// To first order: `dT = g^T dz + h^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the error of the prescribed displacements.
+/// Parameters and jumps have errors to first order: `dJ = G^T dz + H^T d_i` with `dz = A sum_j v_j^T e_j` and `d_i` the
+/// error of the prescribed displacements. A constant moves the parameters, the law where it is one of its own, and the jumps
+/// together; constants are independent of the noise and of one another. Bands lead all of them through the law itself, with
+/// its peak and its kink at zero opening, so that they need not be symmetric.
 ///
 /// # Errors
 /// A tangent without inverse.
 pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let (Some(statistics), Some(_)) = (&fit.statistics, &fit.covariance) else { return Ok(Vec::new()) };
-    let law = problem.unknowns.law_at(&fit.evaluation.x)?;
+    let x = &fit.evaluation.x;
+    let law = problem.unknowns.law_at(x)?;
     let model = &problem.joint.model;
-    let (noise, observation) = (&*problem.noise, &*problem.observation);
     let n = problem.unknowns.n();
-    let slopes = problem.unknowns.slopes(&fit.evaluation.x);
-    let columns = problem.unit_motions();
-    let c = &noise.precision;
-    let sigma2 = statistics.sigma * statistics.sigma;
-    let mut all = Dense::zeros(observation.n_rows(), n);
-    statistics.v.iter().for_each(|v| all.add(1.0, v));
-    let of_parameters = statistics.covariance.clone();
-    let estimated = fit.largest_correction.is_some();
+    let slopes = problem.unknowns.slopes(x);
+    let covariance = by_noise(statistics, fit);
+    let inverse = covariance.cholesky().ok();
+    let draws = Draws::new(problem, fit, &covariance);
     let of = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
-        let instant = &fit.solution().instants[observed.index];
-        let u = &instant.displacement;
-        let jumps = model.jumps(u);
-        let by_unknown: Vec<Vec<Jump>> = (problem.unknowns.list().iter())
-            .map(|unknown| model.jumps(&instant.sensitivities[unknown.index]))
-            .collect();
-        let by_boundary: Vec<Vec<Jump>> = match observation.prescribed.is_empty() {
-            true => Vec::new(),
-            false => {
-                let fields = model.linearise(&*law, u)?.by_boundary(columns.instants());
-                fields.iter().map(|field| model.jumps(field)).collect()
-            }
-        };
+        let jumps = model.jumps(&fit.solution().instants[observed.index].displacement);
+        let errors = jump_errors(problem, fit, statistics, &covariance, i, &*law)?;
+        let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
+        let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
+        let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
         let n_pairs = jumps.len();
-        // Columns: T_n and T_t of every pair.
-        let mut g = Dense::zeros(n, 2 * n_pairs);
-        let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
-        let mut h_border = Dense::zeros(by_boundary.len(), 2 * n_pairs);
-        for (pair, &jump) in jumps.iter().enumerate() {
-            let tangent = law.response(jump).tangent;
-            let along = |moved: Jump, d: usize| tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
-            let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
-            law.by_parameters(jump, &mut at_fixed_jump);
-            for (k, unknown) in problem.unknowns.list().iter().enumerate() {
-                let direct = at_fixed_jump[unknown.index];
-                for (d, direct) in [direct.normal, direct.tangential].into_iter().enumerate() {
-                    g[(k, 2 * pair + d)] = slopes[k] * (direct + along(by_unknown[k][pair], d));
-                }
-            }
-            for (k, moved) in by_boundary.iter().enumerate() {
-                for d in 0..2 {
-                    let row = 2 * observation.prescribed[k / 2] + k % 2;
-                    h[(row, 2 * pair + d)] = along(moved[pair], d);
-                    h_border[(k, 2 * pair + d)] = along(moved[pair], d);
-                }
-            }
-        }
-        let variance = match (by_boundary.is_empty(), estimated) {
-            (true, _) => squares(&g, &of_parameters.times(&g)),
-            (false, false) => {
-                let ch = c.inverse_times(&h);
-                let own = squares(&h, &ch);
-                let mut cross = statistics.v[i].transposed_times(&ch);
-                cross.add(noise.common, &all.transposed_times(&ch));
-                let cross = squares(&g, &statistics.a.times(&cross));
-                let of_parameters = squares(&g, &of_parameters.times(&g));
-                (0..2 * n_pairs)
-                    .map(|k| of_parameters[k] + sigma2 * (2.0 * cross[k] + (1.0 + noise.common) * own[k]))
-                    .collect()
-            }
-            (false, true) => joint_variance(problem, fit, i, &g, &h_border, &of_parameters),
-        };
-        // A constant moves the parameters, the law where it is one of its own, and the jumps: together, they hardly differ.
-        let mut of_constants = vec![0.0; 2 * n_pairs];
-        for effect in &fit.constants {
-            for (pair, &jump) in jumps.iter().enumerate() {
-                let change = law_change(&*law, problem, effect, jump);
-                let moved = effect.jumps[i][pair];
-                let tangent = law.response(jump).tangent;
-                for (d, change) in [change.normal, change.tangential].into_iter().enumerate() {
-                    let by_parameters: f64 = (0..n).map(|k| g[(k, 2 * pair + d)] * effect.scaled[k]).sum();
-                    let by_jump = tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
-                    of_constants[2 * pair + d] += (by_parameters + change + by_jump).powi(2);
-                }
-            }
-        }
-        let std = |k: usize| (variance[k].max(0.0) + of_constants[k]).sqrt();
-        Ok(Band {
+        let mut band = Band {
             instant: observed.index + 1,
             traction: jumps.iter().map(|&jump| law.response(jump).traction).collect(),
-            std: (0..n_pairs).map(|p| Traction { normal: std(2 * p), tangential: std(2 * p + 1) }).collect(),
-        })
+            std: Vec::with_capacity(n_pairs),
+            low: Vec::with_capacity(n_pairs),
+            high: Vec::with_capacity(n_pairs),
+        };
+        let mut list = [(); 4].map(|()| Vec::with_capacity(DRAWS));
+        for (pair, &jump) in jumps.iter().enumerate() {
+            let tangent = law.response(jump).tangent;
+            let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
+            law.by_parameters(jump, &mut at_fixed_jump);
+            let by_z = |c: usize| errors.by_z.column(2 * pair + c);
+            let g = Dense::from_fn(n, 2, |k, d| {
+                let direct = at_fixed_jump[problem.unknowns.list()[k].index];
+                slopes[k] * [direct.normal, direct.tangential][d]
+                    + (0..2).map(|c| tangent[d][c] * by_z(c)[k]).sum::<f64>()
+            });
+            let through = covariance.times(&g);
+            let own = errors.own[pair];
+            // What each constant does, by its own standard uncertainty.
+            let by_constant: Vec<[f64; 2]> = (fit.constants.iter())
+                .map(|effect| {
+                    let (moved, change) = (effect.jumps[i][pair], law_change(problem, effect, &at_fixed_jump));
+                    [0, 1].map(|d| {
+                        let by_jump = tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
+                        dot(g.column(d), &effect.scaled) + [change.normal, change.tangential][d] + by_jump
+                    })
+                })
+                .collect();
+            let std = [0, 1].map(|d| {
+                let cross = |c: usize| dot(g.column(d), errors.cross.column(2 * pair + c));
+                let mut variance = dot(g.column(d), through.column(d));
+                for c in 0..2 {
+                    variance += 2.0 * tangent[d][c] * cross(c);
+                    variance += (0..2).map(|e| tangent[d][c] * own[c][e] * tangent[d][e]).sum::<f64>();
+                }
+                let of_constants: f64 = by_constant.iter().map(|by| by[d] * by[d]).sum();
+                (variance.max(0.0) + of_constants).sqrt()
+            });
+            let mut reaches = std.map(|std| [NORMAL_95 * std; 2]);
+            if let (Some(draws), Some(given_z)) = (&draws, &given_z) {
+                list.iter_mut().for_each(Vec::clear);
+                // w given dz, and the factor of what is left of its covariance.
+                let b = |c: usize| given_z.column(2 * pair + c);
+                let left = |c: usize, d: usize| own[c][d] - dot(errors.cross.column(2 * pair + c), b(d));
+                let first = left(0, 0).max(0.0).sqrt();
+                let tie = if first > 0.0 { left(0, 1) / first } else { 0.0 };
+                let second = (left(1, 1) - tie * tie).max(0.0).sqrt();
+                let here = band.traction[pair];
+                for k in 0..DRAWS {
+                    let (e, off, [p, q]) = (&draws.noise[k], &draws.constants[k], draws.more[k]);
+                    let w = [dot(b(0), e) + first * p, dot(b(1), e) + tie * p + second * q];
+                    let mut dj = [0, 1].map(|c| dot(by_z(c), &draws.scaled[k]) + w[c]);
+                    for (off, effect) in off.iter().zip(&fit.constants) {
+                        let moved = effect.jumps[i][pair];
+                        dj = [dj[0] + off * moved.normal, dj[1] + off * moved.tangential];
+                    }
+                    let there = Jump { normal: jump.normal + dj[0], tangential: jump.tangential + dj[1] };
+                    let t = draws.laws[k].response(there).traction;
+                    for (d, error) in [t.normal - here.normal, t.tangential - here.tangential].into_iter().enumerate() {
+                        let of_constants: f64 = off.iter().zip(&by_constant).map(|(off, by)| off * by[d]).sum();
+                        let of_noise = dot(g.column(d), e) + tangent[d][0] * w[0] + tangent[d][1] * w[1];
+                        list[2 * d].push(error);
+                        list[2 * d + 1].push(of_noise + of_constants);
+                    }
+                }
+                let [a, a1, b, b1] = &mut list;
+                reaches = [reach(std[0], a, a1), reach(std[1], b, b1)];
+            }
+            if let Some(finer) = finer {
+                let there = finer.jumps[observed.index][pair];
+                let moved = |d: usize| {
+                    let by_jump = tangent[d][0] * (there.normal - jump.normal)
+                        + tangent[d][1] * (there.tangential - jump.tangential);
+                    by_jump + dot(g.column(d), &finer.scaled)
+                };
+                for (d, sides) in reaches.iter_mut().enumerate() {
+                    *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
+                }
+            }
+            // To where the bias of the parameters says that the truth is.
+            for (d, sides) in reaches.iter_mut().enumerate() {
+                let shift = bias.map_or(0.0, |bias| dot(g.column(d), bias));
+                *sides = [sides[0] + f64::max(shift, 0.0), sides[1] + f64::max(-shift, 0.0)];
+            }
+            let t = band.traction[pair];
+            let at = |side: usize| {
+                let sign = [-1.0, 1.0][side];
+                Traction {
+                    normal: t.normal + sign * reaches[0][side],
+                    tangential: t.tangential + sign * reaches[1][side],
+                }
+            };
+            band.std.push(Traction { normal: std[0], tangential: std[1] });
+            band.low.push(at(0));
+            band.high.push(at(1));
+        }
+        Ok(band)
     };
-    observation.instants.par_iter().enumerate().map(of).collect()
+    problem.observation.instants.par_iter().enumerate().map(of).collect()
 }
 
-/// Change of the traction at `jump` by the prescribed parameters of the law that `effect` moves.
-fn law_change(law: &dyn CohesiveLaw, problem: &Problem<'_>, effect: &ConstantEffect, jump: Jump) -> Traction {
-    let mut by = vec![Traction::default(); law.parameters().len()];
-    law.by_parameters(jump, &mut by);
-    let fitted = |index: usize| problem.unknowns.list().iter().any(|unknown| unknown.index == index);
-    let prescribed = by.iter().zip(&effect.law).enumerate().filter(|(index, _)| !fitted(*index));
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Change of the traction by the prescribed parameters of the law that `effect` moves, `by` being its derivatives by all of them.
+fn law_change(problem: &Problem<'_>, effect: &ConstantEffect, by: &[Traction]) -> Traction {
+    let prescribed = by.iter().zip(&effect.law).enumerate().filter(|(index, _)| !is_fitted(problem, *index));
     prescribed.fold(Traction::default(), |sum, (_, (by, change))| Traction {
         normal: sum.normal + by.normal * change,
         tangential: sum.tangential + by.tangential * change,
     })
 }
 
-/// `(a^T b)_kk` for each column.
-fn squares(a: &Dense, b: &Dense) -> Vec<f64> {
-    (0..a.n_columns()).map(|k| a.column(k).iter().zip(b.column(k)).map(|(a, b)| a * b).sum()).collect()
-}
-
-/// Variance of `g^T dz + h^T d_i` when the boundary was estimated with the parameters: `d_i` then follows `z`, and what is
-/// left is the uncertainty of the boundary given the parameters, with that of the common error.
-fn joint_variance(problem: &Problem<'_>, fit: &Fit, i: usize, g: &Dense, h: &Dense, of_parameters: &Dense) -> Vec<f64> {
-    let Some(statistics) = &fit.statistics else { return Vec::new() };
-    let noise = &*problem.noise;
-    let sigma2 = statistics.sigma * statistics.sigma;
+/// Errors by the noise of the jumps at the instant number `i` of those compared.
+fn jump_errors(
+    problem: &Problem<'_>,
+    fit: &Fit,
+    statistics: &Statistics,
+    covariance: &Dense,
+    i: usize,
+    law: &dyn CohesiveLaw,
+) -> Result<JumpErrors, FitError> {
+    let (model, observation, noise) = (&problem.joint.model, &*problem.observation, &*problem.noise);
+    let instant = &fit.solution().instants[observation.instants[i].index];
+    let n = problem.unknowns.n();
+    let slopes = problem.unknowns.slopes(&fit.evaluation.x);
+    let by_unknown: Vec<Vec<Jump>> =
+        (problem.unknowns.list().iter()).map(|unknown| model.jumps(&instant.sensitivities[unknown.index])).collect();
+    let n_pairs = model.mesh().pairs().len();
+    let of = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
+    let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * of(by_unknown[k][at / 2], at % 2));
+    let mut cross = Dense::zeros(n, 2 * n_pairs);
+    if observation.prescribed.is_empty() {
+        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+    }
+    let columns = problem.unit_motions();
+    let fields = model.linearise(law, &instant.displacement)?.by_boundary(columns.instants());
+    let by_boundary: Vec<Vec<Jump>> = fields.iter().map(|field| model.jumps(field)).collect();
+    let sigma2 = noise_factor(fit) * statistics.sigma * statistics.sigma;
+    let products = |a: &Dense, b: &Dense, add: &dyn Fn(usize, usize) -> f64| -> Vec<[[f64; 2]; 2]> {
+        let entry = |r: usize, c: usize| dot(a.column(r), b.column(c)) + add(r, c);
+        (0..n_pairs).map(|p| [0, 1].map(|r| [0, 1].map(|c| entry(2 * p + r, 2 * p + c)))).collect()
+    };
+    if fit.largest_correction.is_none() {
+        let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
+        for (k, moved) in by_boundary.iter().enumerate() {
+            let row = 2 * observation.prescribed[k / 2] + k % 2;
+            (0..2 * n_pairs).for_each(|at| h[(row, at)] = of(moved[at / 2], at % 2));
+        }
+        let ch = noise.precision.inverse_times(&h);
+        let mut all = Dense::zeros(observation.n_rows(), n);
+        statistics.v.iter().for_each(|v| all.add(1.0, v));
+        let mut tied = statistics.v[i].transposed_times(&ch);
+        tied.add(noise.common, &all.transposed_times(&ch));
+        cross.add(sigma2, &statistics.a.times(&tied));
+        let mut own = products(&h, &ch, &|_, _| 0.0);
+        own.iter_mut().flatten().flatten().for_each(|v| *v *= sigma2 * (1.0 + noise.common));
+        return Ok(JumpErrors { by_z, cross, own });
+    }
+    // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is the
+    // uncertainty of the boundary given the parameters, with that of the common error e, which is good to sigma^2 common.
+    let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| of(by_boundary[k][at / 2], at % 2));
     let t = &statistics.by_boundary[i];
     let mt = noise.precision.times(t);
-    let Ok(factor) = t.transposed_times(&mt).cholesky() else { return vec![0.0; g.n_columns()] };
-    // d_i = N^-1 T^T M (r - J z - e): by z, and by the common error e whose own estimate is good to sigma^2 common.
-    let back = factor.solve(h);
-    let jacobian = fit.evaluation.jacobian();
-    let by_z = jacobian[i].transposed_times(&mt.times(&back));
-    let mut total = g.clone();
-    total.add(-1.0, &by_z);
-    let of_z = squares(&total, &of_parameters.times(&total));
-    let given_z = squares(h, &back);
+    let Ok(factor) = t.transposed_times(&mt).cholesky() else {
+        return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
+    };
+    let back = factor.solve(&h);
     let pushed = mt.times(&back);
-    let of_common = squares(&pushed, &noise.precision.inverse_times(&pushed));
+    let follows = fit.evaluation.jacobian()[i].transposed_times(&pushed);
+    let taken = covariance.times(&follows);
+    cross.add(-1.0, &taken);
+    let of_common = noise.precision.inverse_times(&pushed);
     // The common error is known better than before by the number of instants.
-    let m = problem.observation.instants.len() as f64;
+    let m = observation.instants.len() as f64;
     let common = if noise.common > 0.0 { 1.0 / (m + 1.0 / noise.common) } else { 0.0 };
-    (0..g.n_columns()).map(|k| of_z[k] + sigma2 * (given_z[k] + common * of_common[k])).collect()
+    let left = |r: usize, c: usize| {
+        sigma2 * (dot(h.column(r), back.column(c)) + common * dot(pushed.column(r), of_common.column(c)))
+    };
+    let own = products(&follows, &taken, &left);
+    Ok(JumpErrors { by_z, cross, own })
 }
 
-/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty.
+/// The law in pure opening and in pure sliding, up to where it has nearly no traction left, with its uncertainty; the bands
+/// lead the errors of the parameters through the law itself.
 ///
 /// # Errors
 /// Values that the law does not allow.
 pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], FitError> {
-    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(&fit.evaluation.x)?;
+    let x = &fit.evaluation.x;
+    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
     let opening = law.front_opening();
     // Sliding goes on until its traction is a hundredth of the peak.
     let peak = law.peak().tangential;
@@ -188,30 +378,56 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
         }
         sliding *= 1.3;
     }
-    let (list, scale) = (problem.unknowns.list(), problem.unknowns.slopes(&fit.evaluation.x));
+    let list = problem.unknowns.list();
+    let slopes = problem.unknowns.slopes(x);
+    let covariance = fit.statistics.as_ref().map(|statistics| by_noise(statistics, fit));
+    let draws = covariance.as_ref().and_then(|covariance| Draws::new(problem, fit, covariance));
+    let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
+    let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
     let band = |largest: f64, normal: bool| {
-        let jumps: Vec<Jump> = (0..=100)
-            .map(|k| {
-                let s = largest * f64::from(k) / 100.0;
-                if normal { Jump { normal: s, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: s } }
-            })
-            .collect();
         let pick = |t: Traction| if normal { t.normal } else { t.tangential };
-        let std = |&jump: &Jump| {
-            let Some(statistics) = &fit.statistics else { return 0.0 };
+        let n = 101;
+        let mut band = CurveBand {
+            jumps: Vec::with_capacity(n),
+            traction: Vec::with_capacity(n),
+            std: Vec::with_capacity(n),
+            low: Vec::with_capacity(n),
+            high: Vec::with_capacity(n),
+        };
+        for k in 0..n {
+            let s = largest * k as f64 / (n - 1) as f64;
+            let jump = if normal { Jump { normal: s, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: s } };
+            let value = pick(law.response(jump).traction);
             let mut by = vec![Traction::default(); law.parameters().len()];
             law.by_parameters(jump, &mut by);
-            let g: Vec<f64> = list.iter().zip(&scale).map(|(unknown, z)| z * pick(by[unknown.index])).collect();
-            let of = |r: usize| (0..g.len()).map(|k| g[r] * statistics.covariance[(r, k)] * g[k]).sum::<f64>();
-            let noise = (0..g.len()).map(of).sum::<f64>().max(0.0);
+            let g: Vec<f64> = list.iter().zip(&slopes).map(|(u, slope)| slope * pick(by[u.index])).collect();
+            let variance = |covariance: &Dense| {
+                let of = |r: usize| (0..g.len()).map(|c| g[r] * covariance[(r, c)] * g[c]).sum::<f64>();
+                (0..g.len()).map(of).sum::<f64>().max(0.0)
+            };
+            // Parameters of the law that are fitted, and those that are prescribed, moved by each constant.
             let of = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
-            (noise + fit.constants.iter().map(|effect| of(effect).powi(2)).sum::<f64>()).sqrt()
-        };
-        CurveBand {
-            traction: jumps.iter().map(|&jump| pick(law.response(jump).traction)).collect(),
-            std: jumps.iter().map(std).collect(),
-            jumps,
+            let by_constant: Vec<f64> = fit.constants.iter().map(of).collect();
+            let std = (covariance.as_ref().map_or(0.0, variance) + dot(&by_constant, &by_constant)).sqrt();
+            let mut sides = [NORMAL_95 * std; 2];
+            if let Some(draws) = &draws {
+                let mut errors: Vec<f64> =
+                    draws.laws.iter().map(|law| pick(law.response(jump).traction) - value).collect();
+                let first_order = |(e, off): (&Vec<f64>, &Vec<f64>)| dot(&g, e) + dot(off, &by_constant);
+                let mut linear: Vec<f64> = draws.noise.iter().zip(&draws.constants).map(first_order).collect();
+                sides = reach(std, &mut errors, &mut linear);
+            }
+            let more = finer.map_or(0.0, |finer| NORMAL_95 * dot(&g, &finer.scaled));
+            let [low, high] = sides.map(|half| half.hypot(more));
+            let shift = bias.map_or(0.0, |bias| dot(&g, bias));
+            let [low, high] = [low + shift.max(0.0), high + (-shift).max(0.0)];
+            band.jumps.push(jump);
+            band.traction.push(value);
+            band.std.push(std);
+            band.low.push(value - low);
+            band.high.push(value + high);
         }
+        band
     };
     Ok([band(opening, true), band(sliding, false)])
 }

@@ -10,6 +10,8 @@ use crate::linalg::Dense;
 
 /// Name of the line of the measurement's noise.
 pub const NOISE: &str = "noise";
+/// Name of the line of the level of that noise.
+pub const NOISE_LEVEL: &str = "noise_level";
 /// Name of the line of the elements' size.
 pub const ELEMENT_SIZE: &str = "element_size";
 
@@ -81,6 +83,12 @@ impl Budget {
         Parts::of(&self.lines, |line| line.derived.get(q).copied())
     }
 
+    /// Relative standard uncertainty of the level of the noise; zero where it is no part of the intervals.
+    pub fn noise_level(&self) -> f64 {
+        let line = self.lines.iter().find(|line| line.name == NOISE_LEVEL && line.included);
+        line.and_then(|line| line.std).unwrap_or(0.0)
+    }
+
     /// The lines that are part of the interval of fitted parameter `k`, largest first, with the magnitude of their effect.
     pub fn largest(&self, k: usize) -> Vec<(&BudgetLine, f64)> {
         let effect = |line: &BudgetLine| line.parameters.get(k).filter(|_| line.included).map(|effect| effect.abs());
@@ -97,16 +105,22 @@ impl Budget {
     }
 }
 
-/// 95 % interval about `value`: `noise` is how far that of the noise alone reaches below and above it, `others` the standard
-/// uncertainty of all else, which adds up with it as squares.
+/// Ends of the 95 % interval about `value`: `noise` is how far that of the noise alone reaches below and above it, `None`
+/// without an end; `bias` is what noise shifts the value by on the average (found less true); `others` is the standard
+/// uncertainty of all else, which adds up with the noise as squares. The value is never moved: the interval is extended to
+/// where the bias says that the truth is.
 ///
 /// ```
-/// let [low, high] = quadrille::identify::interval95(10.0, [0.3, 0.4], 0.0);
+/// use quadrille::identify::interval95;
+/// let [low, high] = interval95(10.0, [Some(0.3), Some(0.4)], 0.0, 0.0).map(Option::unwrap);
 /// assert!((low - 9.7).abs() < 1e-12 && (high - 10.4).abs() < 1e-12);
 /// ```
-pub fn interval95(value: f64, noise: [f64; 2], others: f64) -> [f64; 2] {
+pub fn interval95(value: f64, noise: [Option<f64>; 2], bias: f64, others: f64) -> [Option<f64>; 2] {
     let others = NORMAL_95 * others;
-    [value - noise[0].hypot(others), value + noise[1].hypot(others)]
+    [
+        noise[0].map(|half| value - half.hypot(others) - bias.max(0.0)),
+        noise[1].map(|half| value + half.hypot(others) - bias.min(0.0)),
+    ]
 }
 
 /// Derivatives of the derived quantities by each parameter of the law: `[parameter][quantity]`.
@@ -209,4 +223,17 @@ pub(super) fn budget(problem: &Problem<'_>, of: &Ingredients<'_>) -> (Budget, Ve
         });
     }
     (Budget { lines }, quantities, Some(covariance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_reaches_to_where_the_bias_says_that_the_truth_is_and_has_no_end_where_the_noise_gives_none() {
+        // Found 2 too low: the truth lies above; 3-4-5 with the other uncertainty.
+        let others = 3.0 / NORMAL_95;
+        assert_eq!(interval95(0.0, [Some(4.0), Some(4.0)], -2.0, others), [Some(-5.0), Some(7.0)]);
+        assert_eq!(interval95(0.0, [Some(4.0), None], 2.0, others), [Some(-7.0), None]);
+    }
 }

@@ -3,6 +3,7 @@
 use super::discretisation::Discretisation;
 use super::error::FitError;
 use super::fit::FitOptions;
+use super::intervals::Intervals;
 use super::noise::{Noise, Precision};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
@@ -127,6 +128,24 @@ impl<'a> Case<'a> {
                 Some("off") => Discretisation::Off,
                 Some(other) => {
                     let what = format!("discretisation = \"{other}\"; give \"included\", \"stated\" or \"off\"");
+                    return Err(wrong("fit", what));
+                }
+            },
+            intervals: match table.intervals.as_deref() {
+                None | Some("auto") => Intervals::Auto,
+                Some("linear") => Intervals::Linear,
+                Some("profile") => Intervals::Profile,
+                Some(other) => {
+                    let what = format!("intervals = \"{other}\"; give \"auto\", \"linear\" or \"profile\"");
+                    return Err(wrong("fit", what));
+                }
+            },
+            bootstrap: match &table.bootstrap {
+                None => None,
+                Some(toml::Value::String(word)) if word == "auto" => None,
+                Some(toml::Value::Integer(draws @ 0..=10_000)) => Some(*draws as usize),
+                Some(other) => {
+                    let what = format!("bootstrap = {other}; give \"auto\" or a number of draws from 0 to 10000");
                     return Err(wrong("fit", what));
                 }
             },

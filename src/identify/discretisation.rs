@@ -5,7 +5,9 @@ use super::noise::Precision;
 use super::objective::{Evaluation, Problem};
 use crate::io::joint::RunMatrix;
 use crate::linalg::Dense;
-use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, JointMesh, Model};
+use crate::mechanics::cohesive::Jump;
+use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, Instant, JointMesh, Model};
+use std::collections::HashMap;
 
 /// What becomes of the effect of the element size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,14 +31,31 @@ impl Discretisation {
     }
 }
 
+/// What elements half as large would change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refinement {
+    /// Change of each scaled unknown, to first order.
+    pub scaled: Vec<f64>,
+    /// The jumps that the finer mesh has at the node pairs of the mesh, at the parameters found; by instant of the boundary.
+    pub jumps: Vec<Vec<Jump>>,
+    /// Whether intervals and bands hold it.
+    pub included: bool,
+}
+
+/// What the model gives with every element cut into four, at the parameters found.
+pub(super) struct Refined {
+    /// Change of the measured rows of each instant compared, mm. Of a correlation on the same mesh it is what the correlation
+    /// would see of the finer field: its least-squares projection onto the elements (whose nodal values overshoot between
+    /// them), not the field at the nodes.
+    pub change: Vec<Dense>,
+    /// The jumps at the node pairs of the mesh, by instant of the boundary.
+    pub jumps: Vec<Vec<Jump>>,
+}
+
 impl Problem<'_> {
-    /// Change of the measured rows of each instant compared, mm, if every element of the model were cut into four, with the
-    /// displacements `boundary` of the border carried along its edges; `None` where that mesh cannot be made or has no
-    /// solution.
-    ///
-    /// Of a correlation on the same mesh it is what the correlation would see of the finer field: its least-squares
-    /// projection onto the elements (whose nodal values overshoot between them), not the field at the nodes.
-    pub(super) fn refinement_change(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Vec<Dense>> {
+    /// The model with every element cut into four, the displacements `boundary` of the border carried along its edges; `None`
+    /// where that mesh cannot be made or has no solution.
+    pub(super) fn refined(&self, evaluation: &Evaluation, boundary: &BoundaryHistory) -> Option<Refined> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let (mesh, carry) = model.mesh().refined(2).ok()?;
@@ -63,7 +82,18 @@ impl Problem<'_> {
                 seen[node][c] - computed[node][c]
             })
         };
-        Some(observation.instants.iter().map(of).collect())
+        let place: HashMap<[u32; 2], usize> = (0..).zip(fine.mesh().pairs()).map(|(k, &pair)| (pair, k)).collect();
+        let places: Vec<usize> =
+            model.mesh().pairs().iter().map(|pair| place.get(pair).copied()).collect::<Option<_>>()?;
+        let jumps = |instant: &Instant| match instant.status.converged() {
+            true => {
+                let all = fine.jumps(&instant.displacement);
+                places.iter().map(|&k| all[k]).collect()
+            }
+            false => Vec::new(),
+        };
+        let change = observation.instants.iter().map(of).collect();
+        Some(Refined { change, jumps: solution.instants.iter().map(jumps).collect() })
     }
 }
 

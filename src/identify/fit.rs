@@ -1,9 +1,11 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
-use super::budget::{Budget, Ingredients, Parts, budget, interval95};
+use super::bootstrap::Base;
+use super::budget::{Budget, Ingredients, budget};
 use super::constants::{Constant, ConstantEffect};
 use super::derived::Derived;
-use super::discretisation::Discretisation;
+use super::discretisation::{Discretisation, Refinement};
+use super::intervals::{IntervalBasis, Intervals, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
 use super::plausibility::{Implausible, implausible_result};
@@ -37,6 +39,10 @@ pub struct FitOptions {
     pub constants: Vec<Constant>,
     /// What becomes of the effect of the element size.
     pub discretisation: Discretisation,
+    /// Which intervals are wanted.
+    pub intervals: Intervals,
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as are good.
+    pub bootstrap: Option<usize>,
     /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
     /// something larger (rows of a sweep, draws) do without.
     pub doubt: bool,
@@ -52,6 +58,8 @@ impl Default for FitOptions {
             region,
             constants: Vec::new(),
             discretisation: Discretisation::Stated,
+            intervals: Intervals::Auto,
+            bootstrap: None,
             doubt: true,
         }
     }
@@ -70,8 +78,18 @@ pub struct FittedParameter {
     pub std_noise: Option<f64>,
     /// Its change if the elements were half as large.
     pub discretisation: Option<f64>,
-    /// 95 % interval: the root of the sum of all lines of the budget, see [`interval95`].
+    /// 95 % interval: the root of the sum of all lines of the budget, extended by the bias, see [`super::interval95`]; `None`
+    /// where it has not two ends.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself: `None` where the data do not bound the parameter on that side.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts the value by on the average (found less true), through kinks and plasticity; the interval is extended
+    /// by it, the value is not moved. `None` where it was not looked for.
+    pub bias: Option<f64>,
+    /// Standard uncertainty of the bias; `None` where one pair of draws told it.
+    pub bias_std: Option<f64>,
+    /// Standard deviation of the bootstrap, to be held against `std`; `None` without one.
+    pub std_bootstrap: Option<f64>,
     /// Where the fit started.
     pub start: f64,
     /// The bounds.
@@ -93,6 +111,26 @@ pub struct FittedQuantity {
     pub discretisation: Option<f64>,
     /// 95 % interval, as that of a parameter.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts it by on the average, as of a parameter.
+    pub bias: Option<f64>,
+}
+
+impl FittedParameter {
+    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
+        (self.ends95, self.interval95) = (ends, both(ends));
+    }
+}
+
+impl FittedQuantity {
+    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
+        (self.ends95, self.interval95) = (ends, both(ends));
+    }
+}
+
+fn both(ends: [Option<f64>; 2]) -> Option<[f64; 2]> {
+    Some([ends[0]?, ends[1]?])
 }
 
 /// Where one start led.
@@ -157,6 +195,10 @@ pub struct Fit {
     pub budget: Budget,
     /// Values of the result that hardly anything has.
     pub implausible: Vec<Implausible>,
+    /// What the intervals rest on: linear theory or the profile likelihood, and a bootstrap; `None` without covariance.
+    pub intervals: Option<IntervalBasis>,
+    /// What elements half as large would change; `None` where that was not asked for or could not be computed.
+    pub refinement: Option<Refinement>,
     /// The objective's ingredients at the end.
     pub evaluation: Evaluation,
     /// The prescribed displacements of the end: as measured, or as estimated.
@@ -176,14 +218,10 @@ impl Fit {
         [value - NORMAL_95 * std, value + NORMAL_95 * std]
     }
 
-    /// Standard uncertainty of a parameter relative to its value, with everything that its interval holds; infinite where it
-    /// has none.
+    /// Standard uncertainty of a parameter relative to its value, with everything that its interval holds; infinite where that
+    /// has not two ends.
     pub fn relative_std(parameter: &FittedParameter) -> f64 {
-        let std = match (parameter.interval95, parameter.std) {
-            (Some([low, high]), _) => (high - low) / (2.0 * NORMAL_95),
-            (None, Some(std)) => std,
-            (None, None) => f64::INFINITY,
-        };
+        let std = parameter.interval95.map_or(f64::INFINITY, |[low, high]| (high - low) / (2.0 * NORMAL_95));
         if parameter.value == 0.0 && std > 0.0 {
             f64::INFINITY
         } else {
@@ -290,14 +328,15 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     };
     let refined = match options.discretisation {
         Discretisation::Off => None,
-        _ => problem.refinement_change(&evaluation, &boundary),
+        _ => problem.refined(&evaluation, &boundary),
     };
-    let by_refinement: Option<Vec<f64>> = match (&statistics, &refined) {
-        (Some(statistics), Some(change)) => {
-            Some(statistics.shift(change).iter().zip(&slopes).map(|(z, slope)| z * slope).collect())
-        }
-        _ => None,
-    };
+    let refinement = statistics.as_ref().zip(refined.as_ref()).map(|(statistics, refined)| Refinement {
+        scaled: statistics.shift(&refined.change),
+        jumps: refined.jumps.clone(),
+        included: options.discretisation == Discretisation::Included,
+    });
+    let by_refinement: Option<Vec<f64>> =
+        refinement.as_ref().map(|finer| finer.scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
     let (budget, quantities, covariance) = budget(
         problem,
         &Ingredients {
@@ -310,14 +349,12 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         },
     );
     let known = statistics.is_some();
-    let interval =
-        |value: f64, parts: Parts| known.then(|| interval95(value, [NORMAL_95 * parts.noise; 2], parts.others));
     let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
     let at_bound = |k: usize| {
         let [low, high] = unknowns.list()[k].bounds;
         x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9)
     };
-    let parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
+    let mut parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
         .map(|(k, unknown)| {
             let parts = budget.parameter(k);
             FittedParameter {
@@ -326,18 +363,43 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
                 std: known.then_some(parts.std),
                 std_noise: known.then_some(parts.noise),
                 discretisation: by_refinement.as_ref().map(|change| change[k]),
-                interval95: interval(x[k], parts),
+                interval95: None,
+                ends95: [None; 2],
+                bias: None,
+                bias_std: None,
+                std_bootstrap: None,
                 start: unknown.start,
                 bounds: unknown.bounds,
                 at_bound: at_bound(k),
             }
         })
         .collect();
+    let mut derived: Vec<FittedQuantity> = (quantities.into_iter().enumerate())
+        .map(|(q, quantity)| {
+            let parts = budget.quantity(q);
+            FittedQuantity {
+                quantity,
+                std: known.then_some(parts.std),
+                std_noise: known.then_some(parts.noise),
+                discretisation: by_refinement.as_ref().and_then(|_| budget.lines.last()?.derived.get(q).copied()),
+                interval95: None,
+                ends95: [None; 2],
+                bias: None,
+            }
+        })
+        .collect();
+    let intervals = statistics.as_ref().map(|statistics| {
+        let follows_data = weighted_again;
+        let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
+        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data };
+        settle(&base, options.intervals, options.bootstrap, &budget, &mut parameters, &mut derived)
+    });
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
+    let change = refined.as_ref().map(|refined| refined.change.as_slice());
     let (misfit, released) = match &statistics {
         Some(statistics) if options.doubt => (
-            Some(problem.misfit(&evaluation, &weights, statistics, refined.as_deref())?),
+            Some(problem.misfit(&evaluation, &weights, statistics, change)?),
             problem.released(&evaluation, &weights, statistics, &boundary)?,
         ),
         _ => (None, None),
@@ -354,6 +416,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
                 misfit: misfit.as_ref(),
                 released: released.as_ref(),
                 released_std: &prescribed,
+                intervals: intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,
                 given: problem.given(),
             };
@@ -364,19 +427,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
     Ok(Fit {
-        derived: (quantities.into_iter().enumerate())
-            .map(|(q, quantity)| {
-                let parts = budget.quantity(q);
-                let discretisation = by_refinement.as_ref().and_then(|_| budget.lines.last()?.derived.get(q).copied());
-                FittedQuantity {
-                    quantity,
-                    std: known.then_some(parts.std),
-                    std_noise: known.then_some(parts.noise),
-                    discretisation,
-                    interval95: interval(quantity.value, parts),
-                }
-            })
-            .collect(),
+        derived,
         parameters,
         values: law.values(),
         covariance,
@@ -396,6 +447,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         constants,
         budget,
         implausible: implausible_result(problem, &*law),
+        intervals,
+        refinement,
         evaluation,
         boundary,
         largest_correction,

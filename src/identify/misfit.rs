@@ -112,7 +112,7 @@ fn as_normal(ratio: f64, freedom: f64) -> f64 {
 
 impl Problem<'_> {
     /// The misfit of a fit that ended at `evaluation` under `weights`; `refined` is the change of the measured rows that a mesh
-    /// cut in four would make ([`Problem::refinement_change`]).
+    /// cut in four would make ([`Problem::refined`]).
     ///
     /// # Errors
     /// A tangent or a covariance without inverse.

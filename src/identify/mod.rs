@@ -5,6 +5,7 @@
 //! the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
 mod bands;
+mod bootstrap;
 mod budget;
 mod case;
 mod cone_step;
@@ -15,6 +16,7 @@ mod error;
 mod estimated_boundary;
 mod fit;
 mod given;
+mod intervals;
 mod misfit;
 mod noise;
 mod objective;
@@ -32,14 +34,16 @@ mod verdict;
 mod weights;
 
 pub use bands::{Band, CurveBand, bands, curve_bands};
-pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, Parts, interval95};
+pub use bootstrap::Bootstrap;
+pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, NOISE_LEVEL, Parts, interval95};
 pub use case::Case;
 pub use cone_step::{StepRegion, cone_step};
 pub use constants::{Constant, ConstantEffect, ConstantKind, Face, Source};
 pub use derived::{Derived, derived};
-pub use discretisation::Discretisation;
+pub use discretisation::{Discretisation, Refinement};
 pub use error::FitError;
 pub use fit::{Fit, FitOptions, FittedParameter, FittedQuantity, NORMAL_95, StartEnd, first_order, fit};
+pub use intervals::{DRAWS, IntervalBasis, IntervalKind, Intervals, LINEAR_PROBE, LINEAR_STD, Linearity, doubts};
 pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
 pub use noise::{Noise, Precision};
 pub use objective::{Evaluation, Problem};
@@ -56,5 +60,5 @@ pub use uncertainties::{
     DEFAULT_THICKNESS_PX, DEFAULT_YIELD,
 };
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
-pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};
+pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};
 pub use weights::{InverseCovariance, WeightKind, Weights};

@@ -1,6 +1,9 @@
 //! The noise of measured displacements, in space and time (THEORY 7).
 
 use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, dissection};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use std::sync::Arc;
 
 /// Precision `M` of the displacements of some nodes at one instant, up to the factor that the noise gives:
@@ -94,6 +97,15 @@ impl Precision {
         }
     }
 
+    /// Columns of covariance `M^-1` from columns of independent numbers of variance 1.
+    fn coloured(&self, x: &Dense) -> Option<Dense> {
+        Some(match self {
+            Self::White(_) => x.clone(),
+            Self::Sparse { .. } => self.inverse_times(&self.dense().cholesky().ok()?.half_times(x)),
+            Self::Marginal { covariance, .. } => covariance.cholesky().ok()?.half_times(x),
+        })
+    }
+
     /// `M`, dense.
     pub fn dense(&self) -> Dense {
         let n = self.n();
@@ -145,5 +157,21 @@ impl Noise {
             }
         };
         (1.0 + self.common) * sum / n.max(1) as f64
+    }
+
+    /// Noise of all rows at `n_instants` instants, one list for each, that of the common reference among it: mm, or in units
+    /// of `sigma` where that is not known. A seed means the same for ever.
+    pub fn draw(&self, n_instants: usize, seed: u64) -> Vec<Vec<f64>> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let n = self.precision.n();
+        let mut white = Dense::zeros(n, n_instants + 1);
+        for k in 0..=n_instants {
+            white.column_mut(k).iter_mut().for_each(|v| *v = StandardNormal.sample(&mut random));
+        }
+        let coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
+        let (sigma, tied) = (self.sigma.unwrap_or(1.0), self.common.sqrt());
+        let row = |(e, c): (&f64, &f64)| sigma * (e + tied * c);
+        let of = |k: usize| coloured.column(k).iter().zip(coloured.column(n_instants)).map(row).collect();
+        (0..n_instants).map(of).collect()
     }
 }

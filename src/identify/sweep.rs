@@ -3,6 +3,7 @@
 use super::FitError;
 use super::constants::ConstantKind;
 use super::fit::{Fit, FitOptions, fit};
+use super::intervals::Intervals;
 use super::objective::Problem;
 use rayon::prelude::*;
 
@@ -28,7 +29,7 @@ pub fn sweep(
     // The values are chosen, not known: their uncertainty is no part of a row.
     let chosen = ConstantKind::Law { index };
     let constants = options.constants.iter().filter(|constant| constant.kind != chosen).cloned().collect();
-    let options = &FitOptions { constants, doubt: false, ..options.clone() };
+    let options = &FitOptions { constants, doubt: false, intervals: Intervals::Linear, ..options.clone() };
     let row = |&value: &f64| {
         let unknowns = problem.unknowns.with_prescribed(index, value)?;
         Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })

@@ -1,5 +1,6 @@
 //! What a case states of the uncertainty of its constants, and the defaults for what it does not state.
 
+use super::budget::NOISE_LEVEL;
 use super::constants::{Constant, ConstantKind, Face, Source};
 use super::error::FitError;
 use crate::io::joint::{CaseFit, CaseMeasurement, JointInput, MeasurementInput, MeshInput};
@@ -27,7 +28,7 @@ pub const DEFAULT_PIXEL_SIZE: f64 = 0.005;
 pub const DEFAULT_NOISE: f64 = 0.1;
 
 /// What `[fit] exact` may name.
-const OF_FIT: [&str; 4] = ["thickness", "faces", "pixel_size", "noise_level"];
+const OF_FIT: [&str; 4] = ["thickness", "faces", "pixel_size", NOISE_LEVEL];
 
 fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
     FitError::Key { section, what: what.into() }
@@ -242,6 +243,6 @@ fn lengths(
     let key = "noise_relative_std";
     let stated = measurement.noise_relative_std.map(|std| positive("measurement", key, std)).transpose()?;
     let noise = choose("measurement", key, stated, exact[3], Some(DEFAULT_NOISE))?;
-    list.push(constant("noise_level", ConstantKind::NoiseLevel, None, "1", noise));
+    list.push(constant(NOISE_LEVEL, ConstantKind::NoiseLevel, None, "1", noise));
     Ok(list)
 }

@@ -1,6 +1,7 @@
 //! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
 use super::fit::{Fit, FittedParameter};
+use super::intervals::IntervalBasis;
 use super::misfit::Misfit;
 use super::released::Released;
 use crate::linalg::Dense;
@@ -12,6 +13,9 @@ pub const LARGEST_CORRELATION: f64 = 0.95;
 /// The residual noise over the noise that the uncertainties are made with, above which (or below whose inverse) the two
 /// contradict each other.
 pub const LARGEST_NOISE_RATIO: f64 = 1.25;
+
+/// Share of the draws of a bootstrap that may fail.
+pub const LARGEST_FAILED: f64 = 0.2;
 
 /// What a fit comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,6 +57,8 @@ pub struct Verdict {
 pub struct Grounds<'a> {
     /// Correlation of the parameters.
     pub correlation: &'a Dense,
+    /// What the intervals rest on.
+    pub intervals: Option<&'a IntervalBasis>,
     /// The misfit test.
     pub misfit: Option<&'a Misfit>,
     /// The prescribed parameters as unknowns.
@@ -87,7 +93,7 @@ impl Verdict {
     /// The verdict on `parameters`.
     pub fn new(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Self {
         let against = contradictions(grounds);
-        let mut open = undetermined(parameters, grounds.correlation);
+        let mut open = undetermined(parameters, grounds);
         if let Some(ratio) = grounds.noise_ratio
             && !(1.0 / LARGEST_NOISE_RATIO..=LARGEST_NOISE_RATIO).contains(&ratio)
         {
@@ -144,9 +150,10 @@ impl Verdict {
 
 fn thresholds() -> String {
     format!(
-        "not determined: standard uncertainty above {:.0} % with everything in it, a bound or an open side, a noise off by more \
-         than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
-        100.0 * LARGEST_STD
+        "not determined: standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
+         the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
+        100.0 * LARGEST_STD,
+        100.0 * LARGEST_FAILED
     )
 }
 
@@ -194,7 +201,8 @@ fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
 }
 
 /// The parameters that the data leave open.
-fn undetermined(parameters: &[FittedParameter], correlation: &Dense) -> Vec<String> {
+fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
+    let correlation = grounds.correlation;
     let mut sentences = Vec::new();
     let relative: Vec<f64> = parameters.iter().map(Fit::relative_std).collect();
     for (k, p) in parameters.iter().enumerate() {
@@ -207,6 +215,24 @@ fn undetermined(parameters: &[FittedParameter], correlation: &Dense) -> Vec<Stri
                 p.value
             ));
             continue;
+        }
+        let side = match p.ends95 {
+            [Some(_), Some(_)] => None,
+            [Some(_), None] => Some("no upper end"),
+            [None, Some(_)] => Some("no lower end"),
+            [None, None] => Some("neither a lower nor an upper end"),
+        };
+        if let Some(side) = side {
+            sentences.push(format!("{name} is not determined: its 95 % interval has {side}"));
+            continue;
+        }
+        if let Some((bias, half)) = bias_beyond_interval(p) {
+            sentences.push(format!(
+                "{name} is not determined: noise shifts it by {:+.1} % on the average, more than the {:.1} % that its interval \
+                 reaches without that",
+                100.0 * bias / p.value,
+                100.0 * half / p.value.abs()
+            ));
         }
         if relative[k] <= LARGEST_STD {
             continue;
@@ -230,7 +256,21 @@ fn undetermined(parameters: &[FittedParameter], correlation: &Dense) -> Vec<Stri
             ),
         });
     }
+    if let Some(basis) = grounds.intervals.filter(|basis| basis.failed() as f64 > LARGEST_FAILED * basis.draws as f64) {
+        sentences.push(format!(
+            "the intervals are not to be relied on: {} of {} fits of simulated data failed",
+            basis.failed(),
+            basis.draws
+        ));
+    }
     sentences
+}
+
+/// The bias that noise makes and half the width of the interval without it, where the bias is the larger of the two.
+fn bias_beyond_interval(p: &FittedParameter) -> Option<(f64, f64)> {
+    let (bias, [low, high]) = (p.bias?, p.interval95?);
+    let half = 0.5 * (high - low - bias.abs());
+    (bias.abs() > half && half > 0.0).then_some((bias, half))
 }
 
 fn percent(share: f64) -> String {

@@ -170,6 +170,26 @@ impl DenseCholesky {
         Dense(transposed.transpose().to_owned())
     }
 
+    /// `L X`: columns of independent numbers of variance 1 become columns of covariance `A`.
+    ///
+    /// # Panics
+    /// When the sizes do not fit.
+    pub fn half_times(&self, x: &Dense) -> Dense {
+        let mut product = Mat::zeros(self.0.nrows(), x.n_columns());
+        matmul_triangular(
+            product.as_mut(),
+            BlockStructure::Rectangular,
+            Accum::Replace,
+            self.0.as_ref(),
+            BlockStructure::TriangularLower,
+            x.0.as_ref(),
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        Dense(product)
+    }
+
     /// `A^-1`.
     pub fn inverse(&self) -> Dense {
         self.solve(&Dense(Mat::identity(self.0.nrows(), self.0.nrows())))

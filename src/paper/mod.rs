@@ -19,7 +19,8 @@ pub use tables::{
 
 use crate::identify::largest_without_rigid_motion;
 use crate::identify::{
-    Discretisation, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns, WeightKind,
+    Discretisation, FitOptions, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
+    WeightKind,
 };
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -166,8 +167,10 @@ impl Experiment {
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.
     pub fn options() -> FitOptions {
         let discretisation = Discretisation::Off;
+        // The paper's uncertainties are linear ones.
+        let intervals = Intervals::Linear;
         // No constant is named: all are exact, since the data are computed with the same ones.
-        FitOptions { weights: WeightKind::Paper, discretisation, doubt: false, ..FitOptions::default() }
+        FitOptions { weights: WeightKind::Paper, discretisation, intervals, doubt: false, ..FitOptions::default() }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The report from images to the law of an adhesive: what was measured, what was found, how far it can be trusted.
 
+use super::fit::{Banded, LawRows, TractionRows};
 use super::page::{Block, Curves, Map, Page, Part, Section};
 use super::{Axis, Backdrop, MapOptions, Palette, Plot, ReportError, Series, Style, element_map_on, nodal_map_on};
 use crate::field::{Measurement, RigidMotion};
@@ -33,8 +34,10 @@ pub struct IdentificationReport<'a> {
     pub law: &'a dyn CohesiveLaw,
     /// Computed displacement of every node of the joint at each instant, mm; empty where there is no solution.
     pub computed: &'a [Vec<[f64; 2]>],
-    /// Derivatives of the computed displacement: of each instant, by each fitted parameter, of each node.
-    pub sensitivities: &'a [Vec<Vec<[f64; 2]>>],
+    /// The tractions of the fit with their 95 % bands, as `traction-bands.csv` has them; none without a fit.
+    pub bands: &'a [TractionRows],
+    /// The law of the fit with its 95 % bands in opening and sliding, as `law.csv` has it.
+    pub law_bands: Option<&'a [LawRows; 2]>,
     /// `fit.json`; none when nothing was fitted.
     pub fit: Option<&'a Value>,
     /// True values of the parameters by their names, where they are known: of a virtual test.
@@ -183,6 +186,7 @@ impl IdentificationReport<'_> {
             "standard uncertainty",
             "with half the element size",
             if verdict["conditional"] == true { "95 % interval, if the model were true" } else { "95 % interval" },
+            "bias of the noise",
             "start",
             "on a bound",
         ]
@@ -199,7 +203,7 @@ impl IdentificationReport<'_> {
                 let number = |key: &str| entry[key].as_f64().map(|v| scale * v);
                 let value = number("value").unwrap_or(f64::NAN);
                 let std = number("std");
-                let interval = numbers(&entry["interval95"]);
+                let ends = [0, 1].map(|side| entry["ends95"][side].as_f64().map(|v| significant(scale * v, 5)));
                 let mut row = vec![
                     self.label(name),
                     format!("{} {unit}", significant(value, 5)),
@@ -208,12 +212,14 @@ impl IdentificationReport<'_> {
                     }),
                     number("discretisation")
                         .map_or("-".into(), |change| format!("{:+.2} %", 100.0 * change / value.abs())),
-                    match interval.as_slice() {
-                        [low, high] => {
-                            format!("{} to {} {unit}", significant(scale * low, 5), significant(scale * high, 5))
-                        }
-                        _ => "-".into(),
+                    match (ends, std) {
+                        ([Some(low), Some(high)], _) => format!("{low} to {high} {unit}"),
+                        ([Some(low), None], _) => format!("from {low} {unit}, no upper end"),
+                        ([None, Some(high)], _) => format!("up to {high} {unit}, no lower end"),
+                        ([None, None], Some(_)) => "without ends".into(),
+                        ([None, None], None) => "-".into(),
                     },
+                    number("bias").map_or("-".into(), |bias| format!("{:+.2} %", 100.0 * bias / value.abs())),
                     number("start").map_or("-".into(), |v| format!("{} {unit}", significant(v, 4))),
                     text(&entry["at_bound"]),
                 ];
@@ -239,6 +245,22 @@ impl IdentificationReport<'_> {
                   would change is not part of them."
                 .into(),
         }));
+        if fit["intervals"]["kind"] == "profile" {
+            let count = |key: &str| text(&fit["intervals"][key]);
+            blocks.push(Block::Text(format!(
+                "The intervals are those of the profile likelihood, because linear theory is in doubt; they need not be symmetric. Where \
+                 refits of data simulated from the fitted model ({} of them, {} failed) are shifted on the average, the interval is \
+                 extended to hold the shift; the value is as fitted.",
+                count("draws"),
+                count("failed")
+            )));
+        } else if fit["parameters"].as_object().is_some_and(|all| all.values().any(|p| !p["bias"].is_null())) {
+            blocks.push(Block::Text(
+                "The bias of the noise is what a pair of opposite draws of it shifts each parameter by, through kinks and plasticity; \
+                 the interval is extended to hold it, the value is as fitted."
+                    .into(),
+            ));
+        }
         blocks.extend(self.budget());
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
@@ -648,63 +670,25 @@ impl IdentificationReport<'_> {
         Ok(Section { title: "Measured against computed displacement".into(), blocks })
     }
 
-    /// Standard uncertainty of (T_n, T_t) at each node pair of an instant, from the covariance of the parameters; jumps change
-    /// with them as the solution does.
-    fn traction_std(&self, at: usize) -> Option<Vec<[f64; 2]>> {
-        let covariance = self.covariance()?;
-        let by = self.sensitivities.get(at).filter(|by| by.len() == covariance.len())?;
-        let names = self.fitted();
-        let place: Vec<usize> =
-            names.iter().filter_map(|name| self.law.parameters().iter().position(|p| p.name == name)).collect();
-        let (model, u) = (&self.joint.model, &self.computed[at]);
-        let changes: Vec<Vec<Jump>> = by.iter().map(|field| model.jumps(field)).collect();
-        let std = |(pair, jump): (usize, Jump)| {
-            let tangent = self.law.response(jump).tangent;
-            let mut own = vec![Default::default(); self.law.parameters().len()];
-            self.law.by_parameters(jump, &mut own);
-            let derivative = |k: usize| {
-                let (change, own) = (changes[k][pair], own[place[k]]);
-                let through = |row: [f64; 2]| row[0] * change.normal + row[1] * change.tangential;
-                [own.normal + through(tangent[0]), own.tangential + through(tangent[1])]
-            };
-            let d: Vec<[f64; 2]> = (0..names.len()).map(derivative).collect();
-            [0, 1].map(|c| {
-                let sum: f64 = (0..d.len())
-                    .flat_map(|i| (0..d.len()).map(move |j| (i, j)))
-                    .map(|(i, j)| d[i][c] * covariance[i][j] * d[j][c])
-                    .sum();
-                sum.max(0.0).sqrt()
-            })
-        };
-        Some(model.jumps(u).into_iter().enumerate().map(std).collect())
-    }
-
-    /// Covariance of the fitted parameters: standard uncertainties and correlation of `fit.json`.
-    fn covariance(&self) -> Option<Vec<Vec<f64>>> {
-        let (fit, names) = (self.fit?, self.fitted());
-        let std: Option<Vec<f64>> = names.iter().map(|name| fit["parameters"][name]["std"].as_f64()).collect();
-        let (std, rows) = (std?, fit["correlation"].as_array()?);
-        let rows: Vec<Vec<f64>> = rows.iter().map(numbers).collect();
-        let n = names.len();
-        (rows.len() == n && rows.iter().all(|row| row.len() == n))
-            .then(|| (0..n).map(|i| (0..n).map(|j| std[i] * rows[i][j] * std[j]).collect()).collect())
-    }
-
     fn tractions(&self) -> Result<Section, ReportError> {
         let model = &self.joint.model;
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
-        let mut has_bands = false;
         let mut curves = Vec::new();
         for (c, title, label) in [(0, "Normal", "T_n (MPa)"), (1, "Tangential", "T_t (MPa)")] {
             let mut series = Vec::new();
             for at in self.drawn() {
-                let values = model.tractions(self.law, &self.computed[at]).into_iter();
-                let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
-                let mut one = Series::new(self.name_of(at), Style::Line, along.clone(), values);
-                if let Some(std) = self.traction_std(at) {
-                    has_bands = true;
-                    one = one.with_band(std.iter().map(|std| 1.96 * std[c]).collect());
-                }
+                let one = match self.bands.iter().find(|band| band.instant == at + 1) {
+                    Some(band) => {
+                        let Banded { value, low, high, .. } = &band.tractions[c];
+                        Series::new(self.name_of(at), Style::Line, band.along_mm.clone(), value.clone())
+                            .with_limits(low, high)
+                    }
+                    None => {
+                        let values = model.tractions(self.law, &self.computed[at]).into_iter();
+                        let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
+                        Series::new(self.name_of(at), Style::Line, along.clone(), values)
+                    }
+                };
                 series.push(one);
             }
             let plot = Plot {
@@ -722,10 +706,16 @@ impl IdentificationReport<'_> {
         ] {
             curves.push(self.law_curve(c, title, x, y)?);
         }
-        let bands = if has_bands {
-            " Bands: 95 % from the covariance of the parameters, jumps changing with them."
-        } else {
-            ""
+        let bands = match (self.bands.is_empty(), self.fit.is_some_and(|fit| fit["discretisation"] == "included")) {
+            (true, _) => "",
+            (_, true) => {
+                " Bands: 95 %, of the noise of the measurement and its border, uncertain constants and the element size; the \
+                 numbers are those of traction-bands.csv and law.csv."
+            }
+            (_, false) => {
+                " Bands: 95 %, of the noise of the measurement and its border and of uncertain constants; the numbers are \
+                 those of traction-bands.csv and law.csv."
+            }
         };
         let blocks = vec![
             Block::Text(format!(
@@ -738,36 +728,30 @@ impl IdentificationReport<'_> {
         Ok(Section { title: "Tractions".into(), blocks })
     }
 
-    /// Traction against separation in one pure mode, with its band at a given jump.
+    /// Traction against separation in one pure mode, with the band of the fit.
     fn law_curve(&self, c: usize, title: &str, x: &str, y: &str) -> Result<Block, ReportError> {
-        let most = |pick: fn(&Jump) -> f64| {
-            let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
-            jumps.map(|jump| pick(&jump).abs()).fold(0.0, f64::max)
+        let series = match self.law_bands {
+            Some(modes) => {
+                let LawRows { jump_mm, traction: Banded { value, low, high, .. } } = &modes[c];
+                let um = jump_mm.iter().map(|jump| 1e3 * jump).collect();
+                Series::new("", Style::Line, um, value.clone()).with_limits(low, high)
+            }
+            None => {
+                let most = |pick: fn(&Jump) -> f64| {
+                    let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
+                    jumps.map(|jump| pick(&jump).abs()).fold(0.0, f64::max)
+                };
+                let front = self.law.front_opening();
+                let end = if c == 0 { front } else { most(|jump| jump.tangential).max(front) };
+                let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
+                let traction = |&d: &f64| match c {
+                    0 => self.law.response(Jump { normal: d, tangential: 0.0 }).traction.normal,
+                    _ => self.law.response(Jump { normal: 0.0, tangential: d }).traction.tangential,
+                };
+                let values = jumps.iter().map(traction).collect();
+                Series::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values)
+            }
         };
-        let end =
-            if c == 0 { self.law.front_opening() } else { most(|jump| jump.tangential).max(self.law.front_opening()) };
-        let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
-        let jump =
-            |d: f64| if c == 0 { Jump { normal: d, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: d } };
-        let pick = |t: crate::mechanics::cohesive::Traction| if c == 0 { t.normal } else { t.tangential };
-        let values = jumps.iter().map(|&d| pick(self.law.response(jump(d)).traction)).collect();
-        let mut series = Series::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values);
-        if let Some(covariance) = self.covariance() {
-            let names = self.fitted();
-            let place: Vec<usize> =
-                names.iter().filter_map(|name| self.law.parameters().iter().position(|p| p.name == name)).collect();
-            let half = |&d: &f64| {
-                let mut own = vec![Default::default(); self.law.parameters().len()];
-                self.law.by_parameters(jump(d), &mut own);
-                let by: Vec<f64> = place.iter().map(|&k| pick(own[k])).collect();
-                let sum: f64 = (0..by.len())
-                    .flat_map(|i| (0..by.len()).map(move |j| (i, j)))
-                    .map(|(i, j)| by[i] * covariance[i][j] * by[j])
-                    .sum();
-                1.96 * sum.max(0.0).sqrt()
-            };
-            series = series.with_band(jumps.iter().map(half).collect());
-        }
         let plot = Plot {
             title: title.to_owned(),
             x: Axis::linear(x),

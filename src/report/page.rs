@@ -1,7 +1,7 @@
 //! A report as one HTML page that needs nothing else: pictures are in it, nothing is fetched, no script runs.
 //!
 //! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so that
-//! their letters are as large as the page's on both.
+//! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs.
 
 use super::{Picture, Plot, ReportError};
 use base64::Engine;
@@ -131,6 +131,7 @@ pub struct Curves {
     narrow: String,
     title: String,
     caption: String,
+    data: String,
 }
 
 impl Curves {
@@ -142,8 +143,25 @@ impl Curves {
         let plot = Plot { notes: Vec::new(), ..plot.clone() };
         let (wide, narrow) = (plot.draw_sized([430, 300])?, plot.draw_sized(COMPACT)?);
         let svg = |picture: Picture| picture.svg().to_owned();
-        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into() })
+        let data = numbers_of(&plot);
+        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into(), data })
     }
+}
+
+/// The numbers that `plot` draws, as JSON: of each series `name`, `x`, `y` and, where it has a band, `low` and `high`.
+fn numbers_of(plot: &Plot) -> String {
+    let of = |series: &super::Series| {
+        let mut numbers = serde_json::json!({ "name": series.name, "x": series.x, "y": series.y });
+        if let Some([below, above]) = &series.band {
+            let edge = |reach: &[f64], sign: f64| -> Vec<f64> {
+                series.y.iter().zip(reach).map(|(y, reach)| y + sign * reach).collect()
+            };
+            numbers["low"] = edge(below, -1.0).into();
+            numbers["high"] = edge(above, 1.0).into();
+        }
+        numbers
+    };
+    serde_json::Value::from(plot.series.iter().map(of).collect::<Vec<_>>()).to_string()
 }
 
 /// A field over an image: the picture without letters, and its bar.
@@ -250,7 +268,7 @@ impl Block {
                 }
             },
             Self::Curves(curves) => html! {
-                figure {
+                figure data-title=(curves.title) data-series=(curves.data) {
                     picture {
                         source media="(max-width: 640px)" srcset=(data("svg+xml", curves.narrow.as_bytes()));
                         img src=(data("svg+xml", curves.wide.as_bytes())) alt=(curves.title);

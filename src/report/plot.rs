@@ -87,8 +87,8 @@ pub struct Series {
     pub x: Vec<f64>,
     /// Ordinates. The curve has a gap where one is not finite.
     pub y: Vec<f64>,
-    /// Half the height of a band around lines, or of the error bars of markers, in the unit of `y`.
-    pub band: Option<Vec<f64>>,
+    /// How far a band around lines, or the error bars of markers, reach below and above `y`, in its unit.
+    pub band: Option<[Vec<f64>; 2]>,
     /// How it is drawn.
     pub style: Style,
     /// Number of its colour (and marker); its place among the series unless given.
@@ -119,7 +119,14 @@ impl Series {
 
     /// The same curve with a band of plus and minus `half`.
     pub fn with_band(self, half: Vec<f64>) -> Self {
-        Self { band: Some(half), ..self }
+        Self { band: Some([half.clone(), half]), ..self }
+    }
+
+    /// The same curve with a band from `low` to `high`.
+    pub fn with_limits(self, low: &[f64], high: &[f64]) -> Self {
+        let below = self.y.iter().zip(low).map(|(y, low)| y - low).collect();
+        let above = self.y.iter().zip(high).map(|(y, high)| high - y).collect();
+        Self { band: Some([below, above]), ..self }
     }
 
     fn has_line(&self) -> bool {
@@ -130,8 +137,10 @@ impl Series {
         matches!(self.style, Style::Markers | Style::LineAndMarkers)
     }
 
-    fn half(&self, at: usize) -> f64 {
-        self.band.as_ref().map_or(0.0, |band| band[at]).abs()
+    /// Lower and upper edge of the band at a point.
+    fn edges(&self, at: usize) -> [f64; 2] {
+        let reach = |side: usize| self.band.as_ref().map_or(0.0, |band| band[side][at]).abs();
+        [self.y[at] - reach(0), self.y[at] + reach(1)]
     }
 }
 
@@ -203,8 +212,10 @@ impl Plot {
     /// Those of [`Plot::draw`].
     pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
         for series in &self.series {
-            let band = series.band.as_ref().map_or(series.x.len(), Vec::len);
-            if series.y.len() != series.x.len() || band != series.x.len() {
+            let n = series.x.len();
+            let sides = series.band.iter().flatten().map(Vec::len);
+            let band = sides.into_iter().find(|&side| side != n).unwrap_or(n);
+            if series.y.len() != n || band != n {
                 let (name, x, y) = (series.name.clone(), series.x.len(), series.y.len());
                 return Err(ReportError::Series { name, x, y, band });
             }
@@ -219,7 +230,7 @@ impl Plot {
         let all = self.series.iter().map(|s| (0..s.x.len()).filter(|&at| finite(s, at)).count()).sum::<usize>();
         let hidden = all - points().count();
 
-        let reach = points().flat_map(|(s, at)| [s.y[at], s.y[at] - s.half(at), s.y[at] + s.half(at)]);
+        let reach = points().flat_map(|(s, at)| s.edges(at).into_iter().chain([s.y[at]]));
         let x = Scale::new(&self.x, points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
         let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
 
@@ -328,9 +339,9 @@ fn draw_band(
 ) {
     let mut path = Path::default();
     for stretch in stretches(series, shown) {
-        let edge = |at: &usize, side: f64| place(series.x[*at], series.y[*at] + side * series.half(*at));
-        let upper = stretch.iter().map(|at| edge(at, 1.0));
-        path.polygon(upper.chain(stretch.iter().rev().map(|at| edge(at, -1.0))));
+        let edge = |at: &usize, side: usize| place(series.x[*at], series.edges(*at)[side]);
+        let upper = stretch.iter().map(|at| edge(at, 1));
+        path.polygon(upper.chain(stretch.iter().rev().map(|at| edge(at, 0))));
     }
     scene.area(&path, colour_of(number), 0.22);
 }
@@ -369,8 +380,9 @@ fn draw_series(
         let (mut bars, mut marks) = (Path::default(), Path::default());
         for &at in stretches.iter().flatten() {
             let (x, y) = (series.x[at], series.y[at]);
-            if series.half(at) > 0.0 {
-                let ends = [place(x, y - series.half(at)), place(x, y + series.half(at))];
+            let [low, high] = series.edges(at);
+            if low < high {
+                let ends = [place(x, low), place(x, high)];
                 bars.line(ends);
                 ends.iter().for_each(|[x, y]| bars.line([[x - MARK, *y], [x + MARK, *y]]));
             }

@@ -72,7 +72,7 @@ pub(super) fn profile_plot(
         notes.push(format!("band: \u{b1}{K} standard uncertainties{bound}"));
     }
     let s = points.iter().map(|(s, _)| *s).collect();
-    let series = Series { band: half, ..Series::new("", Style::Line, s, values) };
+    let series = Series { band: half.map(|half| [half.clone(), half]), ..Series::new("", Style::Line, s, values) };
     Ok(Plot {
         x: Axis::linear("distance from A (px)").with_range(0.0, length),
         series: vec![series],

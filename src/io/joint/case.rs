@@ -96,6 +96,10 @@ pub struct CaseFit {
     pub profile: Option<String>,
     /// The effect of the element size: `included` in the 95 % intervals (a store), `stated` beside them (a table), `off`.
     pub discretisation: Option<String>,
+    /// `auto` (of the profile likelihood where linear theory is in doubt), `linear` or `profile`.
+    pub intervals: Option<String>,
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood: a number, 0 for none, or `auto`.
+    pub bootstrap: Option<toml::Value>,
     /// Standard uncertainty of the adhesive's thickness, mm.
     pub thickness_mm_std: Option<f64>,
     /// Relative standard uncertainty of the pixel size.

@@ -20,12 +20,14 @@ impl FitReport<'_> {
         let modes = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
         for ((mode, jump, traction), curve) in modes.into_iter().zip(&self.curves) {
             let um: Vec<f64> = curve.jumps.iter().map(|j| 1e3 * (j.normal + j.tangential)).collect();
-            let half = curve.std.iter().map(|s| NORMAL_95 * s).collect();
             let plot = Plot {
                 title: format!("The law in pure {mode}"),
                 x: Axis::linear(format!("{jump} (\u{b5}m)")),
                 y: Axis::linear(format!("{traction} (MPa)")),
-                series: vec![Series::new("fit, 95 % band", Style::Line, um, curve.traction.clone()).with_band(half)],
+                series: vec![
+                    Series::new("fit, 95 % band", Style::Line, um, curve.traction.clone())
+                        .with_limits(&curve.low, &curve.high),
+                ],
                 notes: Vec::new(),
             };
             save(format!("law-{mode}"), plot.draw()?)?;
@@ -36,9 +38,10 @@ impl FitReport<'_> {
             let series: Vec<Series> = (self.bands.iter().filter(|band| chosen.contains(&band.instant)))
                 .map(|band| {
                     let pick = |t: &crate::mechanics::cohesive::Traction| if normal { t.normal } else { t.tangential };
-                    let y = band.traction.iter().map(pick).collect();
-                    let half = band.std.iter().map(|s| NORMAL_95 * pick(s)).collect();
-                    Series::new(format!("instant {}", band.instant), Style::Line, along.clone(), y).with_band(half)
+                    let [y, low, high] =
+                        [&band.traction, &band.low, &band.high].map(|list| list.iter().map(pick).collect::<Vec<f64>>());
+                    Series::new(format!("instant {}", band.instant), Style::Line, along.clone(), y)
+                        .with_limits(&low, &high)
                 })
                 .collect();
             if series.is_empty() {
@@ -49,7 +52,7 @@ impl FitReport<'_> {
                 x: Axis::linear("distance along the joint (mm)"),
                 y: Axis::linear(label),
                 series,
-                notes: vec!["bands: noise of the measurement and uncertain constants".into()],
+                notes: vec![format!("bands: {}", self.bands_hold())],
             };
             save(format!("{name}-bands"), plot.draw()?)?;
         }
@@ -109,9 +112,14 @@ impl FitReport<'_> {
         for (k, p) in self.fit.parameters.iter().enumerate() {
             let accepted = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted);
             let (x, y): (Vec<f64>, Vec<f64>) = accepted.map(|(e, i)| (e as f64, i.z[k] / p.value)).unzip();
-            let half = NORMAL_95 * p.std.unwrap_or(0.0) / p.value.abs();
-            let band = vec![half; x.len()];
-            series.push(Series::new(p.parameter.name, Style::LineAndMarkers, x, y).with_band(band));
+            let mut one = Series::new(p.parameter.name, Style::LineAndMarkers, x, y);
+            if let Some([low, high]) = p.interval95 {
+                // How far the interval reaches from the value, about every point.
+                let reach = |end: f64| (end - p.value) / p.value.abs();
+                let [low, high] = [low, high].map(|end| one.y.iter().map(|y| y + reach(end)).collect::<Vec<f64>>());
+                one = one.with_limits(&low, &high);
+            }
+            series.push(one);
         }
         let of = |p: &crate::identify::FittedParameter| match p.std {
             Some(std) => format!(

@@ -2,8 +2,8 @@
 
 use super::FitReport;
 use crate::identify::{
-    BudgetLine, Case, Discretisation, Fit, Iteration, Misfit, MisfitGroup, Outcome, Released, ReleasedParameter,
-    SweepRow,
+    BudgetLine, Case, Discretisation, Fit, IntervalKind, Iteration, Misfit, MisfitGroup, Outcome, Released,
+    ReleasedParameter, SweepRow,
 };
 use crate::mechanics::Status;
 use serde::Serialize;
@@ -38,6 +38,8 @@ pub struct FitJson {
     pub prescribed: BTreeMap<&'static str, f64>,
     /// What follows from the parameters.
     pub derived: BTreeMap<&'static str, QuantityJson>,
+    /// What the intervals rest on; null without uncertainties.
+    pub intervals: Option<IntervalsJson>,
     /// Correlation of the parameters.
     pub correlation: Option<Vec<Vec<f64>>>,
     /// Their covariance, in their units.
@@ -118,8 +120,16 @@ pub struct ParameterJson {
     pub std_noise: Option<f64>,
     /// Its change if the elements were half as large; null where that was not computed.
     pub discretisation: Option<f64>,
-    /// 95 % interval.
+    /// 95 % interval; null where it has not two ends.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself; null where the data do not bound the parameter on that side.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts the value by on the average (found less true); the interval holds it, the value is not moved.
+    pub bias: Option<f64>,
+    /// Standard uncertainty of the bias; null where one pair of draws told it.
+    pub bias_std: Option<f64>,
+    /// Standard deviation of the bootstrap, where one was made.
+    pub std_bootstrap: Option<f64>,
     /// Where the fit started.
     pub start: f64,
     /// Lower bound.
@@ -143,8 +153,30 @@ pub struct QuantityJson {
     pub std_noise: Option<f64>,
     /// Its change if the elements were half as large; null where that was not computed.
     pub discretisation: Option<f64>,
-    /// 95 % interval.
+    /// 95 % interval; null where it has not two ends.
     pub interval95: Option<[f64; 2]>,
+    /// Its ends, each for itself.
+    pub ends95: [Option<f64>; 2],
+    /// What noise shifts it by on the average.
+    pub bias: Option<f64>,
+}
+
+/// What the 95 % intervals rest on.
+#[derive(Debug, Clone, Serialize)]
+pub struct IntervalsJson {
+    /// `linear` or `profile`.
+    pub kind: &'static str,
+    /// Why linear theory may not describe what the noise does; empty when nothing speaks against it.
+    pub doubts: Vec<String>,
+    /// Even and odd part of what a pair of opposite draws of the noise does to each scaled parameter beyond linear theory, in
+    /// standard uncertainties; null where that was not computed.
+    pub probe: Option<[Vec<f64>; 2]>,
+    /// Refits of the bootstrap; 0 without one.
+    pub draws: usize,
+    /// Those of them that failed or did not converge.
+    pub failed: usize,
+    /// Those of them that ended on a bound.
+    pub on_bound: usize,
 }
 
 /// One evaluation.
@@ -412,6 +444,10 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
             std_noise: p.std_noise,
             discretisation: p.discretisation,
             interval95: p.interval95,
+            ends95: p.ends95,
+            bias: p.bias,
+            bias_std: p.bias_std,
+            std_bootstrap: p.std_bootstrap,
             start: p.start,
             lower: p.bounds[0],
             upper: p.bounds[1],
@@ -426,9 +462,51 @@ fn quantities(fit: &Fit) -> BTreeMap<&'static str, QuantityJson> {
     let of = |q: &crate::identify::FittedQuantity| {
         let (value, unit, std, std_noise) = (q.quantity.value, q.quantity.unit, q.std, q.std_noise);
         let (discretisation, interval95) = (q.discretisation, q.interval95);
-        (q.quantity.name, QuantityJson { value, unit, std, std_noise, discretisation, interval95 })
+        let (ends95, bias) = (q.ends95, q.bias);
+        (q.quantity.name, QuantityJson { value, unit, std, std_noise, discretisation, interval95, ends95, bias })
     };
     fit.derived.iter().map(of).collect()
+}
+
+/// What a user should know of the intervals: that linear theory is in doubt, biases, sides without an end, draws that failed.
+fn of_intervals(fit: &Fit) -> Vec<String> {
+    let Some(basis) = fit.intervals.as_ref().filter(|basis| basis.linearity.in_doubt()) else { return Vec::new() };
+    let mut said = vec![match (basis.kind, &basis.bootstrap) {
+        (IntervalKind::Linear, _) => format!("linear intervals are in doubt: {}", basis.linearity.doubts.join("; ")),
+        (IntervalKind::Profile, None) => format!(
+            "intervals are those of the profile likelihood, without the bias that noise makes: {}",
+            basis.linearity.doubts.join("; ")
+        ),
+        (IntervalKind::Profile, Some(bootstrap)) => format!(
+            "intervals are those of the profile likelihood, extended by the bias that {} refits of simulated data show ({} failed, \
+             {} on a bound): {}",
+            bootstrap.draws,
+            bootstrap.failed,
+            bootstrap.on_bound,
+            basis.linearity.doubts.join("; ")
+        ),
+    }];
+    for p in &fit.parameters {
+        let (name, unit) = (p.parameter.name, p.parameter.unit);
+        if let (Some(bias), Some(std)) = (p.bias, p.std)
+            && bias.abs() > 0.25 * std
+        {
+            said.push(format!(
+                "noise shifts {name} by {:+.1} % on the average ({bias:+.3e} {unit}); the value is as fitted, its interval holds \
+                 the shift",
+                100.0 * bias / p.value
+            ));
+        }
+        for (end, side) in p.ends95.iter().zip(["lower", "upper"]) {
+            if end.is_none() && p.std.is_some() {
+                said.push(format!(
+                    "the 95 % interval of {name} has no {side} end: the objective does not rise enough within the bounds and a \
+                     factor of 20, or the model has no solution on the way"
+                ));
+            }
+        }
+    }
+    said
 }
 
 impl FitReport<'_> {
@@ -471,6 +549,7 @@ impl FitReport<'_> {
                     .into(),
             );
         }
+        warnings.extend(of_intervals(fit));
         let agreement = |end: &&crate::identify::StartEnd| end.status == crate::identify::FitStatus::Converged;
         let agreement = fit.starts.iter().filter(agreement).fold(0.0_f64, |most, end| most.max(end.distance));
         if agreement > 1e-6 {
@@ -512,6 +591,14 @@ impl FitReport<'_> {
             discretisation: options.discretisation.name(),
             parameter_order: names,
             derived: quantities(fit),
+            intervals: fit.intervals.as_ref().map(|basis| IntervalsJson {
+                kind: basis.kind.name(),
+                doubts: basis.linearity.doubts.clone(),
+                probe: basis.linearity.probe.clone(),
+                draws: basis.draws,
+                failed: basis.failed(),
+                on_bound: basis.bootstrap.as_ref().map_or(0, |bootstrap| bootstrap.on_bound),
+            }),
             correlation: fit.correlation.as_ref().map(rows),
             covariance: fit.covariance.as_ref().map(rows),
             singular_values: fit.singular_values.clone(),

@@ -7,7 +7,7 @@ mod tables;
 
 pub use budget::{budget_lines, defaults_used};
 pub use json::{BudgetJson, FitJson, SweepJson};
-pub use tables::write_sweep;
+pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};
 
@@ -34,5 +34,13 @@ impl<'a> FitReport<'a> {
     pub fn new(case: &'a Case<'a>, fit: &'a Fit, profile: Option<Profile>) -> Result<Self, FitError> {
         let (bands, curves) = (bands(&case.problem, fit)?, curve_bands(&case.problem, fit)?);
         Ok(Self { case, fit, bands, curves, profile })
+    }
+
+    /// What the 95 % bands hold, in words.
+    pub(super) fn bands_hold(&self) -> &'static str {
+        match self.fit.refinement.as_ref().is_some_and(|refinement| refinement.included) {
+            true => "noise of the measurement, uncertain constants and the element size",
+            false => "noise of the measurement and uncertain constants",
+        }
     }
 }

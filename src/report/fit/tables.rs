@@ -2,8 +2,15 @@
 
 use super::FitReport;
 use crate::identify::SweepRow;
-use crate::io::joint::write_table;
+use crate::io::joint::{JointFileError, read_table, write_table};
 use std::io::{self, Write};
+use std::path::Path;
+
+/// Columns of the tractions: those of T_n, then those of T_t.
+const TRACTIONS: [&str; 8] =
+    ["Tn_MPa", "Tn_std_MPa", "Tn_low95_MPa", "Tn_high95_MPa", "Tt_MPa", "Tt_std_MPa", "Tt_low95_MPa", "Tt_high95_MPa"];
+/// Columns of the law's traction.
+const LAW: [&str; 4] = ["traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
 
 fn notes(what: &str) -> [String; 2] {
     let version = format!("quadrille {}", env!("CARGO_PKG_VERSION"));
@@ -31,25 +38,25 @@ impl FitReport<'_> {
         write_table(out, &notes("every evaluation of the objective"), &columns, rows)
     }
 
-    /// Writes `traction-bands.csv`: tractions with standard uncertainties.
+    /// Writes `traction-bands.csv`: tractions with standard uncertainties and 95 % bands.
     ///
     /// # Errors
     /// Those of `out`.
     pub fn write_bands<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns =
-            names(&["instant", "lower_node", "upper_node", "along_mm", "Tn_MPa", "Tn_std_MPa", "Tt_MPa", "Tt_std_MPa"]);
+        let columns = names(&[&["instant", "lower_node", "upper_node", "along_mm"][..], &TRACTIONS].concat());
         let model = &self.case.problem.joint.model;
         let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
         let rows = self.bands.iter().flat_map(|band| {
             let row = |k: usize| {
                 let [lower, upper] = model.mesh().pairs()[k];
-                let (t, s) = (band.traction[k], band.std[k]);
                 let numbers = vec![band.instant as u64, lower.into(), upper.into()];
-                (numbers, vec![along[k], t.normal, s.normal, t.tangential, s.tangential])
+                let of = [band.traction[k], band.std[k], band.low[k], band.high[k]];
+                let values = [of.map(|t| t.normal), of.map(|t| t.tangential)];
+                (numbers, [&[along[k]], values.as_flattened()].concat())
             };
             (0..band.traction.len()).map(row).collect::<Vec<_>>()
         });
-        write_table(out, &notes("tractions of the fit with their standard uncertainties"), &columns, rows)
+        write_table(out, &notes("tractions of the fit with standard uncertainties and 95 % bands"), &columns, rows)
     }
 
     /// Writes `law.csv`: traction against separation, opening (1) and sliding (2).
@@ -57,16 +64,105 @@ impl FitReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_law<W: Write>(&self, out: W) -> io::Result<()> {
-        let columns = names(&["mode", "point", "jump_mm", "traction_MPa", "std_MPa"]);
+        let columns = names(&[&["mode", "point", "jump_mm"][..], &LAW].concat());
         let rows = (1u64..).zip(&self.curves).flat_map(|(mode, curve)| {
             let row = move |k: usize| {
                 let jump = curve.jumps[k].normal + curve.jumps[k].tangential;
-                (vec![mode, k as u64], vec![jump, curve.traction[k], curve.std[k]])
+                let values = vec![jump, curve.traction[k], curve.std[k], curve.low[k], curve.high[k]];
+                (vec![mode, k as u64], values)
             };
             (0..curve.jumps.len()).map(row)
         });
-        write_table(out, &notes("traction of the fitted law in pure opening (1) and pure sliding (2)"), &columns, rows)
+        let about = "traction of the fitted law in pure opening (1) and pure sliding (2), with its 95 % band";
+        write_table(out, &notes(about), &columns, rows)
     }
+}
+
+/// Values along a curve with their uncertainty, as the tables hold them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Banded {
+    /// The values.
+    pub value: Vec<f64>,
+    /// Their standard uncertainties.
+    pub std: Vec<f64>,
+    /// Lower ends of the 95 % band.
+    pub low: Vec<f64>,
+    /// Upper ends of the 95 % band.
+    pub high: Vec<f64>,
+}
+
+impl Banded {
+    fn push(&mut self, values: &[f64]) {
+        for (list, value) in [&mut self.value, &mut self.std, &mut self.low, &mut self.high].into_iter().zip(values) {
+            list.push(*value);
+        }
+    }
+}
+
+/// The tractions of one instant in `traction-bands.csv`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TractionRows {
+    /// The instant, from 1.
+    pub instant: usize,
+    /// Distance of the node pairs along the joint, mm.
+    pub along_mm: Vec<f64>,
+    /// `T_n` and `T_t`, MPa.
+    pub tractions: [Banded; 2],
+}
+
+/// The law in one pure mode in `law.csv`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LawRows {
+    /// The jump, mm.
+    pub jump_mm: Vec<f64>,
+    /// The traction along it, MPa.
+    pub traction: Banded,
+}
+
+/// Reads `traction-bands.csv`, instant by instant.
+///
+/// # Errors
+/// A file that is no such table.
+pub fn read_bands(path: &Path) -> Result<Vec<TractionRows>, JointFileError> {
+    let mut list: Vec<TractionRows> = Vec::new();
+    for row in rows_of(path, &[&["instant", "along_mm"][..], &TRACTIONS].concat())? {
+        let instant = row[0] as usize;
+        if list.last().is_none_or(|last| last.instant != instant) {
+            list.push(TractionRows { instant, ..TractionRows::default() });
+        }
+        let Some(last) = list.last_mut() else { continue };
+        last.along_mm.push(row[1]);
+        last.tractions.iter_mut().zip(row[2..].chunks_exact(4)).for_each(|(banded, values)| banded.push(values));
+    }
+    Ok(list)
+}
+
+/// Reads `law.csv`: opening and sliding.
+///
+/// # Errors
+/// A file that is no such table.
+pub fn read_law(path: &Path) -> Result<[LawRows; 2], JointFileError> {
+    let mut modes: [LawRows; 2] = Default::default();
+    for row in rows_of(path, &[&["mode", "jump_mm"][..], &LAW].concat())? {
+        let mode = &mut modes[usize::from(row[0] > 1.0)];
+        mode.jump_mm.push(row[1]);
+        mode.traction.push(&row[2..]);
+    }
+    Ok(modes)
+}
+
+/// The columns called `names` of a table.
+fn rows_of(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, JointFileError> {
+    let (columns, rows) = read_table(path)?;
+    let place = |name: &&str| {
+        columns.iter().position(|column| column == name).ok_or_else(|| JointFileError::Row {
+            path: path.to_owned(),
+            line: 1,
+            what: format!("there is no column {name}"),
+        })
+    };
+    let places: Vec<usize> = names.iter().map(place).collect::<Result<_, _>>()?;
+    Ok(rows.iter().map(|row| places.iter().map(|&k| row[k]).collect()).collect())
 }
 
 /// Writes `sweep.csv`: the fits with the parameter called `name` prescribed.
