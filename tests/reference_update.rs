@@ -263,7 +263,7 @@ fn scatter<M: Motion>(
         let mut chain = chain_of(
             &frames[0],
             &zones,
-            Options { noise: Some(f64::from(noise).max(0.1)), ..Options::default() },
+            Options { noise: f64::from(noise).max(0.1).into(), ..Options::default() },
             update,
         );
         let found = followed(&mut chain, &frames[1..]).pop().unwrap();
@@ -396,7 +396,7 @@ fn masks_guards_and_nodes_that_are_left_out_move_with_the_material() {
         let zone = zone("all", [80.0, 80.0, 240.0, 240.0]);
         vec![Zone { exclude: vec![circle(radius)], guard: Guard::All(guard), ..zone }]
     };
-    let options = Options { drop_textureless: true, noise: Some(1.0), ..Options::default() };
+    let options = Options { drop_textureless: true, noise: 1.0.into(), ..Options::default() };
     for (guard, radius) in [(3.0, 22.0), (0.0, 26.0)] {
         let direct =
             followed(&mut chain_of(&reference, &of(guard, radius), options.clone(), NEVER), &frames).pop().unwrap();
@@ -504,7 +504,7 @@ fn regularisation_holds_the_same_nodes_in_every_stage() {
     let frames: Vec<Arc<Image>> = frames.iter().enumerate().map(|(k, image)| dark(image, k + 1)).collect();
     let options = Options {
         regularisation: Regularisation::EquilibriumGap { cutoff_px: 64.0, poisson: 0.3 },
-        noise: Some(1.0),
+        noise: 1.0.into(),
         ..Options::default()
     };
     let mut chain = chain_of(&reference, &inside(SIDE, SIDE, 64), options, every(2));
