@@ -161,7 +161,7 @@ fn a_prescribed_parameter_that_is_wrong_is_found_out_by_trying_it_as_an_unknown(
     let r = &released.parameters[0];
     let found = &free.parameters[3];
     assert!(r.name == "r" && (r.value - found.value).abs() < 1e-3 * found.value, "{r:?} {found:?}");
-    assert!((r.std.unwrap() / found.std.unwrap() - 1.0).abs() < 0.05, "{r:?} {found:?}");
+    assert!((r.std.unwrap() / found.std_noise.unwrap() - 1.0).abs() < 0.05, "{r:?} {found:?}");
     let text = prescribed.verdict.sentences.join(". ");
     assert!(text.contains("r = 6") && text.contains("omega falls by"), "{text}");
 }
