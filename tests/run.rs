@@ -107,10 +107,12 @@ fn a_constant_that_is_off_by_twice_its_default_is_held_by_the_intervals() {
         std::fs::write(&case, base.replace(from, to) + "\n[output]\nfigures = []\n").unwrap();
         let done = quadrille(&["identify", case.to_str().unwrap(), "--overwrite", "--output", out.to_str().unwrap()]);
         let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), Some(0), "{said}");
+        // Places of the residual may tell that something is wrong (status 1); the intervals hold all the same.
+        assert!(matches!(done.status.code(), Some(0 | 1)), "{said}");
         assert!(said.contains("by default: E 3 %, nu +- 0.01, sigma_0 5 %"), "{said}");
         assert!(said.contains("largest standard uncertainties: phi_n: r "), "{said}");
         let fit = json(out.join("fit.json"));
+        assert_eq!(fit["status"], "converged");
         for (name, truth) in truth {
             let [low, high] = [0, 1].map(|k| fit["parameters"][name]["interval95"][k].as_f64().unwrap());
             assert!(low < truth && truth < high, "{to}: {name} {low} to {high}");
