@@ -206,3 +206,16 @@ fn a_parameter_on_its_bound_is_never_determined() {
     assert_ne!(fit.verdict.outcome, Outcome::Determined);
     assert!(fit.verdict.sentences.join(". ").contains("delta_t is not determined: it ended on its bound"));
 }
+
+#[test]
+fn what_the_case_admits_not_to_know_rejects_nothing() {
+    // E is a fifth too low: held for exact it leaves a misfit, known to a fifth it is within its own.
+    let low = SUBSTRATE.replace("72000.0", "57600.0");
+    let of = |more: &str| fitted(&folder(10, 0.01, &format!("{low}{more}"), COHESIVE, &stated(0.01), THREE));
+    let (exact, uncertain) =
+        (of("exact = true\n"), of("E_MPa_std = 14400.0\nexact = [\"nu\", \"sigma_0\", \"alpha\", \"n\"]\n"));
+    let (exact, uncertain) = (misfit(&exact), misfit(&uncertain));
+    assert!(uncertain.constants > exact.constants, "{} and {}", uncertain.constants, exact.constants);
+    assert!(uncertain.z < exact.z, "{} and {}", uncertain.z, exact.z);
+    assert!(!uncertain.rejected(), "{uncertain:?}");
+}

@@ -105,6 +105,8 @@ pub struct ConstantEffect {
     pub law: Vec<f64>,
     /// Change of the computed jumps at each instant compared, with the parameters of the law as they are.
     pub jumps: Vec<Vec<Jump>>,
+    /// Change of the rows, computed less measured, mm: a column for each instant compared.
+    pub rows: Vec<Dense>,
 }
 
 /// Change of an instant for a unit of the constant, with the parameters of the law as they are.
@@ -236,9 +238,12 @@ impl Problem<'_> {
                 (ConstantKind::PixelSize, Some(value)) => constant.std / value,
                 _ => constant.std,
             };
-            let place: BTreeMap<usize, usize> =
-                self.observation.instants.iter().enumerate().map(|(k, instant)| (instant.index, k)).collect();
-            let mut scaled = self.shift(statistics, |instant, node, c| std * changes[place[&instant]].nodes[node][c]);
+            let nodes = &self.observation.nodes;
+            let rows_of = |change: &&Change| {
+                Dense::from_fn(2 * nodes.len(), 1, |r, _| std * change.nodes[nodes[r / 2] as usize][r % 2])
+            };
+            let rows: Vec<Dense> = changes.iter().map(rows_of).collect();
+            let mut scaled = statistics.shift(&rows);
             if constant.kind == ConstantKind::PixelSize {
                 for (k, unknown) in self.unknowns.list().iter().enumerate() {
                     scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];
@@ -256,7 +261,7 @@ impl Problem<'_> {
             }
             let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
             let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
-            effects.push(ConstantEffect { constant: constant.clone(), scaled, law: by_law, jumps });
+            effects.push(ConstantEffect { constant: constant.clone(), scaled, law: by_law, jumps, rows });
         }
         effects
     }
@@ -264,18 +269,6 @@ impl Problem<'_> {
     /// Whether a constant is among the unknowns.
     pub(super) fn is_fitted(&self, kind: &ConstantKind) -> bool {
         matches!(kind, ConstantKind::Law { index } if self.unknowns.list().iter().any(|u| u.index == *index))
-    }
-
-    /// `-A sum_i v_i^T U_p`: how the estimate moves with a constant that moves the computed displacements by `U_p`.
-    pub(super) fn shift(&self, statistics: &Statistics, by_constant: impl Fn(usize, usize, usize) -> f64) -> Vec<f64> {
-        let observation = &self.observation;
-        let of = |observed: &super::observation::ObservedInstant| {
-            Dense::from_fn(observation.n_rows(), 1, |row, _| {
-                by_constant(observed.index, observation.nodes[row / 2] as usize, row % 2)
-            })
-        };
-        let moved: Vec<Dense> = observation.instants.iter().map(of).collect();
-        statistics.shift(&moved)
     }
 }
 

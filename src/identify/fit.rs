@@ -399,7 +399,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let change = refined.as_ref().map(|refined| refined.change.as_slice());
     let (misfit, released) = match &statistics {
         Some(statistics) if options.doubt => (
-            Some(problem.misfit(&evaluation, &weights, statistics, change)?),
+            Some(problem.misfit(&evaluation, &weights, statistics, change, &constants)?),
             problem.released(&evaluation, &weights, statistics, &boundary)?,
         ),
         _ => (None, None),

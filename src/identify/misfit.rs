@@ -2,12 +2,14 @@
 //! (THEORY 11).
 
 use super::FitError;
+use super::constants::ConstantEffect;
 use super::fit::full_weights;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::weights::Weights;
 use crate::linalg::Dense;
 use crate::mechanics::JointMesh;
+use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// How far off the noise's own level may be, as a standard uncertainty relative to it: residuals of images tell it to about
@@ -31,11 +33,13 @@ pub struct Misfit {
     pub freedom: f64,
     /// What the size of the elements, of model and correlation, adds (`lambda_h`); `None` where it could not be computed.
     pub floor: Option<f64>,
+    /// What the constants of the error budget add on the average, each off by its standard uncertainty.
+    pub constants: f64,
     /// Standard deviation of `omega`, with the noise's own uncertainty of [`NOISE_LEVEL_STD`].
     pub std: f64,
-    /// `(omega - freedom - floor) / std`.
+    /// `(omega - freedom - floor - constants) / std`.
     pub z: f64,
-    /// `omega / (freedom + floor) - 1`.
+    /// `omega / (freedom + floor + constants) - 1`.
     pub excess: f64,
     /// Whether the noise is known beside the residual: without that the objective as a whole tests nothing.
     pub tested: bool,
@@ -122,6 +126,7 @@ impl Problem<'_> {
         weights: &Weights,
         statistics: &Statistics,
         refined: Option<&[Dense]>,
+        effects: &[ConstantEffect],
     ) -> Result<Misfit, FitError> {
         let (noise, observation) = (&self.noise, &self.observation);
         let own;
@@ -142,14 +147,23 @@ impl Problem<'_> {
         let omega = unit * (local.omega - gain).max(0.0);
         let freedom = (observation.n_data() as f64 - self.unknowns.n() as f64).max(1.0);
         let jacobian = evaluation.jacobian();
-        let left = refined.map(|change| self.not_absorbed(whitening, &jacobian, &factor.inverse(), change));
+        let inverse = factor.inverse();
+        let left = refined.map(|change| self.not_absorbed(whitening, &jacobian, &inverse, change));
         let floor = left.as_ref().map(|(floor, _)| unit * floor);
-        let expected = freedom + floor.unwrap_or(0.0);
-        let std = (2.0 * freedom + 4.0 * floor.unwrap_or(0.0) + (2.0 * NOISE_LEVEL_STD * expected).powi(2)).sqrt();
+        let of_constants: Vec<(f64, Vec<Dense>)> =
+            effects.par_iter().map(|effect| self.not_absorbed(whitening, &jacobian, &inverse, &effect.rows)).collect();
+        let squares: Vec<f64> = of_constants.iter().map(|(square, _)| unit * square).collect();
+        let constants: f64 = squares.iter().sum();
+        let moved = floor.unwrap_or(0.0) + constants;
+        let expected = freedom + moved;
+        // A constant that is off by a normal variable adds its square.
+        let of_squares: f64 = squares.iter().map(|square| 2.0 * square * square).sum();
+        let std = (2.0 * freedom + 4.0 * moved + of_squares + (2.0 * NOISE_LEVEL_STD * expected).powi(2)).sqrt();
         let n_groups;
         let (by_instant, by_region, by_both) = {
             let left = left.as_ref().map(|(_, left)| left.as_slice());
-            let groups = Groups::new(self, evaluation, statistics, left);
+            let of_constants: Vec<&[Dense]> = of_constants.iter().map(|(_, left)| left.as_slice()).collect();
+            let groups = Groups::new(self, evaluation, statistics, left, &of_constants);
             let lists = groups.all(self);
             n_groups = lists.0.len() + lists.1.len() + lists.2.len();
             lists
@@ -158,6 +172,7 @@ impl Problem<'_> {
             omega,
             freedom,
             floor,
+            constants,
             std,
             z: (omega - expected) / std,
             excess: omega / expected - 1.0,
@@ -199,13 +214,21 @@ struct Groups {
     /// Of each instant: squares of the residual, and their expectation, row by row.
     squares: Vec<Vec<f64>>,
     expected: Vec<Vec<f64>>,
+    /// Squares of what each constant may leave, by constant, instant and row.
+    constants: Vec<Vec<Vec<f64>>>,
     /// Covariance of the residual of one instant, and the part that it shares with another.
     own: Dense,
     shared: Dense,
 }
 
 impl Groups {
-    fn new(problem: &Problem<'_>, evaluation: &Evaluation, statistics: &Statistics, left: Option<&[Dense]>) -> Self {
+    fn new(
+        problem: &Problem<'_>,
+        evaluation: &Evaluation,
+        statistics: &Statistics,
+        left: Option<&[Dense]>,
+        constants: &[&[Dense]],
+    ) -> Self {
         let (noise, observation) = (&problem.noise, &problem.observation);
         let n = observation.n_rows();
         let sigma2 = statistics.sigma * statistics.sigma;
@@ -237,22 +260,27 @@ impl Groups {
         let middle = statistics.by_boundary.get(statistics.by_boundary.len() / 2);
         let shared = full(middle);
         let floor = |i: usize, r: usize| left.map_or(0.0, |left| left[i][(r, 0)] * left[i][(r, 0)]);
+        let compared = |r: usize, square: f64| if observation.compares(r) { square } else { 0.0 };
+        let squared = |left: &Dense| (0..n).map(|r| compared(r, left[(r, 0)] * left[(r, 0)])).collect::<Vec<f64>>();
+        let constants: Vec<Vec<Vec<f64>>> = constants.iter().map(|left| left.iter().map(squared).collect()).collect();
         let of_instant = |i: usize| -> (Vec<f64>, Vec<f64>) {
             let plain = || (0..n).map(|r| covariance[(r, r)]).collect();
             let variance = statistics.by_boundary.get(i).map_or_else(plain, variance);
             let expected = (variance.iter().enumerate())
                 .map(|(r, v)| match observation.compares(r) {
-                    true => sigma2 * (1.0 + noise.common) * v + floor(i, r),
+                    true => {
+                        let moved: f64 = constants.iter().map(|constant| constant[i][r]).sum();
+                        sigma2 * (1.0 + noise.common) * v + floor(i, r) + moved
+                    }
                     false => 0.0,
                 })
                 .collect();
             let residual = evaluation.blocks[i].column(0);
-            let square = |r: usize| if observation.compares(r) { residual[r] * residual[r] } else { 0.0 };
-            ((0..n).map(square).collect(), expected)
+            ((0..n).map(|r| compared(r, residual[r] * residual[r])).collect(), expected)
         };
         let (squares, expected) = (0..observation.instants.len()).map(of_instant).unzip();
         let scaled = |factor: f64| Dense::from_fn(n, n, |r, c| sigma2 * factor * shared[(r, c)]);
-        Self { squares, expected, own: scaled(1.0 + noise.common), shared: scaled(noise.common) }
+        Self { squares, expected, constants, own: scaled(1.0 + noise.common), shared: scaled(noise.common) }
     }
 
     /// The group of `rows` at `instants` (places among those compared).
@@ -271,7 +299,9 @@ impl Groups {
         };
         let m = instants.len() as f64;
         // Twice the sum of the squares of the covariance of all its numbers.
-        let variance = 2.0 * (m * norm(&self.own) + m * (m - 1.0) * norm(&self.shared));
+        let of_noise = 2.0 * (m * norm(&self.own) + m * (m - 1.0) * norm(&self.shared));
+        let of_constants: f64 = self.constants.iter().map(|constant| 2.0 * sum(constant).powi(2)).sum();
+        let variance = of_noise + of_constants;
         let std = (variance + (2.0 * NOISE_LEVEL_STD * expected).powi(2)).sqrt();
         let number = |i: usize| problem.observation.instants[i].index + 1;
         MisfitGroup {

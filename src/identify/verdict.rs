@@ -169,10 +169,10 @@ fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
     {
         if misfit.tested {
             sentences.push(format!(
-                "omega is {:.0}, {:+.1} % from the {:.0} expected of noise and element size (z = {:.1}, rejected above {:.1})",
+                "omega is {:.0}, {:+.1} % from the {:.0} expected of noise, element size and constants (z = {:.1}, rejected above {:.1})",
                 misfit.omega,
                 100.0 * misfit.excess,
-                misfit.freedom + misfit.floor.unwrap_or(0.0),
+                misfit.freedom + misfit.floor.unwrap_or(0.0) + misfit.constants,
                 misfit.z,
                 misfit.limit
             ));

@@ -854,11 +854,12 @@ fn misfit(record: &Value) -> Result<Vec<Block>, ReportError> {
     let fixed = |key: &str| format!("{:.1}", number(record, key));
     blocks.push(Block::Text(match record["tested"] == true {
         true => format!(
-            "Omega of the whitened residual is {:.0}; noise leaves {:.0} of it on the average, the element size {}: {:+.1} %, {} \
+            "Omega of the whitened residual is {:.0}; noise leaves {:.0} of it on the average, the element size adds {}, the constants {:.0}: {:+.1} %, {} \
              standard deviations (rejected above {}). The level of the noise counts as known to 2 %.",
             number(record, "omega"),
             number(record, "freedom"),
             record["floor"].as_f64().map_or("an unknown part".into(), |floor| format!("{floor:.0}")),
+            number(record, "constants"),
             100.0 * number(record, "excess"),
             fixed("z"),
             fixed("z_limit")

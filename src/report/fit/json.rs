@@ -246,7 +246,9 @@ pub struct MisfitJson {
     pub freedom: f64,
     /// What the element size adds; null where it could not be computed.
     pub floor: Option<f64>,
-    /// The excess over both in standard deviations of omega, the noise's own uncertainty counted in.
+    /// What the constants of the error budget add on the average.
+    pub constants: f64,
+    /// The excess over all of them in standard deviations of omega, the noise's own uncertainty counted in.
     pub z: f64,
     /// `z` above which the model is rejected.
     pub z_limit: f64,
@@ -300,6 +302,7 @@ impl MisfitJson {
             omega: misfit.omega,
             freedom: misfit.freedom,
             floor: misfit.floor,
+            constants: misfit.constants,
             z: misfit.z,
             z_limit: misfit.limit,
             excess: misfit.excess,
