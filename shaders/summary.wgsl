@@ -127,13 +127,14 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             // Kept where the sums say nothing: no sensible change of light turns dark into bright.
             if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
                 // Both images are noisy: the line closest to the pairs in both directions.
-                let half = 0.5 * (variance_f - variance_g);
-                let root = length(vec2<f32>(half, covariance));
+                // By the ratio of the two: squares of grey levels of any size stay finite.
+                let half = 0.5 * (variance_f - variance_g) / covariance;
+                let root = sqrt(half * half + 1.0);
                 var gain = 0.0;
                 if half > 0.0 {
-                    gain = (half + root) / covariance;
+                    gain = half + root;
                 } else {
-                    gain = covariance / (root - half);
+                    gain = 1.0 / (root - half);
                 }
                 transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
             }

@@ -29,6 +29,7 @@ brightness = "element"
 start = "cold"
 update_reference = "every 20"
 noise = 2
+noise_correlation = 1.8
 regularisation = "equilibrium-gap"
 cutoff_px = 64.5
 poisson = 0.3

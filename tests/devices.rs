@@ -120,8 +120,9 @@ fn a_series_on_the_gpu_is_that_of_the_cpu_and_tells_what_went_to_and_fro() {
     for frame in summary["frames"].as_array().unwrap() {
         let count = |key: &str| frame[key].as_u64().unwrap_or_else(|| panic!("no {key} in {frame:#}"));
         let iterations = count("iterations") + count("iterations_coarse");
-        assert!(count("readbacks") <= iterations + 2, "{frame:#}");
-        assert!(count("bytes_down") <= 20 * N_INSIDE as u64 + 64 * iterations, "{frame:#}");
+        // One more, of the sums of the elements, where the light is looked at closely.
+        assert!(count("readbacks") <= iterations + 3, "{frame:#}");
+        assert!(count("bytes_down") <= 20 * N_INSIDE as u64 + 64 * (iterations + N_INSIDE as u64), "{frame:#}");
         assert!(count("bytes_up") >= (WIDTH * HEIGHT) as u64 && count("submissions") > 0, "{frame:#}");
     }
     // The CPU sends nothing anywhere.

@@ -193,7 +193,7 @@ fn assert_tolerance_kept<M: Motion>(motion: &M, options: Options) {
     let deformed = picture(motion, &RenderOptions { frame: 1, ..noisy });
     for tolerance_px in [1e-3, 1e-4] {
         let found = [tolerance_px, 0.1 * tolerance_px].map(|tolerance_px| {
-            let options = Options { tolerance_px, ..options.clone() };
+            let options = Options { tolerance_px, tolerance_by_sigma: 0.0, ..options.clone() };
             let correlation = cold(&prepared(&reference, &whole(SIDE, SIDE), options.clone()), &deformed);
             assert_eq!(correlation.measurement.status, Status::Converged, "tolerance {tolerance_px}");
             assert!(correlation.correction_px < tolerance_px);

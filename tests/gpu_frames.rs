@@ -28,7 +28,7 @@ const TOLERANCE_PX: f64 = 1e-5;
 type Gpu = Arc<GpuBackend>;
 
 fn tight(options: Options) -> Options {
-    Options { tolerance_px: TOLERANCE_PX, ..options }
+    Options { tolerance_px: TOLERANCE_PX, tolerance_by_sigma: 0.0, ..options }
 }
 
 // ---- Comparing ---------------------------------------------------------------------------------------
@@ -72,7 +72,8 @@ fn assert_same(what: &str, cpu: &Correlation, gpu: &Correlation, grey_range: f64
     assert_eq!(cpu.start, gpu.start, "{what}: where it started");
     assert_near(what, [cpu.residual_rms, gpu.residual_rms], 1e-4 * cpu.residual_rms + 1e-6 * grey_range);
     for (a, b) in a.sigma.iter().flatten().zip(b.sigma.iter().flatten()) {
-        assert_near(what, [*a, *b], 1e-4 * a);
+        // Of a node that the texture hardly determines the part of the noise is taken off, which magnifies round-off.
+        assert_near(what, [*a, *b], 1e-3 * a);
     }
     for (a, b) in a.element_residual.iter().zip(&b.element_residual) {
         // An element of a few pixels feels 2e-5 px of displacement times its gradient.

@@ -119,8 +119,6 @@ const MATCHED: f64 = 0.5;
 const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
-/// Corrections below this share of the smallest standard uncertainty of a node mean nothing (THEORY 10).
-const TOLERANCE_BY_SIGMA: f64 = 0.01;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// Where noise is more than this share of the mean square gradient it slows the iteration down.
@@ -230,7 +228,7 @@ impl<B: Backend> Correlator<B> {
         let kept = level.keep.iter().zip(&sigma).filter(|(keep, _)| **keep);
         let smallest = kept.map(|(_, sigma)| *sigma).fold(f64::INFINITY, f64::min);
         let tolerance_px = match smallest.is_finite() {
-            true => options.tolerance_px.max(TOLERANCE_BY_SIGMA * smallest),
+            true => options.tolerance_px.max(options.tolerance_by_sigma * smallest),
             false => options.tolerance_px,
         };
         let power: f64 = level.moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();

@@ -307,12 +307,13 @@ impl NoiseProbe {
         };
         let [low, high] = {
             let (x, y) = (range(0), range(1));
-            let at = |c: usize, v: f32, more: usize| corner[c] + more as isize + v.floor() as isize;
+            // A displacement of any size, saturating: it is judged below.
+            let at = |c: usize, v: f32, more: usize| (corner[c] + more as isize).saturating_add(v.floor() as isize);
             [[at(0, x.0, 0), at(1, y.0, 0)], [at(0, x.1, side), at(1, y.1, side)]]
         };
         let size = [image.width() as isize, image.height() as isize];
         // A block that was stretched over the whole image follows nothing.
-        let stretched = (0..2).any(|c| high[c] - low[c] > 4 * side as isize + 8);
+        let stretched = (0..2).any(|c| high[c].saturating_sub(low[c]) > 4 * side as isize + 8);
         if stretched || (0..2).any(|c| low[c] < 0 || high[c] > size[c] - 1) {
             return None;
         }

@@ -18,6 +18,9 @@ pub struct Options {
     pub interpolation: Interpolation,
     /// Largest nodal correction at which a frame counts as converged, px.
     pub tolerance_px: f64,
+    /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0 for the
+    /// tolerance alone.
+    pub tolerance_by_sigma: f64,
     /// Gauss-Newton iterations on the finest level after which a frame is given up.
     pub max_iterations: usize,
     /// How brightness and contrast are followed.
@@ -50,6 +53,7 @@ impl Default for Options {
             element_share: crate::mesh::ELEMENT_SHARE,
             interpolation: Interpolation::default(),
             tolerance_px: 1e-4,
+            tolerance_by_sigma: 0.01,
             max_iterations: 50,
             brightness: Brightness::default(),
             start: StartFrom::default(),
@@ -81,6 +85,10 @@ impl Options {
         let fault = |name, value: String, wanted| Err(CorrelationError::Option { name, value, wanted });
         if !positive(self.tolerance_px) || self.tolerance_px > 1.0 {
             return fault("the tolerance", self.tolerance_px.to_string(), "a positive number of pixels up to 1");
+        }
+        if !(0.0..=0.1).contains(&self.tolerance_by_sigma) {
+            let share = self.tolerance_by_sigma.to_string();
+            return fault("the tolerance by the uncertainty", share, "a number from 0 to 0.1");
         }
         if self.max_iterations == 0 {
             return fault("the largest number of iterations", "0".into(), "at least 1");

@@ -214,7 +214,8 @@ pub fn correlate(
                 g.value([0, 1].map(|c| x[c] + (0..4).map(|k| psi[k] * displacement[nodes[k]][c]).sum::<f64>()))
             })
             .collect();
-        // Gain and offset by least squares, about the means.
+        // Gain and offset about the means: of a zone the line closest to the pairs in both directions, of an element by least
+        // squares.
         let mut sums = vec![[0.0; 3]; n_groups];
         for (pixel, g) in pixels.iter().zip(&greys) {
             for (sum, value) in sums[pixel.5].iter_mut().zip([1.0, pixel.6, *g]) {
@@ -222,16 +223,19 @@ pub fn correlate(
             }
         }
         let means: Vec<[f64; 2]> = sums.iter().map(|s| [s[1] / s[0], s[2] / s[0]]).collect();
-        let mut products = vec![[0.0; 2]; n_groups];
+        let mut products = vec![[0.0; 3]; n_groups];
         for (pixel, g) in pixels.iter().zip(&greys) {
             let [mean_f, mean_g] = means[pixel.5];
             products[pixel.5][0] += (pixel.6 - mean_f) * (g - mean_g);
             products[pixel.5][1] += (g - mean_g).powi(2);
+            products[pixel.5][2] += (pixel.6 - mean_f).powi(2);
         }
         let mut rhs = vec![0.0; 2 * mesh.n_nodes()];
         for ((_, _, _, unknowns, slopes, group, f), g) in pixels.iter().zip(&greys) {
             let [mean_f, mean_g] = means[*group];
-            let gain = products[*group][0] / products[*group][1];
+            let [fg, gg, ff] = products[*group];
+            let half = 0.5 * (ff - gg) / fg;
+            let gain = if brightness == Brightness::Element { fg / gg } else { half + half.hypot(1.0) };
             let brought = if brightness == Brightness::Off { *g } else { mean_f + gain * (g - mean_g) };
             for i in 0..8 {
                 rhs[unknowns[i]] += slopes[i] * (f - brought);

@@ -606,15 +606,18 @@ impl Evaluator<'_> {
     }
 }
 
-/// Gain and offset that bring g closest to f; `None` where there is no contrast to fit.
-fn fitted(&[n, f, _, g, gg, fg, _]: &[Near; 7]) -> Option<[Near; 2]> {
+/// Gain and offset of the line closest to the pairs of f and g in both directions; `None` where there is no contrast to fit.
+fn fitted(&[n, f, ff, g, gg, fg, _]: &[Near; 7]) -> Option<[Near; 2]> {
     let (mean_f, mean_g) = (f.over(n), g.over(n));
     let variance = gg.minus(g.times(mean_g));
     let covariance = fg.minus(f.times(mean_g));
     if [variance, covariance].iter().any(|v| v.value.abs() <= v.error || !v.error.is_finite()) {
         return Some([Near { value: 0.0, error: f64::INFINITY }; 2]);
     }
-    let gain = covariance.over(variance);
+    let half = Near::exact(0.5).times(ff.minus(f.times(mean_f)).minus(variance)).over(covariance);
+    let root = half.times(half).plus(Near::exact(1.0)).root();
+    // Without cancellation, whichever of the two varies more.
+    let gain = if half.value > 0.0 { root.plus(half) } else { Near::exact(1.0).over(root.minus(half)) };
     (variance.value > 0.0 && covariance.value > 0.0).then(|| [gain, mean_f.minus(gain.times(mean_g))])
 }
 
