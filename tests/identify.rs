@@ -4,7 +4,7 @@ mod mechanics_common;
 
 use mechanics_common::{adhesive, virtual_r4};
 use quadrille::identify::{
-    Band, Case, Fit, FitStatus, InverseCovariance, Local, NORMAL_95, Noise, Outcome, Precision, StepRegion,
+    Band, Case, Fit, FitOptions, FitStatus, InverseCovariance, Local, NORMAL_95, Noise, Outcome, Precision, StepRegion,
     TrustRegionOptions, WeightKind, Weights, bands, cone_step, first_order, fit, largest_without_rigid_motion,
     latin_hypercube, minimise, profile, sweep,
 };
@@ -125,10 +125,15 @@ fn case_of<'a>(joint: &'a Joint, input: &JointInput) -> Case<'a> {
     Case::new(joint, input, Path::new("case.toml")).unwrap()
 }
 
+/// How a case is fitted, without the tests of the model (tests/doubt.rs): these are many fits.
+fn undoubted(case: &Case<'_>) -> FitOptions {
+    FitOptions { doubt: false, ..case.options.clone() }
+}
+
 fn fitted(input: &JointInput) -> Fit {
     let joint = joint_of(input);
     let case = case_of(&joint, input);
-    fit(&case.problem, &case.options).unwrap()
+    fit(&case.problem, &undoubted(&case)).unwrap()
 }
 
 #[test]
@@ -297,7 +302,7 @@ fn the_profile_of_a_parameter_is_its_interval_where_the_problem_is_nearly_linear
     };
     let joint = joint_of(&input);
     let case = case_of(&joint, &input);
-    let found = fit(&case.problem, &case.options).unwrap();
+    let found = fit(&case.problem, &undoubted(&case)).unwrap();
     let profile = profile(&case.problem, &case.options, &found, case.profile.unwrap()).unwrap();
     let p = &found.parameters[1];
     let interval = Fit::interval95(p.value, p.std.unwrap());
@@ -393,7 +398,7 @@ fn a_minimiser_without_derivatives_ends_at_the_same_place_on_noisy_data() {
     let input = with_fields(&input, &noisy(0.2 * PX, 11));
     let joint = joint_of(&input);
     let case = case_of(&joint, &input);
-    let found = fit(&case.problem, &case.options).unwrap();
+    let found = fit(&case.problem, &undoubted(&case)).unwrap();
     assert_eq!(found.status, FitStatus::Converged, "{}", found.reason);
     let (problem, unknowns) = (&case.problem, &case.problem.unknowns);
     let weights = problem.diagonal_weights(WeightKind::Paper);
@@ -463,7 +468,7 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
             let input = with_fields(input, &noisy(sigma_px * PX, seed));
             let joint = joint_of(&input);
             let case = case_of(&joint, &input);
-            let found = fit(&case.problem, &case.options).unwrap();
+            let found = fit(&case.problem, &undoubted(&case)).unwrap();
             if found.status != FitStatus::Converged || found.parameters.iter().any(|p| p.at_bound) {
                 return None;
             }
