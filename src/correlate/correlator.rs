@@ -678,11 +678,10 @@ impl<B: Backend> Correlator<B> {
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }
-        // What is left of a light that varies over a zone would pass for coloured noise.
-        let looked_at = status == Status::Converged && light.is_none();
+        let looked_at = status == Status::Converged;
         let noise_colour = self.probe.as_ref().filter(|_| looked_at).and_then(|probe| {
             let image = self.backend.image(frame);
-            probe.look(&by_grey, &image, &freedom_left)
+            probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left)
         });
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
         let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));

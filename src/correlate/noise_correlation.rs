@@ -222,7 +222,14 @@ impl NoiseProbe {
     /// Looks at the residual of `image` in a frame: `None` where too few blocks are whole. `freedom` is the share of the
     /// residual's degrees of freedom that the unknowns of each zone leave. What lies below half of the standard deviation of
     /// rounding (identical images) is round-off of the computation, whose colour means nothing.
-    pub fn look(&self, frame: &Elements<'_>, image: &Image, freedom: &[f64]) -> Option<NoiseColour> {
+    /// `light` is what comes before the transfer of the zone at each node, where the light varies; of a block it is taken in the mean.
+    pub fn look(
+        &self,
+        frame: &Elements<'_>,
+        image: &Image,
+        light: Option<&[GreyTransfer]>,
+        freedom: &[f64],
+    ) -> Option<NoiseColour> {
         let &Elements { mesh, matched, displacement, transfer, least, .. } = frame;
         let residual = |block: &Block| -> Option<(Vec<f32>, f64, [f64; 2])> {
             if matched[block.element].n == 0.0 {
@@ -230,7 +237,17 @@ impl NoiseProbe {
             }
             let zone = mesh.element_zone()[block.element] as usize;
             let nodes = mesh.elements()[block.element].map(|node| displacement[node as usize]);
-            self.residual(block, image, nodes, transfer[zone])
+            let of_zone = transfer[zone];
+            let by_light = light.map_or(of_zone, |light| {
+                let mean = |of: &dyn Fn(&GreyTransfer) -> f64| {
+                    mesh.elements()[block.element].iter().map(|&node| 0.25 * of(&light[node as usize])).sum::<f64>()
+                };
+                GreyTransfer {
+                    gain: of_zone.gain * mean(&|t| t.gain),
+                    offset: of_zone.gain * mean(&|t| t.offset) + of_zone.offset,
+                }
+            });
+            self.residual(block, image, nodes, by_light)
         };
         let sums: Vec<Option<BlockSums>> = self
             .blocks
