@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use quadrille::correlate::{CorrelationError, Options};
-use quadrille::field::{Brightness, Measurement, Status};
+use quadrille::field::{Brightness, Measurement, NoiseCorrelation, Status};
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::mesh::{
     ELEMENT_SHARE, Guard, Mask, Mesh, MeshError, PixelMesh, Roi, Zone, ZoneElements, local_coordinates,
@@ -62,7 +62,9 @@ fn a_grid_read_as_a_free_mesh_gives_the_field_of_the_grid() {
     let (reference, deformed) =
         (picture(&REST, &eight_bit(SIZE[0], SIZE[1])), picture(&motion, &eight_bit(SIZE[0], SIZE[1])));
     for brightness in [Brightness::Zone, Brightness::Element, Brightness::Off] {
-        let options = Options { brightness, tolerance_px: 1e-6, ..sized(16) };
+        let noise_correlation = NoiseCorrelation::Off; // it is looked for in other blocks
+        let options =
+            Options { brightness, tolerance_px: 1e-6, tolerance_by_sigma: 0.0, noise_correlation, ..sized(16) };
         let grid = solved(&prepared(&reference, &one(INSIDE), options.clone()), &deformed);
         let free = solved(&prepared(&reference, &[free_zone(free_mesh(INSIDE, 16.0, 0.0, false))], options), &deformed);
         // Other kernels for the same sums in f32, and another search of the start: both are iterated to 1e-6 px.

@@ -81,10 +81,21 @@ pub(super) fn spread_of(
     if let (Some(regulariser), Some(_)) = (regulariser, solver.penalty())
         && let Ok(Spread { variance, freedom }) = regulariser.spread(solver.data())
     {
-        // P is about M0 over the mean square gradient around the node.
+        // P is about M0 over the mean square gradient of the zone; that of a node which the penalty holds may be nothing.
+        let over_gradient: Vec<[f64; 2]> = (0..mesh.zones().len())
+            .map(|zone| {
+                let (mut of_mass, mut of_texture) = (0.0, [0.0; 2]);
+                for node in mesh.zone_nodes(zone) {
+                    let ([xx, _, yy], [p, ..]) = (solver.data().diagonal(node), mass.diagonal(node));
+                    of_mass += p;
+                    of_texture = [of_texture[0] + xx, of_texture[1] + yy];
+                }
+                of_texture.map(|of_texture| if of_texture > 0.0 { of_mass / of_texture } else { 0.0 })
+            })
+            .collect();
         let of = |(node, variance): (usize, &[f64; 2])| {
-            let ([xx, _, yy], [p, ..]) = (solver.data().diagonal(node), mass.diagonal(node));
-            [variance[0] * p / xx.max(f64::MIN_POSITIVE), variance[1] * p / yy.max(f64::MIN_POSITIVE)]
+            let [x, y] = over_gradient[mesh.node_zone()[node] as usize];
+            [variance[0] * x, variance[1] * y]
         };
         let of_mass = variance.iter().enumerate().map(of).collect();
         return NodalSpread { variance, of_mass, freedom, lambda, is_regularised: true };
