@@ -136,7 +136,10 @@ fn main(@builtin(local_invocation_index) thread: u32) {
                 } else {
                     gain = 1.0 / (root - half);
                 }
-                transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                // Not where the sums are beyond what f32 holds.
+                if gain > 0.0 && gain < 1e30 {
+                    transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                }
             }
             if summary.brightness == ELEMENT {
                 zones[z].gain = total[9] / f32(groups.n_elements);

@@ -122,7 +122,7 @@ const PREDICTION_OFF_PX: f64 = 1.0;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// Where noise is more than this share of the mean square gradient it slows the iteration down.
-const NOISY: f64 = 0.1;
+const NOISY: f64 = 0.3;
 /// A zone of which this share of elements has left the deformed image is lost.
 pub(super) const LEFT_SHARE: f64 = 0.5;
 /// On coarse levels: good enough for the next finer one.
@@ -674,7 +674,7 @@ impl<B: Backend> Correlator<B> {
             });
         }
         let [x, y] = sigma[outcome.worst_node];
-        let enough = outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
+        let enough = !self.enough_px.is_empty() && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }

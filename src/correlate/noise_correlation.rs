@@ -337,7 +337,10 @@ impl NoiseProbe {
         let patch = Patch::new(image, self.offset, low, high, self.interpolation);
         let corner = corner.map(|v| v as usize);
         let deformed: Vec<f32> =
-            (0..side * side).map(|k| patch.grey([corner[0] + k % side, corner[1] + k / side], u[k])).collect();
+            // A corner before the image, where the displacement leads back into it, is counted round.
+            (0..side * side)
+                .map(|k| patch.grey([corner[0].wrapping_add(k % side), corner[1].wrapping_add(k / side)], u[k]))
+                .collect();
         let (gain, offset) =
             if self.own_transfer { own_transfer(&block.grey, &deformed) } else { (transfer.gain, transfer.offset) };
         let residual = block

@@ -581,7 +581,7 @@ impl Evaluator<'_> {
         let none = [Near::exact(1.0), Near::exact(0.0)];
         let transfer = match self.task.brightness {
             Brightness::Element if n.value == 0.0 && n.error == 0.0 => none,
-            Brightness::Element => fitted(&sums).unwrap_or([none[0], f.minus(g).over(n)]),
+            Brightness::Element => fitted_to_g(&sums).unwrap_or([none[0], f.minus(g).over(n)]),
             _ => given,
         };
         let mut rhs = [Sum::default(); 8];
@@ -604,6 +604,18 @@ impl Evaluator<'_> {
         sums[6] = rr.along(path);
         Element { rhs: rhs.map(|sum| sum.along(path)), sums, n_all, out, transfer }
     }
+}
+
+/// Gain and offset that bring g closest to f, by least squares; `None` where there is no contrast to fit.
+fn fitted_to_g(&[n, f, _, g, gg, fg, _]: &[Near; 7]) -> Option<[Near; 2]> {
+    let (mean_f, mean_g) = (f.over(n), g.over(n));
+    let variance = gg.minus(g.times(mean_g));
+    let covariance = fg.minus(f.times(mean_g));
+    if [variance, covariance].iter().any(|v| v.value.abs() <= v.error || !v.error.is_finite()) {
+        return Some([Near { value: 0.0, error: f64::INFINITY }; 2]);
+    }
+    let gain = covariance.over(variance);
+    (variance.value > 0.0 && covariance.value > 0.0).then(|| [gain, mean_f.minus(gain.times(mean_g))])
 }
 
 /// Gain and offset of the line closest to the pairs of f and g in both directions; `None` where there is no contrast to fit.
