@@ -98,7 +98,7 @@ pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix
 fn is_positive_definite(mut matrix: ElementMatrix) -> bool {
     for k in 0..8 {
         let pivot = matrix[upper(k, k)];
-        if !(pivot > 0.0) {
+        if pivot <= 0.0 || pivot.is_nan() {
             return false;
         }
         for i in k + 1..8 {

@@ -263,6 +263,8 @@ impl NoiseGain {
             let u: [f64; 2] = std::array::from_fn(|c| {
                 nodes.iter().zip(middle).map(|(&node, psi)| psi * displacement[node as usize][c]).sum()
             });
+            // Where a frame has diverged a displacement may be no number.
+            let u = u.map(|u| if u.is_finite() { u } else { 0.0 });
             let [vx, vy] = u.map(|u| Self::at(&self.deformed, u));
             let [px, py] = u.map(|u| Self::at(&self.product, u));
             residual += vx * vy;
