@@ -673,6 +673,12 @@ impl<B: Backend> Correlator<B> {
                 residual_noise,
             });
         }
+        // What has no finite uncertainty is not measured.
+        for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
+            if sigma.iter().any(|sigma| !sigma.is_finite()) {
+                (*sigma, *measured) = ([0.0; 2], false);
+            }
+        }
         let [x, y] = sigma[outcome.worst_node];
         let enough = !self.enough_px.is_empty() && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
         if status == Status::IterationLimit && enough {

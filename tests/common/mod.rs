@@ -133,8 +133,11 @@ pub fn solved<B: Backend>(correlator: &Correlator<B>, image: &Arc<Image>) -> Mea
 pub fn assert_finite(correlation: &Correlation) {
     let Correlation { measurement, zones, rigid, .. } = correlation;
     let mut numbers = vec![correlation.residual_rms, correlation.residual_percent];
+    assert!(numbers.iter().all(|v| v.is_finite()), "the residual is not finite");
     numbers.extend(measurement.displacement.iter().chain(&measurement.sigma).flatten());
+    assert!(numbers.iter().all(|v| v.is_finite()), "a displacement or its uncertainty is not finite");
     numbers.extend(&measurement.element_residual);
+    assert!(numbers.iter().all(|v| v.is_finite()), "the residual of an element is not finite");
     for zone in zones {
         numbers.extend([zone.correlation, zone.residual_rms, zone.noise, zone.transfer.gain, zone.transfer.offset]);
     }
