@@ -4,7 +4,8 @@
 //! files.
 
 use quadrille::identify::{
-    Discretisation, Fit, FitOptions, Noise, Observation, ObservedInstant, Precision, Problem, WeightKind, fit, sweep,
+    Discretisation, Fit, FitOptions, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, WeightKind,
+    fit, sweep,
 };
 use quadrille::paper::{Experiment, PRESCRIBED_R};
 use std::sync::Arc;
@@ -83,6 +84,9 @@ fn main() {
     let stated = FitOptions { discretisation: Discretisation::Stated, ..paper.clone() };
     let (found, times) = timed(5, || fit(&problem, &stated).expect("a fit"));
     row("the same with the effect of the element size", &[&found], times);
+    let undoubted = FitOptions { doubt: false, intervals: Intervals::Linear, ..stated.clone() };
+    let (found, times) = timed(5, || fit(&problem, &undoubted).expect("a fit"));
+    row("the same, neither tested for misfit nor with prescribed parameters released", &[&found], times);
     let truth = experiment.law();
     let factors =
         [[0.4, 0.4, 0.4], [3.0, 3.0, 3.0], [0.4, 3.0, 1.0], [3.0, 0.4, 0.4], [0.5, 2.5, 3.0], [2.0, 0.5, 2.0]];

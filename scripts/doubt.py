@@ -13,11 +13,13 @@ import argparse
 import csv
 import json
 import math
+import os
 import random
 import re
 import shutil
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from study import TRUTH, call
@@ -134,7 +136,7 @@ def bilinear(program, folder, seed):
     (out / "simulate.toml").write_text(
         f'{head}[boundary]\nfile = "{(truth / "boundary_displacements.csv").resolve()}"\n{substrate}\n[cohesive]\n'
         f'model = "bilinear-power"\n{law}eta = 1.0\n[output]\nfigures = []\n')
-    call(program, "simulate", out / "simulate.toml", "--output", out / "simulate", "--quiet")
+    call(program, "simulate", out / "simulate.toml", "--output", out / "simulate", "--quiet", "--threads", 1)
     noise, draw = 0.03 * 0.00193125, random.Random(seed)
     rows = [row for row in csv.DictReader(line for line in open(out / "simulate/solution.csv") if not line.startswith("#"))]
     with open(out / "measured.csv", "w") as table:
@@ -147,25 +149,30 @@ def bilinear(program, folder, seed):
         f'delta_n_mm = 0.0035\ndelta_t_mm = 0.07\nr = 4.0\n[measurement]\nfile = "measured.csv"\nnodes = "free"\n'
         f'weights = "covariance"\nboundary = "exact"\ncommon_reference = false\nnoise_mm = {noise}\n[fit]\n'
         f'parameters = ["phi_n", "delta_n", "delta_t"]\n[output]\nfigures = []\n')
-    call(program, "identify", out / "case.toml", "--output", out / "fit", "--overwrite", "--quiet")
+    call(program, "identify", out / "case.toml", "--output", out / "fit", "--overwrite", "--quiet", "--threads", 1)
     return json.loads((out / "fit/fit.json").read_text())
 
 
-def fits(program, folder, seed, cases):
+def fits(program, folder, seed, cases, jobs):
     """`(name, asked, fit.json)` of every mistake made with one series."""
     shutil.rmtree(folder, ignore_errors=True)
     call(program, "virtual", "--seed", seed, "--output", folder / "test")
-    text = (folder / "test/case.toml").read_text()
-    for number, (name, asked, apply) in enumerate(cases):
+    text = keys(("output", "figures", "[]"))((folder / "test/case.toml").read_text())
+
+    def fit(numbered):
+        number, (name, asked, apply) = numbered
         if apply is None:
-            yield name, asked, bilinear(program, folder, seed)
-            continue
-        case = folder / f"test/wrong-{number}.toml"
+            return name, asked, bilinear(program, folder, seed)
+        case, run = folder / f"test/wrong-{number}.toml", folder / f"run-{number}"
         case.write_text(apply(text))
         # What cannot run says so: that is honest too.
-        code, said = call(program, "run", case, "--output", folder / f"run-{number}", "--quiet", refused=True)
-        yield name, asked, said if code == 2 else json.loads((folder / f"run-{number}/fit.json").read_text())
-        shutil.rmtree(folder / f"run-{number}", ignore_errors=True)
+        code, said = call(program, "run", case, "--output", run, "--quiet", "--threads", 1, refused=True)
+        found = said if code == 2 else json.loads((run / "fit.json").read_text())
+        shutil.rmtree(run, ignore_errors=True)
+        return name, asked, found
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(fit, enumerate(cases)))
 
 
 def holds(fit, key):
@@ -180,6 +187,7 @@ def main():
     parser.add_argument("--program", default="target/release/quadrille")
     parser.add_argument("--output", type=Path, default=Path("out/doubt"))
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at a time, of one thread each")
     parser.add_argument("--only", help="cases whose name contains this")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
@@ -190,7 +198,7 @@ def main():
         table.writerow(["seed", "case", "outcome", "implausible", "parameter", "value", "std", "low95", "high95", "truth",
                         "misfit_z", "misfit_excess", "omega_falls_by", "seconds", "verdict"])
         for seed in range(1, args.seeds + 1):
-            for name, asked, fit in fits(args.program, args.output / "series", seed, cases):
+            for name, asked, fit in fits(args.program, args.output / "series", seed, cases, args.jobs):
                 found.setdefault((name, asked), []).append(fit)
                 if isinstance(fit, str):
                     table.writerow([seed, name, "refused", "", "", "", "", "", "", "", "", "", "", "", fit])

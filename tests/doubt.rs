@@ -2,15 +2,12 @@
 
 mod mechanics_common;
 
-use mechanics_common::aluminium;
+use mechanics_common::{Pulled, measured_table, pulled};
 use quadrille::identify::{Case, Fit, Misfit, Outcome, fit};
 use quadrille::io::joint::read_joint;
-use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
-use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use std::fmt::Write as _;
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -19,36 +16,9 @@ const PX: f64 = 0.00193125;
 const SUBSTRATE: &str = "E_MPa = 72000.0\nnu = 0.33\nsigma_0_MPa = 180.0\nalpha = 0.06\nn = 7.0\n";
 const COHESIVE: &str = "phi_n_N_per_mm = 1.2\ndelta_n_mm = 0.006\ndelta_t_mm = 0.045\nr = 4.0\n";
 
-/// Border and displacements of a small joint that opens and slides, phi_n = 1, delta_n = 0.005, delta_t = 0.05, r = 4.
-struct Truth {
-    border: String,
-    fields: Vec<Vec<[f64; 2]>>,
-}
-
-fn truth() -> &'static Truth {
-    static TRUTH: OnceLock<Truth> = OnceLock::new();
-    TRUTH.get_or_init(|| {
-        let mesh = JointMesh::rectangular(12, 4, 0.0309, 0.06).unwrap();
-        let nodes = mesh.outer_nodes();
-        let at = |k: u32, node: u32| {
-            let [x, y] = mesh.nodes()[node as usize];
-            let (side, t) = (y.signum(), f64::from(k));
-            [side * 0.004 * t, side * 0.002 * t * (0.1 + 4.0 * x)]
-        };
-        let instants: Vec<Vec<[f64; 2]>> = (1..=6).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
-        let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-        for (k, values) in instants.iter().enumerate() {
-            for (&node, u) in nodes.iter().zip(values) {
-                let [x, y] = mesh.nodes()[node as usize];
-                writeln!(border, "{},{node},{x},{y},{:e},{:e}", k + 1, u[0], u[1]).unwrap();
-            }
-        }
-        let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
-        let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
-        let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
-        let solution = model.forward(&law, &boundary, &ForwardOptions::default()).unwrap();
-        Truth { border, fields: solution.instants.into_iter().map(|instant| instant.displacement).collect() }
-    })
+fn truth() -> &'static Pulled {
+    static TRUTH: OnceLock<Pulled> = OnceLock::new();
+    TRUTH.get_or_init(|| pulled(12, 4, 6, 0.002))
 }
 
 /// A case file with its tables in a folder: white noise of `noise_px` on every displacement, independent of each other.
@@ -67,13 +37,7 @@ fn folder(
          weights = \"covariance\"\nboundary = \"exact\"\ncommon_reference = false\n{measurement}[fit]\n{fit}[output]\nfigures = []\n"
     );
     let (mut random, noise) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, noise_px * PX).unwrap());
-    let mut measured = "instant,node,ux_mm,uy_mm\n".to_owned();
-    for (k, field) in truth().fields.iter().enumerate() {
-        for (node, u) in field.iter().enumerate() {
-            let u = u.map(|u| u + noise.sample(&mut random));
-            writeln!(measured, "{},{node},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-        }
-    }
+    let measured = measured_table(&truth().fields, || noise.sample(&mut random));
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
     std::fs::write(folder.path().join("border.csv"), &truth().border).unwrap();
     std::fs::write(folder.path().join("measured.csv"), measured).unwrap();

@@ -2,11 +2,8 @@
 
 mod mechanics_common;
 
-use mechanics_common::aluminium;
-use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
-use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
+use mechanics_common::{measured_table, pulled};
 use serde_json::Value;
-use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -26,32 +23,9 @@ fn quadrille(arguments: &[&str]) -> Output {
 fn tables() -> &'static (String, String) {
     static TABLES: OnceLock<(String, String)> = OnceLock::new();
     TABLES.get_or_init(|| {
-        let mesh = JointMesh::rectangular(8, 3, 0.0309, 0.06).unwrap();
-        let nodes = mesh.outer_nodes();
-        let at = |k: u32, node: u32| {
-            let [x, y] = mesh.nodes()[node as usize];
-            let (side, t) = (y.signum(), f64::from(k));
-            [side * 0.004 * t, side * 0.003 * t * (0.1 + 4.0 * x)]
-        };
-        let instants: Vec<Vec<[f64; 2]>> = (1..=4).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
-        let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
-        for (k, values) in instants.iter().enumerate() {
-            for (&node, u) in nodes.iter().zip(values) {
-                let [x, y] = mesh.nodes()[node as usize];
-                writeln!(border, "{},{node},{x},{y},{:e},{:e}", k + 1, u[0], u[1]).unwrap();
-            }
-        }
-        let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
-        let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
-        let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
-        let solution = model.forward(&law, &boundary, &ForwardOptions::default()).unwrap();
-        let mut measured = "instant,node,ux_mm,uy_mm\n".to_owned();
-        for (k, instant) in solution.instants.iter().enumerate() {
-            for (node, u) in instant.displacement.iter().enumerate() {
-                writeln!(measured, "{},{node},{:.17e},{:.17e}", k + 1, u[0], u[1]).unwrap();
-            }
-        }
-        (border, measured)
+        let joint = pulled(8, 3, 4, 0.003);
+        let measured = measured_table(&joint.fields, || 0.0);
+        (joint.border, measured)
     })
 }
 

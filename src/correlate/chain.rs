@@ -1,6 +1,7 @@
 //! A series whose reference is renewed: large deformation, measured in stages that are added up (THEORY 2).
 
-use super::correlator::{Correlation, Correlator, LEFT_SHARE, ZoneResult, rigid};
+use super::correlation::{Correlation, ZoneResult, rigid};
+use super::correlator::{Correlator, LEFT_SHARE};
 use super::error::CorrelationError;
 use super::options::Options;
 use super::series::{History, Start};

@@ -1,117 +1,29 @@
 //! A prepared reference that correlates deformed images with itself.
 
 use super::border::{BareBorder, bare_borders};
+use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate, nothing};
 use super::level::Level;
-use super::light::{Light, Seen, SmoothLight, is_suspected};
+use super::light::{Light, Seen, is_suspected};
 use super::misfit::{MisfitTest, Residuals};
 use super::model_error::{self, MeshLines, model_error};
-use super::noise_correlation::{NoiseColour, NoiseProbe, Prepared};
-use super::noise_model::{Elements, PhotonNoise, factors};
+use super::noise_correlation::{NoiseProbe, Prepared};
+use super::noise_model::{Elements, factors};
 use super::options::Options;
 use super::search::{Motion, motions};
 use super::series::Start;
 use super::texture::{TextureFault, high_frequency, rounding};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Traffic};
-use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, RigidMotion, Status};
+use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
+use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
-use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Where a frame's iteration started.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum StartUsed {
-    /// At the prediction, on the finest level.
-    Predicted,
-    /// At the prediction, down the pyramid.
-    PredictedCoarse,
-    /// From the search.
-    Cold,
-}
-
-/// What is known of one zone in one frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ZoneResult {
-    /// Zone's name.
-    pub name: String,
-    /// Rigid motion of its measured nodes.
-    pub rigid: Option<RigidMotion>,
-    /// Brightness and contrast found; their mean where they are a field.
-    pub transfer: GreyTransfer,
-    /// Brightness and contrast as a smooth field; none where one gain and offset are enough for the zone.
-    pub light: Option<SmoothLight>,
-    /// Correlation coefficient of the reference and the deformed image brought back.
-    pub correlation: f64,
-    /// Root mean square of the residual, grey levels.
-    pub residual_rms: f64,
-    /// Noise of one image, grey levels, that the uncertainty is made with.
-    pub noise: f64,
-    /// What the residual says of that noise, grey levels: the same where none was stated. Misfit makes it larger, so
-    /// that a stated noise it is well below, or above by more than misfit explains, is doubtful.
-    pub residual_noise: f64,
-}
-
-/// The result for one frame.
-#[derive(Debug, Clone)]
-pub struct Correlation {
-    /// Field, uncertainty, status.
-    pub measurement: Measurement<Px>,
-    /// Gauss-Newton iterations on the finest level.
-    pub iterations: usize,
-    /// Those on the coarser levels.
-    pub coarse_iterations: usize,
-    /// Largest nodal correction of the last iteration, px.
-    pub correction_px: f64,
-    /// Place of the node of that correction in the reference image, px: where to look when a frame does
-    /// not converge.
-    pub correction_at: [f64; 2],
-    /// Root mean square of the residual over all zones, grey levels, at the field before the last
-    /// correction.
-    pub residual_rms: f64,
-    /// The same in per cent of the reference's range of grey levels.
-    pub residual_percent: f64,
-    /// Rigid motion of all measured nodes.
-    pub rigid: Option<RigidMotion>,
-    /// Zone by zone.
-    pub zones: Vec<ZoneResult>,
-    /// Where it started.
-    pub start: StartUsed,
-    /// Nodes not measured because their elements have left the deformed image.
-    pub nodes_left: usize,
-    /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
-    /// (THEORY 10).
-    pub nodes_at_bound: usize,
-    /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
-    /// a shadow, or a false match).
-    pub poor_elements: usize,
-    /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for, and
-    /// enough whole elements are there.
-    pub noise_colour: Option<NoiseColour>,
-    /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel.
-    pub noise_factor: [f64; 2],
-    /// The noise as it rises with the grey level, if it was asked for.
-    pub photon_noise: Option<PhotonNoise>,
-    /// What went between host and device for the frame so far, when they are two.
-    pub traffic: Option<Traffic>,
-    /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
-    /// correlation coefficients are those against this image.
-    pub reference_frame: usize,
-    /// Displacement of all nodes, those not measured included: the start of the next frame.
-    pub(super) full_displacement: Vec<[f64; 2]>,
-    /// Whether an element counted.
-    pub(super) counted: Vec<bool>,
-    /// The node of the last correction.
-    pub(super) worst_node: usize,
-}
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
 const MATCHED: f64 = 0.5;
@@ -158,24 +70,6 @@ pub struct Correlator<B: Backend> {
     grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
-}
-
-impl Correlation {
-    /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
-    pub fn full_displacement(&self) -> &[[f64; 2]] {
-        &self.full_displacement
-    }
-
-    /// What the field may be off beyond noise: of a correlation it is always known.
-    pub(super) fn model_error(&self) -> Cow<'_, ModelError> {
-        match &self.measurement.model_error {
-            Some(error) => Cow::Borrowed(error),
-            None => {
-                let Measurement { mesh, .. } = &self.measurement;
-                Cow::Owned(ModelError { nodes: vec![[0.0; 2]; mesh.n_nodes()], misfit: vec![0.0; mesh.n_elements()] })
-            }
-        }
-    }
 }
 
 impl<B: Backend> Correlator<B> {
@@ -433,7 +327,7 @@ impl<B: Backend> Correlator<B> {
             }
             let cold = self.search(&mut frame)?;
             // Both failed: the one that matches better tells more.
-            let better = cold.measurement.status == Status::Converged || worst(&cold) >= worst(&attempt);
+            let better = cold.measurement.status == Status::Converged || cold.worst_zone() >= attempt.worst_zone();
             return Ok(if better { cold } else { attempt });
         }
         self.search(&mut frame)
@@ -593,25 +487,8 @@ impl<B: Backend> Correlator<B> {
         let mesh = &level.mesh;
         let (found, light) = self.found(frame, field, &mut outcome)?;
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
-        let matches: Vec<f64> = (0..mesh.zones().len())
-            .map(|zone| match self.options.brightness {
-                Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
-                // Without a transfer a change of light is misfit, although it correlates.
-                Brightness::Off => last[zone].explained(),
-                Brightness::Auto | Brightness::Zone | Brightness::Smooth => last[zone].correlation(),
-            })
-            .collect();
-        let mut measured = vec![false; mesh.n_nodes()];
-        for (nodes, sums) in mesh.elements().iter().zip(&elements) {
-            for &node in nodes {
-                measured[node as usize] |= sums.n > 0.0;
-            }
-        }
-        let mut nodes_left = 0;
-        for node in 0..mesh.n_nodes() {
-            nodes_left += usize::from(level.keep[node] && !measured[node]);
-            measured[node] &= level.keep[node] && full_displacement[node].iter().all(|u| u.is_finite());
-        }
+        let matches = self.zone_matches(&last, &elements);
+        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement);
         let mut status = self.judge(&outcome, &elements, &matches);
         let own_spread = outcome.own.as_ref().map(|own| {
             let moments = &outcome.own_moments;
@@ -752,6 +629,34 @@ impl<B: Backend> Correlator<B> {
         })
     }
 
+    /// How well each zone matches: its correlation coefficient, or what stands for it.
+    fn zone_matches(&self, zones: &[PixelSums], elements: &[ElementMatch]) -> Vec<f64> {
+        let mesh = self.mesh();
+        let of = |(zone, sums): (usize, &PixelSums)| match self.options.brightness {
+            Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
+            // Without a transfer a change of light is misfit, although it correlates.
+            Brightness::Off => sums.explained(),
+            Brightness::Auto | Brightness::Zone | Brightness::Smooth => sums.correlation(),
+        };
+        zones.iter().enumerate().map(of).collect()
+    }
+
+    /// Nodes beside an element that counted and with a finite displacement, and the number of those that lost all their elements.
+    fn measured_nodes(&self, elements: &[ElementMatch], displacement: &[[f64; 2]]) -> (Vec<bool>, usize) {
+        let Level { mesh, keep, .. } = &self.levels[0];
+        let mut measured = vec![false; mesh.n_nodes()];
+        for (nodes, sums) in mesh.elements().iter().zip(elements) {
+            for &node in nodes {
+                measured[node as usize] |= sums.n > 0.0;
+            }
+        }
+        let left = keep.iter().zip(&measured).filter(|(keep, measured)| **keep && !**measured).count();
+        for (node, measured) in measured.iter_mut().enumerate() {
+            *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
+        }
+        (measured, left)
+    }
+
     fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64]) -> Status {
         let Level { mesh, moments, .. } = &self.levels[0];
         let left = (0..mesh.zones().len()).any(|zone| {
@@ -767,19 +672,6 @@ impl<B: Backend> Correlator<B> {
             outcome.status
         }
     }
-}
-
-fn worst(correlation: &Correlation) -> f64 {
-    correlation.zones.iter().map(|zone| zone.correlation).fold(f64::INFINITY, f64::min)
-}
-
-pub(super) fn rigid(
-    mesh: &Mesh<Px>,
-    displacement: &[[f64; 2]],
-    measured: &[bool],
-    nodes: std::ops::Range<usize>,
-) -> Option<RigidMotion> {
-    RigidMotion::fit(nodes.filter(|&n| measured[n]).map(|n| (mesh.nodes()[n], displacement[n])))
 }
 
 /// The number of halvings after which the largest zone is small enough to be searched, as far as the

@@ -137,7 +137,8 @@ impl MisfitTest {
             let seen: Vec<Seen> =
                 mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
             let sample: Vec<&Seen> = seen.iter().step_by(seen.len().div_ceil(SAMPLE).max(1)).collect();
-            let Some(noise) = zone_noise(&sample, frame.noise, self.fine) else { continue };
+            let in_both = self.gradient_noise_gain * gain.of_reference().powi(2);
+            let Some(noise) = zone_noise(&sample, frame.noise, self.fine, in_both) else { continue };
             *everywhere = noise.everywhere;
             let beyond = normal_quantile(1.0 - FALSE_ALARM / seen.len() as f64);
             for one in &seen {
@@ -198,8 +199,10 @@ impl MisfitTest {
     }
 }
 
-/// The noise of the elements of a zone; none where there is nothing to see.
-fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64) -> Option<ZoneNoise> {
+/// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in residual
+/// and gradient, so that an element with more of it by chance has more of both; their covariance over the noise's variance
+/// squared, times half the pixels.
+fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> Option<ZoneNoise> {
     let mean = |f: &dyn Fn(&Seen) -> f64| {
         let n: f64 = seen.iter().map(|one| one.n).sum();
         seen.iter().map(|one| one.n * f(one)).sum::<f64>() / n
@@ -241,6 +244,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64) -> Option<ZoneNois
                     rhs[i] += one.n * weight * phi[i] * one.y;
                     (0..3).for_each(|j| matrix[i][j] += one.n * weight * phi[i] * phi[j]);
                 }
+                rhs[2] -= weight * 2.0 * in_both * (found.constant / one.gain).powi(2) / mean_x;
             }
             if spread_grey <= 0.0 {
                 matrix[1] = [0.0, 1.0, 0.0];
@@ -347,7 +351,7 @@ mod tests {
     #[test]
     fn noise_is_told_from_a_misfit_that_is_everywhere() {
         for px in [0.0, 0.2, 0.5] {
-            let noise = zone_noise(&elements(px, 400).iter().collect::<Vec<_>>(), None, 2.0).unwrap();
+            let noise = zone_noise(&elements(px, 400).iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
             // The intercept of 400 elements scatters by about 2 % of the mean, 4 + 100 px^2.
             assert!((noise.constant - 4.0).abs() < 0.08 * (4.0 + 100.0 * px * px), "{px}: {}", noise.constant);
             assert!((noise.everywhere - px * px).abs() < 0.1 * px * px + 1e-12, "{px}: {}", noise.everywhere);
@@ -358,7 +362,7 @@ mod tests {
     fn elements_that_are_far_off_do_not_count_as_noise() {
         let mut seen = elements(0.0, 200);
         seen.iter_mut().take(30).for_each(|one| one.y *= 20.0);
-        let noise = zone_noise(&seen.iter().collect::<Vec<_>>(), None, 2.0).unwrap();
+        let noise = zone_noise(&seen.iter().collect::<Vec<_>>(), None, 2.0, 0.0).unwrap();
         assert!((noise.constant - 4.0).abs() < 0.1, "{}", noise.constant);
         assert_eq!(noise.everywhere, 0.0);
     }

@@ -2,6 +2,7 @@
 
 mod border;
 mod chain;
+mod correlation;
 mod correlator;
 mod error;
 mod finest;
@@ -23,7 +24,8 @@ mod uncertainty;
 
 pub use border::BareBorder;
 pub use chain::{ChainState, Keyframe, ReferenceChain, UpdateRefused};
-pub use correlator::{Correlation, Correlator, StartUsed, ZoneResult};
+pub use correlation::{Correlation, StartUsed, ZoneResult};
+pub use correlator::Correlator;
 pub use error::CorrelationError;
 pub use light::SmoothLight;
 pub use noise_correlation::NoiseColour;

@@ -10,11 +10,11 @@ const SETTLED: isize = 8;
 /// Pixels beside the piece that interpolation reaches.
 const REACH: isize = 3;
 
-/// Coefficients of a piece of an image.
+/// Coefficients of a piece of an image, column after column: so both passes of the filter run over whole rows of memory at once.
 pub(super) struct Patch {
     interpolation: Interpolation,
     corner: [isize; 2],
-    width: usize,
+    height: usize,
     coefficients: Vec<f32>,
 }
 
@@ -51,11 +51,10 @@ impl Patch {
                 }
             }
         }
-        for &pole in poles {
-            coefficients.chunks_exact_mut(width).for_each(|row| filter(pole as f32, row));
-            filter_columns(pole as f32, width, &mut coefficients);
-        }
-        Self { interpolation, corner, width, coefficients }
+        poles.iter().for_each(|&pole| filter_columns(pole as f32, width, &mut coefficients));
+        let mut coefficients = transposed(&coefficients, width);
+        poles.iter().for_each(|&pole| filter_columns(pole as f32, height, &mut coefficients));
+        Self { interpolation, corner, height, coefficients }
     }
 
     /// The grey level at a point of the piece, given as a whole pixel and a displacement from it.
@@ -63,7 +62,7 @@ impl Patch {
         let whole = u.map(f32::floor);
         let [(wx, n), (wy, _)] = [0, 1].map(|c| taps(self.interpolation, u[c] - whole[c]));
         let first = [0, 1].map(|c| pixel[c] as isize + whole[c] as isize - self.corner[c] - (n as isize / 2 - 1));
-        let at = first[1] as usize * self.width + first[0] as usize;
+        let at = first[0] as usize * self.height + first[1] as usize;
         match n {
             2 => self.sum::<2>(at, &wx, &wy),
             4 => self.sum::<4>(at, &wx, &wy),
@@ -75,12 +74,12 @@ impl Patch {
     fn sum<const K: usize>(&self, at: usize, wx: &[f32; 6], wy: &[f32; 6]) -> f32 {
         let mut sum = 0.0;
         for k in 0..K {
-            let row = &self.coefficients[at + k * self.width..][..K];
+            let column = &self.coefficients[at + k * self.height..][..K];
             let mut along = 0.0;
             for l in 0..K {
-                along += row[l] * wx[l];
+                along += column[l] * wy[l];
             }
-            sum += wy[k] * along;
+            sum += wx[k] * along;
         }
         sum
     }
@@ -90,11 +89,11 @@ impl Patch {
         let (value, slope) = at_pixel(self.interpolation);
         let first = [0, 1].map(|c| (pixel[c] as isize - self.corner[c] - 2) as usize);
         let sum = |along_x: &[f32; 5], along_y: &[f32; 5]| -> f32 {
-            let rows = along_y.iter().enumerate().map(|(k, wy)| {
-                let at = (first[1] + k) * self.width + first[0];
-                wy * self.coefficients[at..at + 5].iter().zip(along_x).map(|(c, wx)| c * wx).sum::<f32>()
+            let columns = along_x.iter().enumerate().map(|(k, wx)| {
+                let at = (first[0] + k) * self.height + first[1];
+                wx * self.coefficients[at..at + 5].iter().zip(along_y).map(|(c, wy)| c * wy).sum::<f32>()
             });
-            rows.sum()
+            columns.sum()
         };
         [sum(&slope, &value), sum(&value, &slope)]
     }
@@ -123,25 +122,15 @@ impl Through {
     }
 }
 
-/// The recursive filter of one pole, there and back (Unser 1999); the ends go on as if constant, which the margin forgets.
-fn filter(pole: f32, row: &mut [f32]) {
-    let gain = (1.0 - pole) * (1.0 - 1.0 / pole);
-    let mut last = gain * row[0] / (1.0 - pole);
-    row[0] = last;
-    for value in &mut row[1..] {
-        last = gain * *value + pole * last;
-        *value = last;
-    }
-    last *= -pole / (1.0 - pole);
-    let n = row.len();
-    row[n - 1] = last;
-    for value in row[..n - 1].iter_mut().rev() {
-        last = pole * (last - *value);
-        *value = last;
-    }
+/// The values of a piece, stored by rows, by columns.
+fn transposed(values: &[f32], width: usize) -> Vec<f32> {
+    let mut by_columns = Vec::with_capacity(values.len());
+    (0..width).for_each(|x| by_columns.extend(values[x..].iter().step_by(width)));
+    by_columns
 }
 
-/// The same for all columns at once.
+/// The recursive filter of one pole down all columns at once, there and back (Unser 1999); the ends go on as if constant, which
+/// the margin forgets.
 fn filter_columns(pole: f32, width: usize, values: &mut [f32]) {
     let gain = (1.0 - pole) * (1.0 - 1.0 / pole);
     let height = values.len() / width;

@@ -1,6 +1,7 @@
 //! Starts along a series.
 
-use super::correlator::{Correlation, Correlator};
+use super::correlation::Correlation;
+use super::correlator::Correlator;
 use super::error::CorrelationError;
 use crate::backend::{Backend, GreyTransfer};
 use crate::field::{StartFrom, Status};

@@ -6,6 +6,7 @@ use super::objective::Problem;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
+use serde::Serialize;
 
 /// Young's moduli of solids, MPa: soft polymers to diamond.
 const YOUNG: [f64; 2] = [10.0, 1.2e6];
@@ -35,7 +36,7 @@ const LOADED: f64 = 0.1;
 const LOADED_AT_START: f64 = 0.01;
 
 /// A value that hardly anything has.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Implausible {
     /// What it is of: `E`, `thickness`, `opening`, ....
     pub name: String,

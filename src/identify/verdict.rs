@@ -107,8 +107,8 @@ impl Verdict {
             && misfit.excess < LARGEST_NOISE_RATIO.powi(-2) - 1.0
         {
             open.push(format!(
-                "the noise is not what was stated: the residual is {:.2} times what it would leave, and the intervals are too \
-                 wide",
+                "the noise is less than what the uncertainties are made with: the residual is {:.2} times what that would leave, \
+                 and the intervals are too wide",
                 (1.0 + misfit.excess).max(0.0).sqrt()
             ));
         }

@@ -61,7 +61,7 @@ pub fn five_points(f: impl Fn(f64) -> f64, x: f64, h: f64) -> f64 {
 
 use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use quadrille::mechanics::{BoundaryHistory, JointMesh, JointParts, Model, ModelOptions};
+use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, Model, ModelOptions};
 use std::sync::Arc;
 
 /// The aluminium of the reference test.
@@ -135,4 +135,47 @@ pub fn with_value(law: &dyn CohesiveLaw, k: usize, value: f64) -> Box<dyn Cohesi
     let mut values = law.values();
     values[k] = value;
     law.with_values(&values).unwrap()
+}
+
+/// A joint that was pulled: the table of its border, and its displacements at every instant, mm.
+pub struct Pulled {
+    pub border: String,
+    pub fields: Vec<Vec<[f64; 2]>>,
+}
+
+/// Two strips of `columns` x `rows` elements that open, and the more so by `uneven` towards one end, over `n` instants; phi_n = 1,
+/// delta_n = 0.005, delta_t = 0.05, r = 4.
+pub fn pulled(columns: usize, rows: usize, n: u32, uneven: f64) -> Pulled {
+    let mesh = JointMesh::rectangular(columns, rows, 0.0309, 0.06).unwrap();
+    let nodes = mesh.outer_nodes();
+    let at = |k: u32, node: u32| {
+        let [x, y] = mesh.nodes()[node as usize];
+        let (side, t) = (y.signum(), f64::from(k));
+        [side * 0.004 * t, side * uneven * t * (0.1 + 4.0 * x)]
+    };
+    let instants: Vec<Vec<[f64; 2]>> = (1..=n).map(|k| nodes.iter().map(|&node| at(k, node)).collect()).collect();
+    let mut border = "instant,node,x_mm,y_mm,ux_mm,uy_mm\n".to_owned();
+    for (k, values) in instants.iter().enumerate() {
+        for (&node, u) in nodes.iter().zip(values) {
+            let [x, y] = mesh.nodes()[node as usize];
+            border += &format!("{},{node},{x},{y},{:e},{:e}\n", k + 1, u[0], u[1]);
+        }
+    }
+    let boundary = BoundaryHistory::new(nodes.clone(), instants).unwrap();
+    let model = Model::new(mesh, aluminium(2), &nodes, ModelOptions::default()).unwrap();
+    let law = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
+    let solution = model.forward(&law, &boundary, &ForwardOptions::default()).unwrap();
+    Pulled { border, fields: solution.instants.into_iter().map(|instant| instant.displacement).collect() }
+}
+
+/// The table of displacements of all nodes, each with an error of its own, mm.
+pub fn measured_table(fields: &[Vec<[f64; 2]>], mut error: impl FnMut() -> f64) -> String {
+    let mut table = "instant,node,ux_mm,uy_mm\n".to_owned();
+    for (k, field) in fields.iter().enumerate() {
+        for (node, u) in field.iter().enumerate() {
+            let u = u.map(|u| u + error());
+            table += &format!("{},{node},{:.17e},{:.17e}\n", k + 1, u[0], u[1]);
+        }
+    }
+    table
 }

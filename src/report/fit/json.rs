@@ -2,8 +2,8 @@
 
 use super::FitReport;
 use crate::identify::{
-    BudgetLine, Case, Discretisation, Fit, IntervalKind, Iteration, Misfit, MisfitGroup, Outcome, Released,
-    ReleasedParameter, SweepRow,
+    BudgetLine, Case, Discretisation, Fit, Implausible, IntervalKind, Iteration, Misfit, MisfitGroup, Outcome,
+    Released, ReleasedParameter, SweepRow,
 };
 use crate::mechanics::Status;
 use serde::Serialize;
@@ -84,6 +84,8 @@ pub struct FitJson {
     pub profile: Option<ProfileJson>,
     /// What a user should look at.
     pub warnings: Vec<String>,
+    /// Values that no metal, polymer or wood has, and tests that hardly load the adhesive; their texts are among the warnings.
+    pub implausible: Vec<Implausible>,
 }
 
 /// What was compared.
@@ -523,7 +525,8 @@ impl FitReport<'_> {
             (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
         };
         let mut warnings = doubts.clone();
-        warnings.extend(implausible.iter().chain(&fit.implausible).map(|value| value.text.clone()));
+        let implausible: Vec<Implausible> = implausible.iter().chain(&fit.implausible).cloned().collect();
+        warnings.extend(implausible.iter().map(|value| value.text.clone()));
         let missing = fit.budget.missing();
         if !missing.is_empty() {
             warnings.push(format!(
@@ -645,6 +648,7 @@ impl FitReport<'_> {
                 interval95: p.interval95,
             }),
             warnings,
+            implausible,
         }
     }
 }

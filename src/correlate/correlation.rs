@@ -1,0 +1,131 @@
+//! What is known of a frame.
+
+use super::light::SmoothLight;
+use super::noise_correlation::NoiseColour;
+use super::noise_model::PhotonNoise;
+use crate::backend::{GreyTransfer, Traffic};
+use crate::field::{Measurement, ModelError, RigidMotion};
+use crate::mesh::Mesh;
+use crate::units::Px;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+
+/// Where a frame's iteration started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartUsed {
+    /// At the prediction, on the finest level.
+    Predicted,
+    /// At the prediction, down the pyramid.
+    PredictedCoarse,
+    /// From the search.
+    Cold,
+}
+
+/// What is known of one zone in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZoneResult {
+    /// Zone's name.
+    pub name: String,
+    /// Rigid motion of its measured nodes.
+    pub rigid: Option<RigidMotion>,
+    /// Brightness and contrast found; their mean where they are a field.
+    pub transfer: GreyTransfer,
+    /// Brightness and contrast as a smooth field; none where one gain and offset are enough for the zone.
+    pub light: Option<SmoothLight>,
+    /// Correlation coefficient of the reference and the deformed image brought back.
+    pub correlation: f64,
+    /// Root mean square of the residual, grey levels.
+    pub residual_rms: f64,
+    /// Noise of one image, grey levels, that the uncertainty is made with.
+    pub noise: f64,
+    /// What the residual says of that noise, grey levels: the same where none was stated. Misfit makes it larger, so
+    /// that a stated noise it is well below, or above by more than misfit explains, is doubtful.
+    pub residual_noise: f64,
+}
+
+/// The result for one frame.
+#[derive(Debug, Clone)]
+pub struct Correlation {
+    /// Field, uncertainty, status.
+    pub measurement: Measurement<Px>,
+    /// Gauss-Newton iterations on the finest level.
+    pub iterations: usize,
+    /// Those on the coarser levels.
+    pub coarse_iterations: usize,
+    /// Largest nodal correction of the last iteration, px.
+    pub correction_px: f64,
+    /// Place of the node of that correction in the reference image, px: where to look when a frame does
+    /// not converge.
+    pub correction_at: [f64; 2],
+    /// Root mean square of the residual over all zones, grey levels, at the field before the last
+    /// correction.
+    pub residual_rms: f64,
+    /// The same in per cent of the reference's range of grey levels.
+    pub residual_percent: f64,
+    /// Rigid motion of all measured nodes.
+    pub rigid: Option<RigidMotion>,
+    /// Zone by zone.
+    pub zones: Vec<ZoneResult>,
+    /// Where it started.
+    pub start: StartUsed,
+    /// Nodes not measured because their elements have left the deformed image.
+    pub nodes_left: usize,
+    /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
+    /// (THEORY 10).
+    pub nodes_at_bound: usize,
+    /// Elements whose correlation coefficient is below 1/2: their pixels do not match (a crack, a glare,
+    /// a shadow, or a false match).
+    pub poor_elements: usize,
+    /// What the residual says of the colour of the noise; `None` unless the frame converged, it was to be looked for, and
+    /// enough whole elements are there.
+    pub noise_colour: Option<NoiseColour>,
+    /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel.
+    pub noise_factor: [f64; 2],
+    /// The noise as it rises with the grey level, if it was asked for.
+    pub photon_noise: Option<PhotonNoise>,
+    /// What went between host and device for the frame so far, when they are two.
+    pub traffic: Option<Traffic>,
+    /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
+    /// correlation coefficients are those against this image.
+    pub reference_frame: usize,
+    /// Displacement of all nodes, those not measured included: the start of the next frame.
+    pub(super) full_displacement: Vec<[f64; 2]>,
+    /// Whether an element counted.
+    pub(super) counted: Vec<bool>,
+    /// The node of the last correction.
+    pub(super) worst_node: usize,
+}
+
+impl Correlation {
+    /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
+    pub fn full_displacement(&self) -> &[[f64; 2]] {
+        &self.full_displacement
+    }
+
+    /// What the field may be off beyond noise: of a correlation it is always known.
+    pub(super) fn model_error(&self) -> Cow<'_, ModelError> {
+        match &self.measurement.model_error {
+            Some(error) => Cow::Borrowed(error),
+            None => {
+                let Measurement { mesh, .. } = &self.measurement;
+                Cow::Owned(ModelError { nodes: vec![[0.0; 2]; mesh.n_nodes()], misfit: vec![0.0; mesh.n_elements()] })
+            }
+        }
+    }
+
+    /// Smallest correlation coefficient of a zone.
+    pub(super) fn worst_zone(&self) -> f64 {
+        self.zones.iter().map(|zone| zone.correlation).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Rigid motion of those of the `nodes` that are measured.
+pub(super) fn rigid(
+    mesh: &Mesh<Px>,
+    displacement: &[[f64; 2]],
+    measured: &[bool],
+    nodes: std::ops::Range<usize>,
+) -> Option<RigidMotion> {
+    RigidMotion::fit(nodes.filter(|&n| measured[n]).map(|n| (mesh.nodes()[n], displacement[n])))
+}
