@@ -232,6 +232,8 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         [1.0, grey, one.x / mean_x]
     };
     const ROUNDS: usize = 5;
+    // Variance of the noise as the round before has it: at first all of the residual may be misfit.
+    let mut noise = 0.0;
     for _ in 0..ROUNDS {
         let mut with_texture = true;
         let kept = || seen.iter().zip(&limits).zip(&weights).filter(|((one, limit), _)| one.y <= **limit);
@@ -244,7 +246,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
                     rhs[i] += one.n * weight * phi[i] * one.y;
                     (0..3).for_each(|j| matrix[i][j] += one.n * weight * phi[i] * phi[j]);
                 }
-                rhs[2] -= weight * 2.0 * in_both * (found.constant / one.gain).powi(2) / mean_x;
+                rhs[2] -= weight * 2.0 * in_both * (noise / one.gain).powi(2) / mean_x;
             }
             if spread_grey <= 0.0 {
                 matrix[1] = [0.0, 1.0, 0.0];
@@ -277,6 +279,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         let ([constant, by_grey, by_texture], spread, with_texture) = fitted;
         found.slope = if spread_grey > 0.0 { by_grey / spread_grey } else { 0.0 };
         found.constant = constant.max(0.01 * sorted[0]);
+        noise = found.constant;
         found.spread = spread;
         found.everywhere = if with_texture { by_texture / mean_x } else { 0.0 };
         for ((limit, weight), one) in limits.iter_mut().zip(&mut weights).zip(seen) {
