@@ -3,7 +3,7 @@
 //! One straight road: images -> [`field::Measurement`]. Beside it the mechanics of cohesive joints: displacements of
 //! the border -> [`mechanics::Solution`]. Modules know only modules of lower rank
 //! (`tests/layers.rs`): `units`, `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`;
-//! `correlate`, `mechanics`; `bench`, `identify`, `metrology`, `virtual_test`; `paper`, `report`; `cli`.
+//! `correlate`, `mechanics`; `bench`, `identify`, `metrology`, `virtual_test`; `paper`, `report`; `run`; `cli`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -29,6 +29,7 @@ pub mod mesh;
 pub mod metrology;
 pub mod paper;
 pub mod report;
+pub mod run;
 pub mod synth;
 pub mod units;
 pub mod virtual_test;

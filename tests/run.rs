@@ -1,5 +1,6 @@
 //! `quadrille run`: from images to the report, as a user meets it.
 
+use quadrille::run::{CaseRun, Event, Outcome, run_case};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -71,6 +72,29 @@ fn the_parameters_of_the_virtual_test_are_found_within_their_uncertainty() {
         let accepted = history[k - 1]["accepted"] == true && history[k]["accepted"] == true;
         assert!(!accepted || stage(k) != stage(k - 1) || omega(k) <= omega(k - 1) * (1.0 + 1e-11), "{k}");
     }
+}
+
+#[test]
+fn the_library_finds_what_the_program_finds_to_the_byte_and_tells_what_it_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("run");
+    let (mut frames, mut ends) = (0, Vec::new());
+    let mut watcher = |event: Event<'_>| match event {
+        Event::Frame { .. } => frames += 1,
+        Event::Identified { .. } => ends.push("identified"),
+        Event::Reported { page } => ends.push(if page.exists() { "reported" } else { "no page" }),
+        _ => {}
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    let outcome = run_case(&CaseRun::new(made().join("case.toml"), &output), &pool, &mut watcher).unwrap();
+    assert_eq!((outcome, frames, ends), (Outcome::Fine, 19, vec!["identified", "reported"]));
+    // But for the time it took and the folder that it names.
+    let found = |path: &Path| -> String {
+        let lines = text(path.join("fit.json"));
+        let kept = lines.lines().filter(|line| !line.trim_start().starts_with("\"seconds\""));
+        kept.map(|line| line.replace(path.to_str().unwrap(), "RUN") + "\n").collect()
+    };
+    assert_eq!(found(&output), found(&made().join("run")));
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! The command line, as the user types it.
 
 use super::frames::Frames;
-use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
 use crate::field::{
     Brightness, Noise, NoiseCorrelation, RegularisationKind, RemoveRigid, StartFrom, StrainDefinition, UpdateReference,
@@ -9,6 +8,7 @@ use crate::field::{
 use crate::imaging::Interpolation;
 use crate::io::case::Pages;
 use crate::report::{Figure, Format};
+use crate::run::Shard;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
@@ -76,6 +76,16 @@ pub enum Export {
     Vtu,
     /// Nothing beside run.toml, summary.json and fields.zarr.
     None,
+}
+
+impl From<Export> for crate::run::Export {
+    fn from(table: Export) -> Self {
+        match table {
+            Export::Csv => Self::Csv,
+            Export::Vtu => Self::Vtu,
+            Export::None => Self::None,
+        }
+    }
 }
 
 /// Arguments of `quadrille correlate`.

@@ -1,12 +1,12 @@
 //! `quadrille bench`: what correlation costs on the devices of this machine.
 
 use super::args::{BenchArgs, BenchWhat};
-use super::run_folder::RunFolder;
 use super::{Outcome, Result, bench_series, plural, pool, without_doubles};
 use crate::backend::choice::choose;
 use crate::backend::gpu::{GpuAdapter, adapters};
 use crate::bench::{Device, Plan, Record, SizeCost};
 use crate::report::{Axis, Plot, Series, Style};
+use crate::run::RunFolder;
 
 /// Runs the command.
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {

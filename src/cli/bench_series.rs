@@ -1,21 +1,17 @@
 //! `quadrille bench series`: what a whole series costs, from image files to the store.
 
-use super::args::{BenchSeriesArgs, Cli, Command, FileFormat};
-use super::correlate::{Ran, Session, run_series};
-use super::plan::Plan;
-use super::progress::Talk;
-use super::run_folder::RunFolder;
-use super::{Outcome, Result, bench, plural, pool, without_doubles};
+use super::args::{BenchSeriesArgs, FileFormat};
+use super::{Outcome, Result, bench, devices, plural, pool, without_doubles};
 use crate::backend::Backend;
 use crate::bench::Spread;
 use crate::correlate::{Correlator, Tracker};
 use crate::field::Status;
+use crate::io::case::CaseFile;
 use crate::io::images::{read_image, write_image};
 use crate::mesh::{Roi, Zone};
+use crate::run::{Existing, Export, Overlay, Plan, Ran, RunFolder, Session, run_series};
 use crate::synth::{Accuracy, RenderOptions, Series, Texture};
-use clap::Parser;
 use serde::Serialize;
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -152,7 +148,7 @@ impl Bench<'_> {
         // By turns: what slows the machine down for a while slows all of them down.
         let (device, Ran { summary, busy, .. }, seconds) = loop {
             let run = series.len();
-            let plan = self.plan(files, run)?;
+            let plan = self.plan(files)?;
             decode.push(self.decode(files)? / n);
             let (correlate_s, device) = self.correlate(files, &plan)?;
             correlate.push(correlate_s / n);
@@ -206,17 +202,19 @@ impl Bench<'_> {
         self.images().join(format!("results{run}"))
     }
 
-    /// What `quadrille correlate` makes of its command line.
-    fn plan(&self, files: &[PathBuf], run: usize) -> Result<Plan> {
+    /// What `quadrille correlate` does with these files.
+    fn plan(&self, files: &[PathBuf]) -> Result<Plan> {
         let Roi { x0, y0, x1, y1 } = self.roi();
-        let line = ["quadrille", "correlate", "--export", "none", "--device", &self.args.device];
-        let options = ["--element-size", &self.args.element_size.to_string(), "--roi", &format!("{x0},{y0},{x1},{y1}")];
-        let line = line.into_iter().chain(options).map(OsString::from);
-        let line = line.chain(["--output".into(), self.results(run).into()]).chain(files.iter().map(Into::into));
-        match Cli::try_parse_from(line)?.command {
-            Command::Correlate(args) => Plan::new(&args),
-            _ => Err("another command was understood: this is a bug in quadrille".into()),
-        }
+        let asked = Overlay {
+            deformed: files.iter().map(|file| file.display().to_string()).collect(),
+            roi: vec![[x0, y0, x1, y1]],
+            element_size: Some(self.args.element_size as i64),
+            export: Some(vec![Export::None]),
+            device: self.args.device.parse()?,
+            gpu: devices::options(),
+            ..Overlay::default()
+        };
+        Ok(Plan::of(&asked, &CaseFile::default())?)
     }
 
     /// Seconds to correlate all frames on all threads, each in memory when its turn comes; and the device.
@@ -241,7 +239,7 @@ impl Bench<'_> {
     fn run(&self, plan: &Plan, run: usize) -> Result<(Ran, f64)> {
         let begin = Instant::now();
         let folder = RunFolder::writable(&self.results(run))?;
-        let ran = run_series(plan, &folder, pool(Some(self.threads))?, Session::replacing(Talk::Quiet))?;
+        let ran = run_series(plan, &folder, &pool(Some(self.threads))?, Session::new(Existing::Replace), &mut |_| ())?;
         Ok((ran, begin.elapsed().as_secs_f64()))
     }
 }

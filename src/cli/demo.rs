@@ -1,12 +1,12 @@
 //! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
 use super::args::{DemoArgs, RunArgs};
-use super::run_folder::RunFolder;
 use super::{Outcome, Result, pool, run, virtual_test};
 use crate::backend::choice::DeviceChoice;
 use crate::field::{Measurement, Status};
 use crate::io::store::Store;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::run::{RunFolder, correlation_in, read_json};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
 use serde::Serialize;
@@ -76,7 +76,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let test = virtual_test::make(options, &test_folder, &pool(args.threads)?)?;
-    let outcome = run::of_case(&RunArgs {
+    let outcome = run::run(&RunArgs {
         case: test_folder.join("case.toml"),
         output: run_folder.clone(),
         overwrite: true,
@@ -84,8 +84,8 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         threads: args.threads,
         quiet: false,
     })?;
-    let fit = run::read_json(&run_folder.join("fit.json"))?;
-    let store = Store::open(run::correlation_in(&run_folder))?;
+    let fit = read_json(&run_folder.join("fit.json"))?;
+    let store = Store::open(correlation_in(&run_folder))?;
     let mut frames = Vec::new();
     for number in 1..=store.n_frames() {
         if let Some(frame) = store.frame(number)? {
@@ -106,7 +106,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         sigma_rms_px: rms(|c| c.sigma_rms_px),
         frames,
         seconds: begin.elapsed().as_secs_f64(),
-        images: run::read_json(&test_folder.join("truth.json"))?["images"].take(),
+        images: read_json(&test_folder.join("truth.json"))?["images"].take(),
     };
     folder.write_json("demo.json", &demo)?;
     print(&demo, &args.output);

@@ -1,12 +1,12 @@
 //! `quadrille export`.
 
 use super::args::{ExportArgs, Target};
-use super::run_folder::{About, RunFolder, frame_in_words};
 use super::{Outcome, Result, plural, without_doubles};
 use crate::io::arrays::{ArrayFile, ArrayFileError, Shape, Values};
 use crate::io::mat::MatWriter;
 use crate::io::npz::NpzWriter;
 use crate::io::store::{Place, Store, Variable};
+use crate::run::{About, RunFolder, frame_in_words};
 use crate::units::PixelSize;
 use std::io::{self, Seek, Write};
 use std::path::Path;

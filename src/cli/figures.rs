@@ -2,13 +2,12 @@
 
 use super::args::{FiguresArgs, StrainPlace};
 use super::frames::Frames;
-use super::record::Record;
-use super::run_folder::{FIGURES, frame_in_words};
 use super::{Outcome, Result, chain, plural, pool, without_doubles};
 use crate::imaging::Image;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use crate::run::{FIGURES, Record, frame_in_words};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;

@@ -1,78 +1,25 @@
 //! `quadrille identify` and `quadrille sweep`: the parameters of the adhesive from measured displacements.
 
 use super::args::{IdentifyArgs, SweepArgs};
-use super::run_folder::{FIGURES, RunFolder};
-use super::simulate::write_solution;
 use super::{Outcome, Result, plural};
-use crate::identify::{Case, FitStatus, SweepRow, fit, profile, sweep};
-use crate::io::joint::{JointInput, read_joint};
-use crate::report::fit::{FitJson, FitReport, SweepJson, budget_lines, defaults_used, write_sweep};
-use crate::report::joint::JointReport;
+use crate::identify::{Case, FitStatus, SweepRow, sweep};
+use crate::io::joint::read_joint;
+use crate::report::fit::{FitJson, SweepJson, budget_lines, defaults_used, write_sweep};
 use crate::report::{Axis, Plot, Series, Style};
-use rayon::ThreadPool;
+use crate::run::{Event, FIGURES, RunFolder, identify};
 use std::path::Path;
 use std::time::Instant;
-
-const FIT: &str = "fit.json";
 
 /// Runs `quadrille identify`.
 pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
     let input = read_joint(&args.case)?;
-    let pool = super::pool(args.threads)?;
-    let (json, outcome) = identify(&input, &args.case, &args.output, args.overwrite, &pool)?;
-    if !args.quiet {
-        say(&json, &args.output);
-    }
+    let mut watcher = |event: Event<'_>| match event {
+        Event::Identified { fit, folder } if !args.quiet => say(fit, folder),
+        _ => {}
+    };
+    let (_, outcome) =
+        identify(&input, &args.case, &args.output, args.overwrite, &super::pool(args.threads)?, &mut watcher)?;
     Ok(outcome)
-}
-
-/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
-/// converged.
-pub(super) fn identify(
-    input: &JointInput,
-    case: &Path,
-    output: &Path,
-    overwrite: bool,
-    pool: &ThreadPool,
-) -> Result<(FitJson, Outcome)> {
-    let mut joint = Case::joint(input)?;
-    let of_case = Case::new(&joint, input, case)?;
-    let folder = RunFolder::open(output, overwrite)?;
-    folder.clear(false, true)?;
-    folder.make(FIGURES)?;
-    let begin = Instant::now();
-    let found = pool.install(|| fit(&of_case.problem, &of_case.options))?;
-    let seconds = begin.elapsed().as_secs_f64();
-    let profile = match of_case.profile {
-        Some(k) => Some(pool.install(|| profile(&of_case.problem, &of_case.options, &found, k))?),
-        None => None,
-    };
-    let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
-    let mut json = report.json(super::absolute(case), seconds);
-    json.warnings.splice(0..0, joint.doubts.iter().cloned());
-    // First of all: when a figure fails, the result is there.
-    folder.write_json(FIT, &json)?;
-    folder.write("fit-history.csv", |out| report.write_history(out))?;
-    folder.write("traction-bands.csv", |out| report.write_bands(out))?;
-    folder.write("law.csv", |out| report.write_law(out))?;
-    folder.write("budget.csv", |out| report.write_budget(out))?;
-    let save = |name: String, picture: crate::report::Picture| -> Result<()> {
-        let path = folder.path().join(FIGURES);
-        picture.save(path.join(format!("{name}.png")))?;
-        Ok(picture.save(path.join(format!("{name}.svg")))?)
-    };
-    let asked = input.case.output.figures.as_deref();
-    let chosen = JointReport { joint: &joint, solution: found.solution() }.chosen(asked);
-    report.draw(&chosen, save)?;
-    // The joint of the fit, for everything that `simulate` writes.
-    let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
-    joint.law = law;
-    let of_joint = JointReport { joint: &joint, solution: found.solution() };
-    write_solution(&folder, &of_joint)?;
-    folder.write_summary(&of_joint.summary(super::absolute(case), seconds, json.warnings.clone()))?;
-    of_joint.draw(&chosen, save)?;
-    let trusted = found.status == FitStatus::Converged && !json.verdict.conditional;
-    Ok((json, if trusted { Outcome::Fine } else { Outcome::Incomplete }))
 }
 
 /// What a user has to know at once.

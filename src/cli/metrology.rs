@@ -1,7 +1,6 @@
 //! `quadrille metrology`: what can be measured on the user's own images.
 
 use super::args::MetrologyArgs;
-use super::run_folder::RunFolder;
 use super::{Outcome, Result, absolute, plural, pool};
 use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
@@ -9,6 +8,7 @@ use crate::io::series::expand_series;
 use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
 use crate::report::{Axis, Plot, Series, Style};
+use crate::run::RunFolder;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -10,48 +10,25 @@ mod export;
 mod figures;
 mod frames;
 mod identify;
-mod kept;
-mod lock;
 mod metrology;
-mod output;
 mod paper;
-mod plan;
 mod probe;
 mod progress;
-mod quantities;
-mod record;
-mod reference;
-mod restart;
 mod run;
-mod run_folder;
-mod run_toml;
-mod series;
-mod shard;
+mod signals;
 mod simulate;
 mod slurm;
 mod status;
-mod stop;
 mod synth;
 mod virtual_test;
 mod watch;
-mod zones;
 
+use crate::run::Outcome;
+use crate::run::text::{absolute, chain, plural};
 use clap::Parser;
 use clap::error::ErrorKind;
 use std::error::Error;
-use std::path::Path;
 use std::process::ExitCode;
-
-/// What a command came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Outcome {
-    /// Everything asked for is there: exit status 0.
-    Fine,
-    /// It ran, but some frame did not converge: exit status 1.
-    Incomplete,
-    /// It was asked to stop before it was done: exit status 130.
-    Stopped,
-}
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
@@ -93,7 +70,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::Incomplete) => ExitCode::from(1),
-        Ok(Outcome::Stopped) => ExitCode::from(stop::STOPPED),
+        Ok(Outcome::Stopped) => ExitCode::from(signals::STOPPED),
         Err(error) => {
             eprintln!("quadrille: {}", chain(error.as_ref()));
             ExitCode::from(2)
@@ -109,11 +86,6 @@ fn one_line(message: &str) -> String {
     format!("{}; more with --help", said.join(" ").replace(" tip: ", "; "))
 }
 
-/// A count with its noun.
-fn plural(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
-}
-
 /// The list with each item at its first place only.
 fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::with_capacity(list.len());
@@ -123,27 +95,6 @@ fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
         }
     }
     kept
-}
-
-/// A path that holds from any folder.
-fn absolute(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
-}
-
-/// An error and its causes on one line.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        let more = error.to_string();
-        // Many errors already repeat their cause.
-        if !text.contains(&more) {
-            text.push_str(": ");
-            text.push_str(&more);
-        }
-        cause = error.source();
-    }
-    text
 }
 
 /// A pool of `threads` threads, or of one per core.

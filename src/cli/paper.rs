@@ -1,13 +1,7 @@
 //! `quadrille paper`: the numerical experiments of Fedele, Raka, Hild and Roux (2009) done again.
 
-use super::args::{PaperArgs, RunArgs};
-use super::correlate::{Session, run_series};
-use super::plan::Plan;
-use super::progress::Talk;
-use super::run::correlate_args;
-use super::run_folder::{FIGURES, RunFolder};
-use super::{Outcome, Result, plural, pool, virtual_test};
-use crate::backend::choice::DeviceChoice;
+use super::args::PaperArgs;
+use super::{Outcome, Result, devices, plural, pool, virtual_test};
 use crate::field::{RemoveRigid, remove_rigid};
 use crate::identify::SweepRow;
 use crate::io::joint::write_table;
@@ -22,6 +16,7 @@ use crate::paper::{
 };
 use crate::report::joint::{JointMap, JointProfiles, JointReport};
 use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, Series, Style, deformed_mesh};
+use crate::run::{Existing, FIGURES, Overlay, Plan, RunFolder, Session, run_series};
 use crate::virtual_test::{PIXEL_MM, VirtualOptions, VirtualTest};
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -128,7 +123,7 @@ impl Output {
             format!("{what}; mm, MPa, N/mm; y up; instants from 1"),
         ];
         let columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
-        self.folder.write(name, |out| write_table(out, &notes, &columns, rows.into_iter()))
+        Ok(self.folder.write(name, |out| write_table(out, &notes, &columns, rows.into_iter()))?)
     }
 }
 
@@ -372,18 +367,10 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
 fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(usize, f64)> {
     let root = &args.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;
-    let run_args = RunArgs {
-        case: root.join("virtual").join("case.toml"),
-        output: root.clone(),
-        overwrite: true,
-        device: DeviceChoice::Auto,
-        threads: args.threads,
-        quiet: true,
-    };
     let correlation = root.join("correlation");
-    let plan = Plan::of(&correlate_args(&run_args, &correlation)?, &case.correlation)?;
-    let session = Session::replacing(Talk::Quiet);
-    run_series(&plan, &RunFolder::open(&correlation, true)?, pool(args.threads)?, session)?;
+    let plan = Plan::of(&Overlay { gpu: devices::options(), ..Overlay::default() }, &case.correlation)?;
+    let session = Session::new(Existing::Replace);
+    run_series(&plan, &RunFolder::open(&correlation, true)?, &pool(args.threads)?, session, &mut |_| ())?;
     let store = Store::open(&correlation)?;
     let (mut sum, mut n, mut rows) = (0.0, 0usize, Vec::new());
     let mut frames = 0;

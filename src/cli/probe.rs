@@ -1,17 +1,16 @@
 //! `quadrille probe`.
 
 use super::args::ProbeArgs;
-use super::quantities::{FOLDER, Fields, Frame, load, resolve, write};
-use super::record::Record;
 use super::{Outcome, Result, plural};
-use crate::field::{Curve, FrameQuantities, StrainDefinition};
+use crate::field::Curve;
 use crate::io::case::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
 };
 use crate::io::load::name_and_unit;
-use crate::io::quantities::QuantitySummary;
 use crate::io::store::Store;
 use crate::report::{Axis, Plot, Series, Style};
+use crate::run::Record;
+use crate::run::quantities::{FOLDER, write_of_store};
 use std::path::Path;
 
 /// Folder of the pictures of curves.
@@ -94,44 +93,6 @@ fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Draws what is `asked` for from the frames `numbers` of a store into `output/quantities`; each frame is shown to
-/// `look`. For `quadrille probe`, and for `quadrille correlate` when a series is done.
-pub(super) fn write_of_store(
-    store: &Store,
-    asked: &CaseQuantities,
-    strain: Option<StrainDefinition>,
-    numbers: &[usize],
-    output: &Path,
-    look: impl FnMut(usize, &FrameQuantities),
-) -> Result<QuantitySummary> {
-    let header = store.header();
-    let quantities = resolve(asked, strain.unwrap_or(header.strain), store.mesh())?;
-    let load = load(asked, store.n_frames())?;
-    let mut lines = vec![
-        format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),
-        format!("fields by quadrille {}, {}", header.quadrille, header.device),
-        format!("reference: {}", header.reference.join(", ")),
-    ];
-    if let Some(load) = &asked.load {
-        lines.push(format!("load file: {}", load.file));
-    }
-    let fields = Fields {
-        header: &lines,
-        pixel_size: header.pixel_size,
-        element_size_px: header.element_size_px,
-        regularised: Record::of(header).is_regularised(),
-    };
-    let frames = numbers.iter().map(|&number| -> Result<Frame> {
-        let status = store.status(number)?;
-        let field = match status.is_some_and(|status| status.has_field()) {
-            true => store.frame(number)?.map(|frame| frame.measurement),
-            false => None,
-        };
-        Ok((number, status, field))
-    });
-    write(output, &quantities, &load, fields, frames, look)
 }
 
 /// What flags and case file ask for together. Without a case file, and when no flag asks for anything, what the case

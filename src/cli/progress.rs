@@ -3,10 +3,10 @@
 use super::plural;
 use crate::field::Status;
 use crate::report::summary::FrameSummary;
+use crate::run::{Busy, Event};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::json;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// How much is said.
@@ -17,69 +17,6 @@ pub(super) enum Talk {
     Verbose,
     /// One JSON object a line.
     Json,
-}
-
-/// Time that one thread has spent with something, for others to see.
-#[derive(Debug, Default)]
-pub(super) struct Spent(AtomicU64);
-
-impl Spent {
-    pub fn add(&self, time: Duration) {
-        self.0.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
-    }
-
-    pub fn time(&self) -> Duration {
-        Duration::from_nanos(self.0.load(Ordering::Relaxed))
-    }
-}
-
-/// How much the stages of a run have had to do, in seconds of their threads.
-#[derive(Debug, Clone)]
-pub(super) struct Busy {
-    decode: f64,
-    correlate: f64,
-    write: f64,
-    /// Without anything to do.
-    camera: f64,
-    /// Frames that are decoded, and that are correlated, at a time.
-    widths: [f64; 2],
-}
-
-impl Busy {
-    pub fn new(n_decoders: usize, in_flight: usize) -> Self {
-        Self { decode: 0.0, correlate: 0.0, write: 0.0, camera: 0.0, widths: [n_decoders as f64, in_flight as f64] }
-    }
-
-    /// Adds a frame; `writing` and `waiting` for a camera are those of all frames so far.
-    pub fn add(&mut self, frame: &FrameSummary, writing: Duration, waiting: Duration) {
-        self.decode += frame.seconds_decode;
-        self.correlate += frame.seconds;
-        self.write = writing.as_secs_f64();
-        self.camera = waiting.as_secs_f64();
-    }
-
-    /// The seconds of each stage, for each of the frames that it does at a time.
-    fn stages(&self) -> [(&'static str, f64); 4] {
-        let [decoders, in_flight] = self.widths;
-        [
-            ("correlate", self.correlate / in_flight),
-            ("decode", self.decode / decoders),
-            ("write", self.write),
-            ("camera", self.camera),
-        ]
-    }
-
-    /// How busy each stage was in a run of `seconds`, percent; of one without a camera.
-    pub fn percent_of(&self, seconds: f64) -> [(&'static str, f64); 3] {
-        let [correlate, decode, write, _] = self.stages();
-        [correlate, decode, write].map(|(name, busy)| (name, 100.0 * busy / seconds))
-    }
-
-    /// The stage that the others wait for: the one that has had most to do for its width.
-    pub fn limiting(&self) -> &'static str {
-        let stages = self.stages();
-        stages.into_iter().fold(stages[0], |most, stage| if stage.1 > most.1 { stage } else { most }).0
-    }
 }
 
 /// Progress of a series: a bar on a terminal, else a plain line now and then.
@@ -103,13 +40,30 @@ const EVERY: Duration = Duration::from_secs(5);
 const EVERY_JSON: Duration = Duration::from_secs(1);
 
 impl Progress {
-    /// Of `total` frames (none: as many as come), `before` of which are done.
-    pub fn new(talk: Talk, total: Option<usize>, before: usize) -> Self {
+    /// One that has nothing to show yet.
+    pub fn new(talk: Talk) -> Self {
+        let (bar, now) = (ProgressBar::hidden(), Instant::now());
         let terminal = std::io::stderr().is_terminal();
+        Self { talk, bar, terminal, total: None, before: 0, done: 0, failed: 0, begin: now, last_line: now }
+    }
+
+    /// Shows what has happened.
+    pub fn take(&mut self, event: Event<'_>) {
+        match event {
+            Event::Begun { total, before } => self.begin(total, before),
+            Event::Note(line) => self.say(line),
+            Event::Frame { summary, busy } => self.frame(summary, busy),
+            Event::Finished { frames, seconds } => self.finish(frames, seconds),
+            Event::Simulated { .. } | Event::Identified { .. } | Event::Reported { .. } => {}
+        }
+    }
+
+    /// Of `total` frames (none: as many as come), `before` of which are done.
+    fn begin(&mut self, total: Option<usize>, before: usize) {
         let bar = total.map_or_else(ProgressBar::no_length, |total| ProgressBar::new(total as u64));
         let bar = bar.with_position(before as u64);
         bar.reset_eta(); // the frames of before were not done now
-        if matches!(talk, Talk::Quiet | Talk::Json) || !terminal {
+        if matches!(self.talk, Talk::Quiet | Talk::Json) || !self.terminal {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         let template = match total {
@@ -123,11 +77,11 @@ impl Progress {
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style.with_key("rate", rate));
         let now = Instant::now();
-        Self { talk, bar, terminal, total, before, done: 0, failed: 0, begin: now, last_line: now }
+        *self = Self { bar, total, before, begin: now, last_line: now, ..*self };
     }
 
     /// A line about the run as a whole.
-    pub fn say(&self, line: &str) {
+    fn say(&self, line: &str) {
         if self.talk != Talk::Quiet {
             self.print(line);
         }
@@ -144,7 +98,7 @@ impl Progress {
     }
 
     /// One more frame is done.
-    pub fn frame(&mut self, frame: &FrameSummary, busy: &Busy) {
+    fn frame(&mut self, frame: &FrameSummary, busy: &Busy) {
         let fine = frame.status == Status::Converged;
         self.done += 1;
         self.failed += usize::from(!fine);
@@ -183,7 +137,7 @@ impl Progress {
     }
 
     /// The closing table of all frames; this run took `seconds`.
-    pub fn finish(&self, frames: &[FrameSummary], seconds: f64) {
+    fn finish(&self, frames: &[FrameSummary], seconds: f64) {
         self.bar.finish_and_clear();
         if matches!(self.talk, Talk::Quiet | Talk::Json) {
             return;

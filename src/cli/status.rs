@@ -1,11 +1,11 @@
 //! `quadrille status`: how far a run is.
 
 use super::args::StatusArgs;
-use super::lock::{Holder, holders};
-use super::run_folder::{RunFolder, locks_in};
-use super::{Outcome, Result, plural, restart};
+use super::{Outcome, Result, plural};
 use crate::field::Status;
 use crate::io::store::Store;
+use crate::run::text::{in_words, runs};
+use crate::run::{Holder, RunFolder, all_frames, holders, locks_in};
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,50 +144,10 @@ fn complete_summary(folder: &Path, n_frames: usize) -> Result<()> {
         return Ok(());
     }
     let mut summary: serde_json::Value = serde_json::from_slice(&text)?;
-    let frames: Option<Vec<_>> = restart::all_frames(folder, n_frames).into_iter().collect();
+    let frames: Option<Vec<_>> = all_frames(folder, n_frames).into_iter().collect();
     let Some(frames) = frames else { return Ok(()) };
     let frames: Vec<_> = frames.into_iter().map(|(frame, _)| frame).collect();
     summary["counts"] = serde_json::to_value(crate::report::summary::counts(&frames))?;
     summary["frames"] = serde_json::to_value(&frames)?;
-    RunFolder::writable(folder)?.write_summary(&summary)
-}
-
-/// Rising numbers as ranges with both ends.
-fn runs(numbers: &[usize]) -> Vec<[usize; 2]> {
-    let mut found: Vec<[usize; 2]> = Vec::new();
-    for &number in numbers {
-        match found.last_mut() {
-            Some([_, last]) if *last + 1 == number => *last = number,
-            _ => found.push([number, number]),
-        }
-    }
-    found
-}
-
-fn in_words(ranges: &[[usize; 2]]) -> String {
-    const SHOWN: usize = 20;
-    let words = |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first}-{last}") };
-    let mut text: Vec<String> = ranges.iter().take(SHOWN).map(words).collect();
-    if ranges.len() > SHOWN {
-        text.push(format!("and {} more ranges", ranges.len() - SHOWN));
-    }
-    text.join(", ")
-}
-
-/// Rising numbers in words: `1-3, 7`.
-pub(super) fn ranges(numbers: &[usize]) -> String {
-    in_words(&runs(numbers))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_told_in_ranges() {
-        assert_eq!(ranges(&[]), "");
-        assert_eq!(ranges(&[1, 2, 3, 7, 9, 10]), "1-3, 7, 9-10");
-        let many: Vec<usize> = (0..50).map(|k| 2 * k + 1).collect();
-        assert!(ranges(&many).ends_with("39, and 30 more ranges"), "{}", ranges(&many));
-    }
+    Ok(RunFolder::writable(folder)?.write_summary(&summary)?)
 }

@@ -1,12 +1,14 @@
 //! Quantities of a series: from what is asked for to the tables in `DIR/quantities`.
 
-use super::{Result, chain};
+use super::error::{Result, RunError};
+use super::record::Record;
 use crate::field::{
     Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
 };
 use crate::io::case::CaseQuantities;
 use crate::io::load::{LoadTable, read_load};
 use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
+use crate::io::store::Store;
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use std::fs::{self, File};
@@ -14,14 +16,14 @@ use std::io::BufWriter;
 use std::path::Path;
 
 /// Name of the folder of the tables.
-pub(super) const FOLDER: &str = "quantities";
+pub(crate) const FOLDER: &str = "quantities";
 
 /// What is asked for, on a mesh.
 ///
 /// # Errors
 /// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
-pub(super) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
+pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
@@ -69,7 +71,7 @@ pub(super) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
 }
 
 /// The load file that is asked for; nothing without one.
-pub(super) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
+pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
     Ok(match &asked.load {
         Some(load) => read_load(Path::new(&load.file), n_frames)?,
         None => LoadTable::default(),
@@ -78,7 +80,7 @@ pub(super) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable>
 
 /// What the fields of a run are like.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fields<'a> {
+pub(crate) struct Fields<'a> {
     /// Lines for the head of every table: program, images, options.
     pub header: &'a [String],
     pub pixel_size: Option<PixelSize>,
@@ -88,13 +90,13 @@ pub(super) struct Fields<'a> {
 }
 
 /// A frame on its way to the tables: number, status and field, when they exist.
-pub(super) type Frame = (usize, Option<Status>, Option<Measurement<Px>>);
+pub(crate) type Frame = (usize, Option<Status>, Option<Measurement<Px>>);
 
 /// Writes the tables of `quantities` into `folder/quantities`, and removes the tables of an earlier call that are not
 /// asked for any more. Each frame is shown to `look` with what was drawn from it.
 ///
 /// Under another name and renamed in the end, so that a table is there whole or not at all.
-pub(super) fn write(
+pub(crate) fn write(
     folder: &Path,
     quantities: &Quantities,
     load: &LoadTable,
@@ -103,7 +105,7 @@ pub(super) fn write(
     mut look: impl FnMut(usize, &FrameQuantities),
 ) -> Result<QuantitySummary> {
     let folder = folder.join(FOLDER);
-    let failed = |error: std::io::Error| format!("{}: cannot be written: {}", folder.display(), chain(&error));
+    let failed = |error: std::io::Error| RunError::file(&folder, "written", error);
     fs::create_dir_all(&folder).map_err(failed)?;
     let unfinished = |name: &str| folder.join(format!("{name}.csv.part"));
     let write = || -> Result<QuantitySummary> {
@@ -136,12 +138,50 @@ pub(super) fn write(
 }
 
 /// Removes the tables of an earlier call from `folder/quantities`, and nothing else.
-pub(super) fn remove(folder: &Path) -> Result<()> {
+pub(crate) fn remove(folder: &Path) -> Result<()> {
     let folder = folder.join(FOLDER);
     for path in QUANTITY_TABLES.map(|name| folder.join(format!("{name}.csv"))).into_iter().filter(|path| path.exists())
     {
-        fs::remove_file(&path).map_err(|error| format!("{}: cannot be removed: {}", path.display(), chain(&error)))?;
+        fs::remove_file(&path).map_err(|error| RunError::file(&path, "removed", error))?;
     }
     let _ = fs::remove_dir(folder); // stays when it holds something else
     Ok(())
+}
+
+/// Draws what is `asked` for from the frames `numbers` of a store into `output/quantities`; each frame is shown to
+/// `look`. For `quadrille probe`, and for `quadrille correlate` when a series is done.
+pub(crate) fn write_of_store(
+    store: &Store,
+    asked: &CaseQuantities,
+    strain: Option<StrainDefinition>,
+    numbers: &[usize],
+    output: &Path,
+    look: impl FnMut(usize, &FrameQuantities),
+) -> Result<QuantitySummary> {
+    let header = store.header();
+    let quantities = resolve(asked, strain.unwrap_or(header.strain), store.mesh())?;
+    let load = load(asked, store.n_frames())?;
+    let mut lines = vec![
+        format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),
+        format!("fields by quadrille {}, {}", header.quadrille, header.device),
+        format!("reference: {}", header.reference.join(", ")),
+    ];
+    if let Some(load) = &asked.load {
+        lines.push(format!("load file: {}", load.file));
+    }
+    let fields = Fields {
+        header: &lines,
+        pixel_size: header.pixel_size,
+        element_size_px: header.element_size_px,
+        regularised: Record::of(header).is_regularised(),
+    };
+    let frames = numbers.iter().map(|&number| -> Result<Frame> {
+        let status = store.status(number)?;
+        let field = match status.is_some_and(|status| status.has_field()) {
+            true => store.frame(number)?.map(|frame| frame.measurement),
+            false => None,
+        };
+        Ok((number, status, field))
+    });
+    write(output, &quantities, &load, fields, frames, look)
 }

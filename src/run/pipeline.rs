@@ -1,25 +1,23 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
+use super::engine::{Engine, Failure, Uploaded};
+use super::error::{Result, RunError};
 use super::kept::Kept;
 use super::stop::Stop;
-use super::{Result, chain};
-use crate::backend::choice::Device;
-use crate::backend::{AnyBackend, AnyFrame, Backend, BackendError};
-use crate::correlate::{
-    Correlation, CorrelationError, Correlator, History, Options, ReferenceChain, Start, StartUsed, UpdateRefused,
-};
+use super::text::chain;
+use crate::backend::{AnyBackend, Backend};
+use crate::correlate::{Correlation, Correlator, History, ReferenceChain, Start, StartUsed, UpdateRefused};
 use crate::field::{StartFrom, Status, UpdateReference};
 use crate::imaging::{Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
-use crate::mesh::Zone;
 use crate::report::summary::FrameSummary;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Decoded images that wait for their turn, per decoding thread.
@@ -29,164 +27,6 @@ const UPLOADED: usize = 1;
 /// Decoding threads at most: PNG takes 17 ns per pixel, as much as the CPU's whole correlation and a hundred times
 /// that of a GPU.
 const DECODERS: usize = 8;
-/// Fresh devices that a run may open before it stays with the CPU.
-const FRESH_DEVICES: usize = 3;
-
-/// The correlator of a run, made anew on another device when its own fails.
-pub(super) struct Engine {
-    reference: Arc<Image>,
-    zones: Vec<Zone>,
-    options: Options,
-    device: Device,
-    name: String,
-    current: RwLock<Current>,
-    notes: Mutex<Vec<String>>,
-    /// Whether it has been said that the noise is not white.
-    colour_said: AtomicBool,
-}
-
-/// The correlator in use.
-struct Current {
-    /// How many there have been before it.
-    generation: usize,
-    correlator: Arc<Correlator<AnyBackend>>,
-}
-
-/// An image on the device of one generation.
-type Uploaded = (usize, AnyFrame);
-
-/// Why a frame cannot be correlated.
-#[derive(Debug, thiserror::Error)]
-enum Failure {
-    #[error(transparent)]
-    Correlation(#[from] CorrelationError),
-    /// An image of before that is needed once more.
-    #[error("{0}")]
-    Image(String),
-}
-
-impl Engine {
-    /// Prepares the reference on `device`; on the CPU when that is a graphics device chosen by itself which fails.
-    pub fn new(
-        device: Device,
-        reference: Arc<Image>,
-        zones: Vec<Zone>,
-        options: Options,
-    ) -> std::result::Result<Self, CorrelationError> {
-        let mut notes: Vec<String> = device.remark().into_iter().collect();
-        let prepare = |device: &Device| Correlator::new(device.open()?, reference.clone(), &zones, options.clone());
-        let (device, correlator) = match prepare(&device) {
-            Err(CorrelationError::Backend(error)) if device.is_auto_gpu() => {
-                notes.push(format!("warning: {error}; the CPU does the work"));
-                let cpu = device.on_cpu();
-                let correlator = prepare(&cpu)?;
-                (cpu, correlator)
-            }
-            prepared => (device, prepared?),
-        };
-        let current = Current { generation: 0, correlator: Arc::new(correlator) };
-        Ok(Self {
-            name: current.correlator.backend().device(),
-            reference,
-            zones,
-            options,
-            device,
-            current: RwLock::new(current),
-            notes: Mutex::new(notes),
-            colour_said: AtomicBool::new(false),
-        })
-    }
-
-    /// The correlator in use.
-    pub fn correlator(&self) -> Arc<Correlator<AnyBackend>> {
-        self.current().1
-    }
-
-    fn current(&self) -> (usize, Arc<Correlator<AnyBackend>>) {
-        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
-        (current.generation, current.correlator.clone())
-    }
-
-    /// What has been worth saying since the last call.
-    pub fn take_notes(&self) -> Vec<String> {
-        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// Adds something worth saying.
-    pub fn note(&self, note: String) {
-        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
-    }
-
-    /// Says once in a run that standard uncertainties are multiplied because the noise is not white.
-    fn note_colour(&self, number: usize, result: &Correlation) {
-        let applied = result.noise_colour.filter(|colour| colour.to_apply().is_some());
-        if let Some(colour) = applied
-            && !self.colour_said.swap(true, Ordering::SeqCst)
-        {
-            self.note(format!("warning: frame {number}: {colour} (every frame has its own: noise_correlation_factor)"));
-        }
-    }
-
-    /// Brings an image to the device ahead of its turn; a fault shows when it comes.
-    fn upload(&self, image: Arc<Image>) -> Option<Uploaded> {
-        let (generation, correlator) = self.current();
-        Some((generation, correlator.frame(image).ok()?))
-    }
-
-    /// Correlates frame `number` by `work`, which is given the correlator of a generation. When a graphics device fails, once
-    /// more on a fresh one, then on the CPU.
-    fn correlate(
-        &self,
-        number: usize,
-        image: &Arc<Image>,
-        mut uploaded: Option<Uploaded>,
-        mut work: impl FnMut(usize, &Arc<Correlator<AnyBackend>>, AnyFrame) -> std::result::Result<Correlation, Failure>,
-    ) -> std::result::Result<(Correlation, Arc<Correlator<AnyBackend>>), Failure> {
-        let mut tried_again = false;
-        loop {
-            let (generation, correlator) = self.current();
-            let frame = match uploaded.take() {
-                Some((of, frame)) if of == generation => Ok(frame),
-                _ => correlator.frame(image.clone()),
-            };
-            match frame.map_err(Failure::from).and_then(|frame| work(generation, &correlator, frame)) {
-                Err(Failure::Correlation(CorrelationError::Backend(error))) if !correlator.backend().is_cpu() => {
-                    self.replace(generation, number, &error, tried_again)?;
-                    tried_again = true;
-                }
-                result => return result.map(|result| (result, correlator)),
-            }
-        }
-    }
-
-    /// Replaces the correlator of `generation`, unless another frame has done so.
-    fn replace(
-        &self,
-        generation: usize,
-        number: usize,
-        error: &BackendError,
-        tried_again: bool,
-    ) -> std::result::Result<(), CorrelationError> {
-        let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
-        if current.generation != generation {
-            return Ok(());
-        }
-        let prepare = |device: &Device| {
-            Correlator::new(device.open()?, self.reference.clone(), &self.zones, self.options.clone())
-        };
-        if !tried_again && generation < FRESH_DEVICES {
-            self.note(format!("warning: frame {number}: {error}; trying once more on a fresh device"));
-            if let Ok(correlator) = prepare(&self.device) {
-                *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
-                return Ok(());
-            }
-        }
-        self.note(format!("warning: frame {number}: {error}; going on with the CPU"));
-        let correlator = prepare(&self.device.on_cpu())?;
-        *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
-        Ok(())
-    }
-}
 
 /// How the deformed images of a run are read and correlated.
 #[derive(Clone, Copy)]
@@ -320,7 +160,7 @@ pub(super) fn run(
             }
         }
         over.store(true, Ordering::SeqCst);
-        let handed = handing.join().map_err(|_| "what gives the frames stopped: this is a bug in quadrille")?;
+        let handed = handing.join().map_err(|_| RunError::Bug("what gives the frames stopped"))?;
         taken.and(handed)
     })
 }
@@ -563,7 +403,7 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.backend().device();
-            summary.device = (device != engine.name).then_some(device);
+            summary.device = (device != engine.first_device()).then_some(device);
             let summary = summary.with_saturation(saturation);
             Ok(Done { sha256, summary, result: Some(result), news, kept: None })
         }
@@ -571,7 +411,8 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
             let message = format!("{file}: {}", chain(&error));
             Ok(Done::unreadable(sha256, number, file, message, seconds_decode))
         }
-        Err(error) => Err(error.into()),
+        Err(Failure::Correlation(error)) => Err(error.into()),
+        Err(Failure::Image(error)) => Err(error.into()),
     }
 }
 

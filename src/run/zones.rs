@@ -1,6 +1,7 @@
 //! The zones of a plan on the reference image: masks and mesh files are read here.
 
-use super::{Result, absolute};
+use super::error::Result;
+use super::text::absolute;
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;

@@ -1,6 +1,6 @@
 //! The folder of a run: what it holds, and how it is replaced.
 
-use super::{Result, chain};
+use super::error::{Result, RunError};
 use crate::field::{Measurement, Noise, StrainField};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
@@ -14,7 +14,7 @@ const CASE: &str = "run.toml";
 /// Results of an identification, and of a sweep.
 const FITS: [&str; 2] = ["fit.json", "sweep.json"];
 /// Folder of the pictures in that of a run.
-pub(super) const FIGURES: &str = "figures";
+pub(crate) const FIGURES: &str = "figures";
 /// Folder of what a later start of the same run needs: locks, and a record of every frame.
 const RESTART: &str = "restart";
 /// Beginning of the name of a file that shows whether the folder can be written.
@@ -24,15 +24,15 @@ const INTERFACE_SERIES: &str = "interface.pvd";
 
 /// The output folder of a run.
 #[derive(Debug, Clone)]
-pub(super) struct RunFolder(PathBuf);
+pub struct RunFolder(PathBuf);
 
 impl RunFolder {
     /// What the frames of a run came to.
-    pub const SUMMARY: &str = "summary.json";
+    pub(crate) const SUMMARY: &str = "summary.json";
     /// Folder of the records of the frames.
-    pub const FRAMES: &str = "restart/frames";
+    pub(crate) const FRAMES: &str = "restart/frames";
     /// Folder of the states of a run whose reference is renewed.
-    pub const CHAIN: &str = "restart/chain";
+    pub(crate) const CHAIN: &str = "restart/chain";
 
     /// Makes the folder and checks that it can be written and holds no other run, unless `overwrite`.
     /// Nothing is removed yet.
@@ -46,9 +46,7 @@ impl RunFolder {
 
     /// Makes the folder and checks that it can be written.
     pub fn writable(path: &Path) -> Result<Self> {
-        let cannot = |error: std::io::Error| {
-            format!("{}: cannot be written ({error}); choose another --output folder", path.display())
-        };
+        let cannot = |source: std::io::Error| RunError::Folder { folder: path.to_owned(), source };
         fs::create_dir_all(path).map_err(cannot)?;
         // Of this process alone: others may try at the same time.
         let trial = path.join(format!("{TRIAL}{}", std::process::id()));
@@ -58,35 +56,28 @@ impl RunFolder {
     }
 
     /// Whether results of a run are in it.
-    pub fn holds_run(&self) -> bool {
+    pub(crate) fn holds_run(&self) -> bool {
         [CASE, Self::SUMMARY, STORE].iter().chain(&FITS).any(|name| self.0.join(name).exists())
     }
 
     /// Why a run that is there is not replaced; and why it cannot be gone on with, when that was tried.
-    pub fn holds_another(&self, why: Option<String>) -> Box<dyn std::error::Error + Send + Sync> {
-        let (path, why) = (self.0.display(), why.map_or(String::new(), |why| format!(" ({why})")));
-        format!(
-            "{path}: holds the results of another run{why}; choose another --output folder, or replace them with \
-             --overwrite"
-        )
-        .into()
+    pub(crate) fn holds_another(&self, why: Option<String>) -> RunError {
+        RunError::HoldsAnother { folder: self.0.clone(), why }
     }
 
     /// Where its locks lie.
-    pub fn locks(&self) -> PathBuf {
+    pub(crate) fn locks(&self) -> PathBuf {
         locks_in(&self.0)
     }
 
     /// The folder `path`, made when it is not there, for files that are made again from a store.
-    pub fn for_export(path: &Path) -> Result<Self> {
-        fs::create_dir_all(path).map_err(|error| {
-            format!("{}: cannot be written ({error}); choose another --output folder", path.display())
-        })?;
+    pub(crate) fn for_export(path: &Path) -> Result<Self> {
+        fs::create_dir_all(path).map_err(|source| RunError::Folder { folder: path.to_owned(), source })?;
         Ok(Self(path.to_owned()))
     }
 
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
-    pub fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
+    pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
         for name in [SERIES, INTERFACE_SERIES, Self::SUMMARY].into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
@@ -118,7 +109,7 @@ impl RunFolder {
     }
 
     /// Removes what a process that was killed has left half made, when no other can be at it.
-    pub fn tidy(&self) {
+    pub(crate) fn tidy(&self) {
         for entry in fs::read_dir(&self.0).into_iter().flatten().flatten() {
             let name = entry.file_name();
             let name = name.to_string_lossy();
@@ -131,7 +122,7 @@ impl RunFolder {
     }
 
     /// Makes the folders of the files of frames.
-    pub fn make_folders(&self, csv: bool, vtu: bool) -> Result<()> {
+    pub(crate) fn make_folders(&self, csv: bool, vtu: bool) -> Result<()> {
         for (kind, wanted) in [("csv", csv), ("vtu", vtu), (Self::FRAMES, true)] {
             if wanted {
                 self.make(kind)?;
@@ -141,22 +132,22 @@ impl RunFolder {
     }
 
     /// Makes the folder `name` in this one.
-    pub fn make(&self, name: &str) -> Result<()> {
-        fs::create_dir_all(self.0.join(name)).map_err(|e| failed(&self.0.join(name), &e))
+    pub(crate) fn make(&self, name: &str) -> Result<()> {
+        fs::create_dir_all(self.0.join(name)).map_err(|e| failed(&self.0.join(name), e))
     }
 
     /// Whether it has a `summary.json`.
-    pub fn has_summary(&self) -> bool {
+    pub(crate) fn has_summary(&self) -> bool {
         self.0.join(Self::SUMMARY).exists()
     }
 
     /// Whether it has a `run.toml`.
-    pub fn has_case(&self) -> bool {
+    pub(crate) fn has_case(&self) -> bool {
         self.0.join(CASE).exists()
     }
 
     /// The store of the run, made when it is not there.
-    pub fn store(&self, header: &StoreHeader) -> Result<StoreWriter> {
+    pub(crate) fn store(&self, header: &StoreHeader) -> Result<StoreWriter> {
         Ok(StoreWriter::create_or_open(&self.0.join(STORE), header)?)
     }
 
@@ -165,22 +156,22 @@ impl RunFolder {
         &self.0
     }
 
-    pub fn write_case(&self, text: &str) -> Result<()> {
+    pub(crate) fn write_case(&self, text: &str) -> Result<()> {
         self.write(CASE, |out| out.write_all(text.as_bytes()))
     }
 
-    pub fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<()> {
+    pub(crate) fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<()> {
         self.write(name, |out| {
             serde_json::to_writer_pretty(&mut *out, value)?;
             out.write_all(b"\n")
         })
     }
 
-    pub fn write_summary(&self, summary: &impl serde::Serialize) -> Result<()> {
+    pub(crate) fn write_summary(&self, summary: &impl serde::Serialize) -> Result<()> {
         self.write_json(Self::SUMMARY, summary)
     }
 
-    pub fn write_csv(
+    pub(crate) fn write_csv(
         &self,
         number: usize,
         about: &About,
@@ -194,7 +185,7 @@ impl RunFolder {
         })
     }
 
-    pub fn write_vtu(
+    pub(crate) fn write_vtu(
         &self,
         number: usize,
         about: &About,
@@ -208,12 +199,12 @@ impl RunFolder {
         })
     }
 
-    pub fn write_series(&self, numbers: &[usize]) -> Result<()> {
+    pub(crate) fn write_series(&self, numbers: &[usize]) -> Result<()> {
         self.write_list(SERIES, "", numbers)
     }
 
     /// The list of the grids of a joint's interface.
-    pub fn write_interface_series(&self, numbers: &[usize]) -> Result<()> {
+    pub(crate) fn write_interface_series(&self, numbers: &[usize]) -> Result<()> {
         self.write_list(INTERFACE_SERIES, "-interface", numbers)
     }
 
@@ -223,7 +214,11 @@ impl RunFolder {
     }
 
     /// Writes under another name and renames, so that a file is there whole or not at all.
-    pub fn write(&self, name: &str, content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
+    pub(crate) fn write(
+        &self,
+        name: &str,
+        content: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+    ) -> Result<()> {
         let path = self.0.join(name);
         let unfinished = self.0.join(format!("{name}.part"));
         let write = || -> std::io::Result<()> {
@@ -234,14 +229,14 @@ impl RunFolder {
         };
         write().map_err(|error| {
             let _ = fs::remove_file(&unfinished); // what is left of it helps nobody
-            failed(&path, &error)
+            failed(&path, error)
         })
     }
 }
 
 /// What the files of every frame say about their run; the same from a run and from its store.
 #[derive(Debug, Clone)]
-pub(super) struct About {
+pub(crate) struct About {
     header: StoreHeader,
     case: CaseFile,
 }
@@ -292,13 +287,13 @@ impl About {
 }
 
 /// Where the locks of the run in `folder` lie.
-pub(super) fn locks_in(folder: &Path) -> PathBuf {
+pub(crate) fn locks_in(folder: &Path) -> PathBuf {
     folder.join(RESTART)
 }
 
 /// The file of a frame in words; with what it was measured from where that is not the reference given: its residual is
 /// against that frame.
-pub(super) fn frame_in_words(file: &str, reference_frame: usize) -> String {
+pub(crate) fn frame_in_words(file: &str, reference_frame: usize) -> String {
     match reference_frame {
         0 => file.to_owned(),
         frame => format!("{file} (measured from frame {frame}; displacement from the reference)"),
@@ -317,11 +312,11 @@ pub(super) fn vtu_name(number: usize) -> String {
 
 fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(failed(path, &error)),
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(failed(path, error)),
         _ => Ok(()),
     }
 }
 
-fn failed(path: &Path, error: &std::io::Error) -> Box<dyn std::error::Error + Send + Sync> {
-    format!("{}: cannot be written: {}", path.display(), chain(error)).into()
+fn failed(path: &Path, error: std::io::Error) -> RunError {
+    RunError::file(path, "written", error)
 }

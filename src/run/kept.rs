@@ -4,7 +4,8 @@
 //! the frames that are done one after the other the last has its state, whenever the run is stopped. Now and then one
 //! stays ([`Kept::STAYS`]): where the last is lost, frames are done again from there.
 
-use super::run_folder::RunFolder;
+use super::folder::RunFolder;
+use super::text::chain;
 use crate::backend::GreyTransfer;
 use crate::correlate::{ChainState, Keyframe};
 use crate::field::UpdateReference;
@@ -22,7 +23,7 @@ use std::sync::Arc;
 
 /// The state of a chain after a frame. That before the first frame is the default.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Kept {
+pub struct Kept {
     /// The frame.
     pub number: usize,
     pub state: Arc<ChainState>,
@@ -46,8 +47,7 @@ impl Kept {
     pub fn image(&self, number: usize, frame: Option<&Frame>) -> std::result::Result<Arc<Image>, String> {
         let frame = frame.ok_or_else(|| format!("frame {number} is not known: this is a bug in quadrille"))?;
         let about = format!("frame {number} ({frame}) is the reference of frames to come");
-        let loaded =
-            frame.read().map_err(|error| format!("{about} and is needed to go on: {}", super::chain(&error)))?;
+        let loaded = frame.read().map_err(|error| format!("{about} and is needed to go on: {}", chain(&error)))?;
         match self.images.get(&number) {
             Some(sha256) if *sha256 == loaded.sha256 => Ok(Arc::new(loaded.image)),
             _ => Err(format!("{about}, and its image has changed: bring it back, or begin anew with --overwrite")),

@@ -1,7 +1,8 @@
 //! Who works on the folder of a run: locks that the operating system takes back when their process ends, however it ends.
 
+use super::error::{Result, RunError};
 use super::shard::Shard;
-use super::{Result, absolute, chain};
+use super::text::absolute;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -17,7 +18,7 @@ const PATIENCE: Duration = Duration::from_millis(300);
 
 /// A process that works on a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Holder {
+pub(crate) struct Holder {
     /// Name of the machine.
     pub host: String,
     /// Number of the process there.
@@ -79,7 +80,7 @@ impl Lock {
     /// # Errors
     /// Another process that works on it, with its machine and number.
     pub fn take(folder: &Path, shard: Option<Shard>, watches: Option<&Path>) -> Result<Self> {
-        fs::create_dir_all(folder).map_err(|error| cannot(folder, &error))?;
+        fs::create_dir_all(folder).map_err(|error| cannot(folder, error))?;
         let run = folder.join(RUN);
         let mut held = Vec::new();
         let mut take = |path: &Path, alone: bool| -> Result<bool> {
@@ -87,15 +88,15 @@ impl Lock {
             match patiently(|| if alone { file.try_lock() } else { file.try_lock_shared() }) {
                 Ok(()) => {
                     if alone {
-                        let text = serde_json::to_string(&Holder::this(shard, watches))?;
-                        let written = file.set_len(0).and_then(|()| writeln!(file, "{text}"));
-                        written.map_err(|error| cannot(path, &error))?;
+                        let text = serde_json::to_string(&Holder::this(shard, watches)).map_err(std::io::Error::other);
+                        let written = text.and_then(|text| file.set_len(0).and_then(|()| writeln!(file, "{text}")));
+                        written.map_err(|error| cannot(path, error))?;
                     }
                     held.push(file);
                     Ok(true)
                 }
                 Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => Ok(false),
-                Err(TryLockError::Error(error)) => Err(cannot(path, &error)),
+                Err(TryLockError::Error(error)) => Err(cannot(path, error)),
                 Err(TryLockError::WouldBlock) => Err(busy(folder)),
             }
         };
@@ -122,14 +123,14 @@ impl Lock {
         let path = self.folder.join(COMMON);
         let file = open(&path)?;
         match file.lock() {
-            Err(error) if error.kind() != std::io::ErrorKind::Unsupported => Err(cannot(&path, &error)),
+            Err(error) if error.kind() != std::io::ErrorKind::Unsupported => Err(cannot(&path, error)),
             _ => Ok(file),
         }
     }
 }
 
 /// The processes that work on the run whose locks lie in `folder`.
-pub(super) fn holders(folder: &Path) -> Vec<Holder> {
+pub(crate) fn holders(folder: &Path) -> Vec<Holder> {
     let unknown = || Holder { host: "an unknown machine".into(), pid: 0, since: now(), shard: None, watches: None };
     let run = folder.join(RUN);
     let alone = File::open(&run).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
@@ -156,7 +157,7 @@ fn is_held(path: &Path) -> bool {
 
 fn open(path: &Path) -> Result<File> {
     let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
-    opened.map_err(|error| cannot(path, &error))
+    opened.map_err(|error| cannot(path, error))
 }
 
 fn patiently(
@@ -173,13 +174,13 @@ fn patiently(
     }
 }
 
-fn busy(folder: &Path) -> Box<dyn std::error::Error + Send + Sync> {
+/// That somebody else works on the run of `folder`.
+fn busy(folder: &Path) -> RunError {
     let who: Vec<String> = holders(folder).iter().map(ToString::to_string).collect();
     let who = if who.is_empty() { "another process".to_owned() } else { who.join("; ") };
-    let run = folder.parent().unwrap_or(folder).display();
-    format!("{run}: is being worked on ({who}); wait for it, stop it, or choose another --output folder").into()
+    RunError::Busy { folder: folder.parent().unwrap_or(folder).to_owned(), who }
 }
 
-fn cannot(path: &Path, error: &std::io::Error) -> Box<dyn std::error::Error + Send + Sync> {
-    format!("{}: cannot be locked: {}", path.display(), chain(error)).into()
+fn cannot(path: &Path, error: std::io::Error) -> RunError {
+    RunError::file(path, "locked", error)
 }

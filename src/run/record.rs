@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 /// The `run.toml` that a store carries. What is not there, or not as expected, has its default: a record written by
 /// another version keeps no field from being drawn.
-pub(super) struct Record(Table);
+pub(crate) struct Record(Table);
 
 impl Record {
     pub fn of(header: &StoreHeader) -> Self {

@@ -1,7 +1,7 @@
 //! `run.toml`: the options of a run with all that was chosen, what did it, and the images that it came to.
 
-use super::absolute;
 use super::plan::{self, Plan};
+use super::text::absolute;
 use crate::backend::Backend;
 use crate::correlate::Correlator;
 use crate::io::case::{CaseFile, CaseImages, write_case};

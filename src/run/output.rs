@@ -1,11 +1,11 @@
 //! Where the frames of a run go: the store, tables, records.
 
-use super::Result;
+use super::busy::Spent;
+use super::error::Result;
+use super::folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
 use super::kept::Kept;
 use super::plan::Plan;
-use super::progress::Spent;
 use super::restart::FrameRecord;
-use super::run_folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
 use crate::correlate::{Correlation, ZoneResult};
 use crate::field::{StartFrom, StrainField};
 use crate::io::store::{Store, StoreWriter};

@@ -1,17 +1,19 @@
-//! From flags and case file to one resolved plan.
+//! From a case and what overlays it to one resolved plan.
 
-use super::args::{CorrelateArgs, Export};
-use super::{Result, absolute, zones};
+use super::error::Result;
+use super::overlay::{Export, Overlay};
+use super::text::absolute;
+use super::zones;
 use crate::backend::choice::{Device, DeviceChoice};
+use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
 use crate::field::{Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages, read_case};
+use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
 use crate::isa::Isa;
 use crate::units::PixelSize;
-use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
 /// From more frames than these only the store is written, unless tables are asked for.
@@ -19,23 +21,34 @@ pub(super) const MANY: usize = 1000;
 
 /// What a run will do, every choice made.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
+pub struct Plan {
     /// One reference image, or several whose mean is taken.
     pub reference: Vec<Frame>,
+    /// The deformed images, in order.
     pub deformed: Vec<Frame>,
+    /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
+    /// What is measured; the whole image where there is none.
     pub zones: Vec<CaseZone>,
     /// Guard of the whole image, when there is no zone, px.
     pub guard_px: Option<f64>,
+    /// Options of the correlation.
     pub options: Options,
     /// When the reference is renewed.
     pub update: UpdateReference,
+    /// Instruction path of the CPU.
     pub isa: Isa,
     /// Whether the instruction path was asked for, or found out.
     pub isa_asked: bool,
+    /// Where the pixel work is done.
     pub device: DeviceChoice,
+    /// How a graphics device is opened.
+    pub gpu: GpuOptions,
+    /// Definition of the strains.
     pub strain: StrainDefinition,
+    /// Whether a CSV file is written per frame.
     pub csv: bool,
+    /// Whether a VTU file is written per frame.
     pub vtu: bool,
     /// Whether these tables were asked for, or not, by a flag.
     pub export_asked: bool,
@@ -46,22 +59,23 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// Brings case file and flags together; flags win, defaults fill the rest.
-    pub fn new(args: &CorrelateArgs) -> Result<Self> {
-        Self::of(args, &args.case.as_deref().map(read_case).transpose()?.unwrap_or_default())
+    /// Brings a case and what overlays it together; the overlay wins, defaults fill the rest.
+    ///
+    /// # Errors
+    /// No images, files that are not there, options that contradict each other.
+    pub fn of(asked: &Overlay, case: &CaseFile) -> Result<Self> {
+        Self::with(asked, case, Images::of(asked, case)?)
     }
 
-    /// Brings the flags and a case together that was read already.
-    pub fn of(args: &CorrelateArgs, case: &CaseFile) -> Result<Self> {
-        Self::with(args, case, Images::of(args, case)?)
-    }
-
-    /// Brings flags, a case and the images together.
-    pub fn with(args: &CorrelateArgs, case: &CaseFile, images: Images) -> Result<Self> {
+    /// The same with the images found already.
+    ///
+    /// # Errors
+    /// Options that contradict each other.
+    pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
         let Images { reference, deformed, grows } = images;
         let given = &case.correlation;
         let default = Options::default();
-        let element_size = args.element_size.or(given.element_size_px.map(i64::from));
+        let element_size = asked.element_size.or(given.element_size_px.map(i64::from));
         let options = Options {
             n_references: reference.len(),
             // A negative size is refused with the same words as 0.
@@ -70,34 +84,37 @@ impl Plan {
                     .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
                 None => default.element_size,
             },
-            element_share: args.element_share.or(given.element_share).unwrap_or(default.element_share),
-            interpolation: args.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
-            tolerance_px: args.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
-            max_iterations: args.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
-            brightness: args.brightness.or(given.brightness).unwrap_or(default.brightness),
-            start: args.start.or(given.start).unwrap_or(match args.shard {
+            element_share: asked.element_share.or(given.element_share).unwrap_or(default.element_share),
+            interpolation: asked.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
+            tolerance_px: asked.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
+            max_iterations: asked
+                .max_iterations
+                .or(given.max_iterations)
+                .map_or(default.max_iterations, |n| n as usize),
+            brightness: asked.brightness.or(given.brightness).unwrap_or(default.brightness),
+            start: asked.start.or(given.start).unwrap_or(match asked.shard {
                 Some(_) => StartFrom::Independent,
                 None => default.start,
             }),
-            noise: args.noise.or(given.noise).unwrap_or_default(),
-            noise_correlation: args.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
-            drop_textureless: args.drop_textureless || given.drop_textureless.unwrap_or(false),
+            noise: asked.noise.or(given.noise).unwrap_or_default(),
+            noise_correlation: asked.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
+            drop_textureless: asked.drop_textureless || given.drop_textureless.unwrap_or(false),
             // The edges of an opening are the faces of a joint.
             whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
-            regularisation: regularisation(args, given)?,
+            regularisation: regularisation(asked, given)?,
             ..default
         };
-        let pixel_size = match args.pixel_size.or(case.images.pixel_size_mm) {
+        let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
-        let zones = wanted_zones(args, case);
-        if args.shard.is_some() && options.start == StartFrom::Previous {
+        let zones = wanted_zones(asked, case);
+        if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
-        let update = args.update_reference.or(given.update_reference).unwrap_or_default();
+        let update = asked.update_reference.or(given.update_reference).unwrap_or_default();
         if update != UpdateReference::Never && options.start == StartFrom::Independent {
-            let why = if args.shard.is_some() { "--shard" } else { "--start independent" };
+            let why = if asked.shard.is_some() { "--shard" } else { "--start independent" };
             return Err(format!(
                 "--update-reference {update} does not go with {why}: a reference is made of the frames before, one after \
                  the other; leave one of them out"
@@ -108,7 +125,7 @@ impl Plan {
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
         let recorded_isa = recorded("isa").and_then(|isa| Isa::named(isa.as_str()?));
-        let isa = match &args.isa {
+        let isa = match &asked.isa {
             Some(name) => Isa::named(name).ok_or_else(|| {
                 let there: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();
                 format!("this machine has no instruction path '{name}'; it has {}", there.join(", "))
@@ -116,11 +133,11 @@ impl Plan {
             None => recorded_isa.unwrap_or_else(Isa::detect),
         };
         let mut store_only = false;
-        let export = match &args.export {
+        let export = match &asked.export {
             Some(export) => export.clone(),
             None => match recorded("export") {
                 Some(toml::Value::Array(names)) => {
-                    let named = |name: &toml::Value| Export::from_str(name.as_str()?, true).ok();
+                    let named = |name: &toml::Value| Export::named(name.as_str()?);
                     names.iter().filter_map(named).collect()
                 }
                 _ if grows || deformed.len() > MANY => {
@@ -138,24 +155,28 @@ impl Plan {
             deformed,
             pixel_size,
             zones,
-            guard_px: args.guard,
+            guard_px: asked.guard,
             options,
             update,
             isa,
-            isa_asked: args.isa.is_some(),
-            device: args.device.clone(),
-            strain: args.strain.or(given.strain).unwrap_or_default(),
+            isa_asked: asked.isa.is_some(),
+            device: asked.device.clone(),
+            gpu: asked.gpu.clone(),
+            strain: asked.strain.or(given.strain).unwrap_or_default(),
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
-            export_asked: args.export.is_some(),
+            export_asked: asked.export.is_some(),
             store_only,
             drawn: drawn(case),
         })
     }
 
     /// The device that does the pixel work.
+    ///
+    /// # Errors
+    /// None of that name.
     pub fn device(&self) -> Result<Device> {
-        Ok(Device::new(&self.device, self.isa, super::devices::options())?)
+        Ok(Device::new(&self.device, self.isa, self.gpu.clone())?)
     }
 
     /// The reference in words: its file, or the first of several.
@@ -227,11 +248,11 @@ pub(super) fn files(frames: &[Frame]) -> Vec<String> {
 
 /// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
 /// file says for another kind.
-fn regularisation(args: &CorrelateArgs, case: &CaseCorrelation) -> Result<Regularisation> {
-    let kind = args.regularisation.or(case.regularisation).unwrap_or_default();
-    let same = args.regularisation.is_none_or(|flag| Some(flag) == case.regularisation);
-    let of_none = args.regularisation == Some(RegularisationKind::None);
-    let cutoff_px = args.cutoff.or(case.cutoff_px.filter(|_| !of_none));
+fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisation> {
+    let kind = asked.regularisation.or(case.regularisation).unwrap_or_default();
+    let same = asked.regularisation.is_none_or(|flag| Some(flag) == case.regularisation);
+    let of_none = asked.regularisation == Some(RegularisationKind::None);
+    let cutoff_px = asked.cutoff.or(case.cutoff_px.filter(|_| !of_none));
     let poisson = case.poisson.filter(|_| same);
     if kind != RegularisationKind::EquilibriumGap && poisson.is_some() {
         return Err("poisson is a matter of regularisation = \"equilibrium-gap\"; leave it out or choose that".into());
@@ -269,21 +290,21 @@ fn drawn(case: &CaseFile) -> CaseQuantities {
 }
 
 /// The zones that are asked for, with file names that hold from the current folder.
-fn wanted_zones(args: &CorrelateArgs, case: &CaseFile) -> Vec<CaseZone> {
-    let mut zones: Vec<CaseZone> = args
+fn wanted_zones(asked: &Overlay, case: &CaseFile) -> Vec<CaseZone> {
+    let mut zones: Vec<CaseZone> = asked
         .roi
         .iter()
         .map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() })
-        .chain(args.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.0.clone()), ..CaseZone::default() }))
+        .chain(asked.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.clone()), ..CaseZone::default() }))
         .collect();
     let name = |path: &PathBuf| path.display().to_string();
-    if let Some(mask) = &args.mask {
+    if let Some(mask) = &asked.mask {
         if zones.is_empty() {
             zones.push(CaseZone::default());
         }
         zones.iter_mut().for_each(|zone| zone.mask = Some(name(mask)));
     }
-    if let Some(mesh) = &args.mesh {
+    if let Some(mesh) = &asked.mesh {
         zones.push(CaseZone { mesh: Some(name(mesh)), ..CaseZone::default() });
     }
     if zones.is_empty() {
@@ -294,42 +315,45 @@ fn wanted_zones(args: &CorrelateArgs, case: &CaseFile) -> Vec<CaseZone> {
             }
         }
     }
-    if let Some(guard) = args.guard {
+    if let Some(guard) = asked.guard {
         zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
     }
     zones
 }
 
 /// Which images a run takes.
-pub(super) struct Images {
+#[derive(Debug)]
+pub struct Images {
+    /// The reference, or several whose mean is taken.
     pub reference: Vec<Frame>,
+    /// The deformed images, in order.
     pub deformed: Vec<Frame>,
     /// Whether there are more to come.
     pub grows: bool,
 }
 
 /// The files of the reference that is named; none when none is.
-pub(super) fn references(args: &CorrelateArgs, case: &CaseFile) -> Result<Vec<PathBuf>> {
-    Ok(if args.reference.is_empty() {
+pub fn references(asked: &Overlay, case: &CaseFile) -> Result<Vec<PathBuf>> {
+    Ok(if asked.reference.is_empty() {
         expand_references(case.images.reference.as_deref().unwrap_or(&[]), &case.base)?
     } else {
-        expand_references(&args.reference, Path::new(""))?
+        expand_references(&asked.reference, Path::new(""))?
     })
 }
 
 /// The page of each file that is one frame.
-pub(super) fn page(args: &CorrelateArgs, case: &CaseFile) -> Option<usize> {
-    args.page.or(case.images.page).map(|page| page as usize)
+pub fn page(asked: &Overlay, case: &CaseFile) -> Option<usize> {
+    asked.page.or(case.images.page).map(|page| page as usize)
 }
 
 impl Images {
-    fn of(args: &CorrelateArgs, case: &CaseFile) -> Result<Self> {
-        let mut deformed = if args.deformed.is_empty() {
+    fn of(asked: &Overlay, case: &CaseFile) -> Result<Self> {
+        let mut deformed = if asked.deformed.is_empty() {
             expand_series(case.images.deformed.as_deref().unwrap_or(&[]), &case.base)?
         } else {
-            expand_series(&args.deformed, Path::new(""))?
+            expand_series(&asked.deformed, Path::new(""))?
         };
-        let mut reference = references(args, case)?;
+        let mut reference = references(asked, case)?;
         if reference.is_empty() {
             let Some(first) = deformed.first() else {
                 return Err("no image is given; name the reference and the deformed images, or a --case file".into());
@@ -340,8 +364,8 @@ impl Images {
                 deformed.remove(0);
             }
         }
-        let page = page(args, case);
-        let all_pages = args.pages.or(case.images.pages) == Some(Pages::All);
+        let page = page(asked, case);
+        let all_pages = asked.pages.or(case.images.pages) == Some(Pages::All);
         let first_page = page.unwrap_or(0);
         let mut frames = match deformed.as_slice() {
             files if all_pages => Frame::pages(files, pages_of),
@@ -355,7 +379,7 @@ impl Images {
         // A glob over the folder takes the reference along: it is no deformed image, unless it was named for one.
         let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let taken: Vec<PathBuf> = reference.iter().map(|path| absolute(path)).collect();
-        let named_alone = frames.len() == 1 && !(args.reference.is_empty() && case.images.reference.is_none());
+        let named_alone = frames.len() == 1 && !(asked.reference.is_empty() && case.images.reference.is_none());
         frames.retain(|frame| named_alone || frame.page != first_page || !taken.contains(&absolute(&frame.path)));
         let is_page = |path: &Path| frames.iter().any(|frame| frame.is_page && absolute(&frame.path) == absolute(path));
         let reference: Vec<Frame> =

@@ -4,9 +4,9 @@
 //! the record names have the length they were written with. The frames that were finished last are read whole as well:
 //! of these a machine that went down may have lost what was not yet on the disk.
 
-use super::Result;
+use super::error::{Result, RunError};
+use super::folder::RunFolder;
 use super::kept::Kept;
-use super::run_folder::RunFolder;
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
 use crate::field::{Status, UpdateReference};
@@ -69,7 +69,7 @@ impl FrameRecord {
         }
         for file in files {
             let path = folder.join(&file);
-            let about = fs::metadata(&path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+            let about = fs::metadata(&path).map_err(|error| RunError::file(&path, "read", error))?;
             record.bytes.insert(file, about.len());
         }
         Ok(record)
@@ -160,7 +160,7 @@ pub(super) fn stored_start(store: &Store, folder: &Path, number: usize) -> Resul
     if store.status(number)? != Some(Status::Converged) {
         return Ok(None);
     }
-    let lost = || format!("frame {number}: its record is lost: run the same command again");
+    let lost = || RunError::RecordLost { number, remedy: "run the same command again" };
     let record = FrameRecord::read(folder, number).ok_or_else(lost)?;
     let mut displacement = store.frame(number)?.ok_or_else(lost)?.measurement.displacement;
     for (node, u) in record.unmeasured {
@@ -171,7 +171,7 @@ pub(super) fn stored_start(store: &Store, folder: &Path, number: usize) -> Resul
 }
 
 /// Every frame of the series with its SHA-256; none of those that are not done.
-pub(super) fn all_frames(folder: &Path, n_frames: usize) -> Vec<Option<(FrameSummary, Option<String>)>> {
+pub(crate) fn all_frames(folder: &Path, n_frames: usize) -> Vec<Option<(FrameSummary, Option<String>)>> {
     let numbers: Vec<usize> = (1..=n_frames).collect();
     let read = |&number: &usize| FrameRecord::read(folder, number).map(|record| (record.summary, record.sha256));
     numbers.par_iter().map(read).collect()

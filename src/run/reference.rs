@@ -1,8 +1,9 @@
 //! The reference of a run, and what is to be said of it.
 
+use super::error::{Result, RunError};
 use super::plan::Plan;
-use super::{Result, chain};
-use crate::correlate::{BareBorder, CorrelationError};
+use super::text::chain;
+use crate::correlate::CorrelationError;
 use crate::imaging::{Image, Mean, small_shift};
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
@@ -76,21 +77,12 @@ pub(super) fn element_size_px(mesh: &Mesh<Px>, asked: usize) -> f64 {
     if (size - asked).abs() < 1e-9 * asked { asked } else { size }
 }
 
-/// What a zone that ends at a place without texture should be told.
-pub(super) fn bare_border_note(border: &BareBorder) -> String {
-    let BareBorder { zone, length_px, at: [x, y] } = border;
-    format!(
-        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
-         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
-    )
-}
-
 /// Why the reference cannot be prepared; its file is named when the fault may be in it.
-pub(super) fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
+pub(super) fn about_reference(plan: &Plan, error: &CorrelationError) -> RunError {
     use MeshError::{
         CrossedPolygon, ElementShare, ElementSize, GuardSides, NoPolygon, NotARectangle, NotFinite, Overlap, SameName,
     };
-    match error {
+    RunError::Reference(match error {
         CorrelationError::Option { .. }
         | CorrelationError::Backend(_)
         | CorrelationError::Mesh(
@@ -105,5 +97,5 @@ pub(super) fn about_reference(plan: &Plan, error: &CorrelationError) -> String {
             | GuardSides { .. },
         ) => chain(error),
         _ => format!("{}: {}", plan.reference_name(), chain(error)),
-    }
+    })
 }

@@ -1,0 +1,246 @@
+//! A camera that writes images into a folder while they are correlated.
+
+use super::error::Result;
+use super::event::{Event, Watcher};
+use super::folder::RunFolder;
+use super::lock::Lock;
+use super::overlay::Overlay;
+use super::plan::{self, Images, Plan};
+use super::series::{Existing, Ran, Session, carry_out};
+use super::text::{chain, plural};
+use crate::io::case::{CaseFile, parse_case};
+use crate::io::series::{Frame, natural_order};
+use crate::io::store::{STORE, Store, StoreHeader};
+use crate::io::watch::{WatchedFolder, read_whole};
+use rayon::ThreadPool;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Share of the time that looking at the folder may take: listing many files is slow, on a network above all.
+const LOOK_SHARE: u32 = 20;
+/// How soon the wish to stop is noticed.
+const ATTENTION: Duration = Duration::from_millis(50);
+
+/// How a folder is watched.
+#[derive(Debug, Clone)]
+pub struct Watching {
+    /// Which files are frames: a glob of their names; all images where there is none.
+    pub pattern: Option<String>,
+    /// How long a file must have been the same.
+    pub settle: Duration,
+    /// After how long without anything new the series is over; none to wait for ever.
+    pub timeout: Option<Duration>,
+}
+
+/// Correlates the images that come into the folder that stands in the place of the deformed images. `None` where it was asked to stop
+/// before an image came. `output` is the folder of the results.
+///
+/// # Errors
+/// As [`super::run_series`]; a share of the series, and files whose pages are frames, are refused.
+pub fn watch(
+    asked: &Overlay,
+    case: &CaseFile,
+    watching: &Watching,
+    output: &Path,
+    pool: &ThreadPool,
+    session: Session,
+    watcher: Watcher<'_>,
+) -> Result<Option<Ran>> {
+    let Watching { pattern, settle, timeout } = watching;
+    if asked.shard.is_some() {
+        return Err("--shard cannot be given: a camera has no end, of which to take a share".into());
+    }
+    if asked.pages.or(case.images.pages).is_some() {
+        return Err("pages = \"all\" cannot be: each file of a watched folder is one frame".into());
+    }
+    if let Some(timeout) = timeout.filter(|timeout| timeout <= settle) {
+        let [timeout, settle] = [timeout, *settle].map(|time| time.as_secs_f64());
+        return Err(format!(
+            "--timeout is {timeout} s, in which no file can settle; give more than --settle, {settle} s"
+        )
+        .into());
+    }
+    let page = plan::page(asked, case).unwrap_or(0);
+    let watched = asked.deformed.first().map_or("", String::as_str);
+    let watched = WatchedFolder::new(Path::new(watched), pattern.as_deref(), *settle)?;
+    let references = plan::references(asked, case)?;
+    let mut camera = Camera::new(watched, page, *timeout);
+    let mut images = Images {
+        reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
+        deformed: Vec::new(),
+        grows: true,
+    };
+    let folder = &RunFolder::writable(output)?;
+    // Who works on the folder is told at once, not when the first image has come.
+    drop(Lock::take(&folder.locks(), None, Some(camera.folder()))?);
+    if session.existing == Existing::Continue && folder.holds_run() {
+        let another = |why: String| folder.holds_another(Some(why));
+        let store = Store::open(folder.path().join(STORE)).map_err(|error| another(chain(&error)))?;
+        camera.go_on(store.header(), &mut images).map_err(another)?;
+    }
+    if images.reference.is_empty() {
+        let line = format!("waiting in {} for the first image, which is the reference", camera.folder().display());
+        watcher(Event::Note(&line));
+        let Some(first) = camera.first(&|| !session.stop.is_asked())? else {
+            watcher(Event::Note("stopped before an image came"));
+            return Ok(None);
+        };
+        images.reference.push(first);
+    }
+    images.reference.iter().chain(&images.deformed).for_each(|frame| camera.watched.leave_out(&frame.path));
+    let plan = Plan::with(asked, case, images)?;
+    carry_out(&plan, folder, pool, session, Some(camera), watcher).map(Some)
+}
+
+/// A camera at work: the frames that it writes.
+#[derive(Debug)]
+pub(super) struct Camera {
+    watched: WatchedFolder,
+    /// Page of each file.
+    page: usize,
+    timeout: Option<Duration>,
+    /// Frames that have come and were not taken.
+    come: VecDeque<Frame>,
+    /// The last of the frames that were taken in their order.
+    last: Option<PathBuf>,
+    /// When to look again.
+    next_look: Instant,
+    /// Why the folder could not be listed when it was looked at last.
+    fault: Option<String>,
+    notes: Vec<String>,
+}
+
+impl Camera {
+    fn new(watched: WatchedFolder, page: usize, timeout: Option<Duration>) -> Self {
+        let (come, notes, next_look) = (VecDeque::new(), Vec::new(), Instant::now());
+        Self { watched, page, timeout, come, last: None, next_look, fault: None, notes }
+    }
+
+    /// Where it writes.
+    pub fn folder(&self) -> &Path {
+        self.watched.path()
+    }
+
+    /// How long a file must have been the same.
+    pub fn settle(&self) -> Duration {
+        self.watched.settle()
+    }
+
+    /// What is to be known of a run that goes on: the frames that have their numbers, and the reference where none is named.
+    fn go_on(&mut self, store: &StoreHeader, images: &mut Images) -> std::result::Result<(), String> {
+        let CaseFile { images: there, .. } =
+            parse_case(&store.case, Path::new(STORE)).map_err(|error| error.to_string())?;
+        let frames = |files: Option<Vec<String>>| -> Vec<Frame> {
+            let own = |file: String| self.watched.own(Path::new(&file)).unwrap_or_else(|| file.into());
+            files.unwrap_or_default().into_iter().map(|file| Frame::file(own(file), self.page)).collect()
+        };
+        images.deformed = frames(there.deformed);
+        if images.deformed.len() != store.frames.len() {
+            return Err("its frames are pages of files".to_owned());
+        }
+        if images.reference.is_empty() {
+            images.reference = frames(there.reference);
+        }
+        self.last = images.deformed.iter().map(|frame| frame.path.clone()).max_by(|a, b| natural_order(a, b));
+        Ok(())
+    }
+
+    /// The first image, once its file is whole; none when it is not `wanted` any more.
+    fn first(&mut self, wanted: &dyn Fn() -> bool) -> Result<Option<Frame>> {
+        self.come = self.take(true, wanted).into();
+        let Some(first) = self.come.pop_front() else {
+            return match self.timeout.filter(|_| wanted()) {
+                Some(time) => {
+                    Err(format!("{}: no image came for {} s", self.folder().display(), time.as_secs_f64()).into())
+                }
+                None => Ok(None),
+            };
+        };
+        match read_whole(&first, self.settle(), wanted) {
+            Some(Ok(_)) => Ok(Some(first)),
+            Some(Err(error)) => {
+                Err(format!("{}; it came first and would be the reference: name one with --reference", chain(&error))
+                    .into())
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// The frames that have come, in order. Where `waits`, not before there is one: none when the time-out is over or
+    /// nothing is `wanted` any more.
+    pub fn take(&mut self, waits: bool, wanted: &dyn Fn() -> bool) -> Vec<Frame> {
+        loop {
+            let looked = Instant::now() >= self.next_look;
+            if looked {
+                self.look();
+            }
+            if !wanted() {
+                return Vec::new();
+            }
+            let over = self.timeout.is_some_and(|time| looked && self.watched.last_change().elapsed() >= time);
+            if !self.come.is_empty() || !waits || over {
+                return self.come.drain(..).collect();
+            }
+            let rest = self.next_look.saturating_duration_since(Instant::now());
+            std::thread::sleep(rest.min(ATTENTION));
+        }
+    }
+
+    fn look(&mut self) {
+        let begin = Instant::now();
+        match self.watched.look(begin) {
+            Ok(files) => {
+                self.fault = None;
+                for path in files {
+                    match self.last.as_ref().filter(|last| natural_order(&path, last).is_lt()) {
+                        Some(last) => self.notes.push(format!(
+                            "warning: {} came after {}, behind which it stands in the series",
+                            path.display(),
+                            last.display()
+                        )),
+                        None => self.last = Some(path.clone()),
+                    }
+                    self.come.push_back(Frame::file(path, self.page));
+                }
+            }
+            // A disk of the network may come back.
+            Err(error) => {
+                let fault = format!("warning: {} cannot be listed: {error}", self.folder().display());
+                if self.fault.as_ref() != Some(&fault) {
+                    self.notes.push(fault.clone());
+                }
+                self.fault = Some(fault);
+            }
+        }
+        self.next_look = Instant::now();
+        self.rest(self.watched.interval().max(LOOK_SHARE * begin.elapsed()));
+    }
+
+    /// Does not look again for so long.
+    pub fn rest(&mut self, time: Duration) {
+        self.next_look = self.next_look.max(Instant::now() + time);
+    }
+
+    /// What has been worth saying since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// What to say at the end, whether a signal or the time-out was that.
+    pub fn ending(&mut self, stopped: bool) -> Vec<String> {
+        let mut lines = self.take_notes();
+        let folder = self.folder().display();
+        let time = self.timeout.unwrap_or_default().as_secs_f64();
+        lines.push(if stopped {
+            format!("stopped watching {folder}; the same command goes on with what has come by then")
+        } else {
+            format!("nothing new in {folder} for {time} s; the same command goes on with what has come by then")
+        });
+        let left: Vec<String> = self.watched.unsettled().iter().map(|path| path.display().to_string()).collect();
+        if let [first, ..] = left.as_slice() {
+            lines.push(format!("{} had not settled and left out, from {first}", plural(left.len(), "file")));
+        }
+        lines
+    }
+}

@@ -1,0 +1,213 @@
+//! From images to the report, step by step: what `quadrille run` does.
+
+use super::error::{Result, RunError};
+use super::event::{Event, Watcher};
+use super::folder::RunFolder;
+use super::identification::{FIT, identify};
+use super::overlay::Overlay;
+use super::page::page;
+use super::plan::Plan;
+use super::series::{Existing, Outcome, Session, run_series};
+use super::simulation::simulate;
+use super::steps::Steps;
+use super::stop::Stop;
+use super::text::{chain, plural};
+use crate::backend::choice::DeviceChoice;
+use crate::backend::gpu::GpuOptions;
+use crate::field::Status;
+use crate::identify::{Case, first_order};
+use crate::io::images::sha256;
+use crate::io::joint::{JointInput, read_joint};
+use crate::io::run_case::read_run_case;
+use crate::io::series::Frame;
+use crate::io::store::{STORE, Store};
+use crate::report::fit::read_bands;
+use rayon::ThreadPool;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Folder of the correlation in that of the run.
+pub(super) const CORRELATION: &str = "correlation";
+const REPORT: &str = "report.html";
+/// What the parameters are when the rigid motion is treated the other way.
+pub(super) const RIGID_MOTION: &str = "rigid-motion.json";
+
+/// What a run from images to the report is given.
+#[derive(Debug, Clone)]
+pub struct CaseRun {
+    /// The case file.
+    pub case: PathBuf,
+    /// Folder of the results.
+    pub output: PathBuf,
+    /// Whether the results of another run there are replaced.
+    pub overwrite: bool,
+    /// Where the pixel work is done.
+    pub device: DeviceChoice,
+    /// How a graphics device is opened.
+    pub gpu: GpuOptions,
+    /// The wish to stop, heard between frames.
+    pub stop: Stop,
+}
+
+impl CaseRun {
+    /// The run of `case` into `output`, which continues what is there of it.
+    pub fn new(case: impl Into<PathBuf>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            case: case.into(),
+            output: output.into(),
+            overwrite: false,
+            device: DeviceChoice::Auto,
+            gpu: GpuOptions::default(),
+            stop: Stop::default(),
+        }
+    }
+}
+
+/// The correlation of the run in `folder`.
+pub fn correlation_in(folder: &Path) -> PathBuf {
+    folder.join(CORRELATION)
+}
+
+/// Everything from the images of a case to its report.
+/// Steps that were done before with the same inputs are taken from there.
+///
+/// # Errors
+/// See [`RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
+pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
+    let CaseRun { case: file, output, overwrite, device, gpu, stop } = asked;
+    let case = read_run_case(file)?;
+    case.notes.iter().for_each(|note| watcher(Event::Note(note)));
+    let mut steps = Steps::open(output, *overwrite)?;
+    let correlation = correlation_in(output);
+
+    let asked = Overlay { device: device.clone(), gpu: gpu.clone(), ..Overlay::default() };
+    let mut plan = Plan::of(&asked, &case.correlation)?;
+    // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.
+    plan.options.whole_borders = case.interface.zones.to_vec();
+    let inputs = inputs_of(&plan)?;
+    let complete = || {
+        Store::open(&correlation).is_ok_and(|store| {
+            (1..=store.n_frames()).all(|number| store.status(number).is_ok_and(|status| status.is_some()))
+        })
+    };
+    if steps.done("correlation", &inputs) && complete() {
+        watcher(Event::Note("correlation: done before with the same images and options, taken from there"));
+    } else {
+        let existing = if steps.begin("correlation", &inputs)? { Existing::Continue } else { Existing::Replace };
+        let begin = Instant::now();
+        let folder = RunFolder::open(&correlation, true)?;
+        let session = Session { stop: stop.clone(), ..Session::new(existing) };
+        if run_series(&plan, &folder, pool, session, watcher)?.outcome == Outcome::Stopped {
+            return Ok(Outcome::Stopped);
+        }
+        steps.note("correlation", &inputs, begin)?;
+    }
+
+    let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), true);
+    let text = if case.has_fit() { text } else { case.joint_case(&format!("{CORRELATION}/{STORE}"), false) };
+    let (name, step) =
+        if case.has_fit() { ("identify.toml", "identification") } else { ("simulate.toml", "simulation") };
+    let joint_case = output.join(name);
+    let inputs = sha256(format!("{}\n{inputs}\n{text}", env!("CARGO_PKG_VERSION")).as_bytes());
+    let result = output.join(if case.has_fit() { FIT } else { "solution.csv" });
+    // A fit of an earlier version has no bands to draw.
+    let has_bands = || !case.has_fit() || read_bands(&output.join("traction-bands.csv")).is_ok();
+    let outcome = if steps.done(step, &inputs) && result.exists() && has_bands() {
+        watcher(Event::Note(&format!("{step}: done before with the same measurement and options, taken from there")));
+        steps.outcome(step)
+    } else {
+        steps.forget(step)?;
+        fs::write(&joint_case, &text).map_err(|error| RunError::file(&joint_case, "written", error))?;
+        let begin = Instant::now();
+        let outcome = mechanics(&joint_case, output, case.has_fit(), pool, watcher)?;
+        steps.note_with(step, &inputs, begin, outcome)?;
+        outcome
+    };
+
+    let page = page(file, output, &case, &joint_case, &steps)?;
+    RunFolder::open(output, true)?.write(REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    let left_out = left_out(&correlation)?;
+    if left_out > 0 {
+        let line = format!("{} did not converge and are left out: see the report", plural(left_out, "frame"));
+        watcher(Event::Note(&line));
+    }
+    watcher(Event::Reported { page: &output.join(REPORT) });
+    Ok(if left_out > 0 { Outcome::Incomplete } else { outcome })
+}
+
+/// The step from the measured displacements to the result: the fit, or the model with the given law when nothing is to
+/// be found.
+fn mechanics(case: &Path, output: &Path, has_fit: bool, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
+    let effect = output.join(RIGID_MOTION);
+    // That of an earlier fit.
+    let _ = fs::remove_file(&effect);
+    if !has_fit {
+        return Ok(simulate(case, output, true, pool, watcher)?.1);
+    }
+    let input = read_joint(case)?;
+    let (found, outcome) = identify(&input, case, output, true, pool, watcher)?;
+    let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(&name, entry)| (name, entry.value)).collect();
+    let other = pool.install(|| with_other_rigid_motion(&input, case, &values));
+    let json = match other {
+        Ok((removed, other)) => {
+            json!({ "other_choice": if removed { "overall" } else { "none" }, "parameters": other })
+        }
+        Err(error) => json!({ "failed": chain(&error) }),
+    };
+    fs::write(&effect, format!("{json:#}\n")).map_err(|error| RunError::file(&effect, "written", error))?;
+    Ok(outcome)
+}
+
+/// The fit that ended at `found` if the rigid motion were removed where it was kept, and the other way round, to first order:
+/// whether it is removed, and the parameters then.
+fn with_other_rigid_motion(
+    input: &JointInput,
+    case: &Path,
+    found: &BTreeMap<&str, f64>,
+) -> Result<(bool, BTreeMap<String, f64>)> {
+    let remove = input.case.boundary.remove_rigid_motion.as_deref() != Some("overall");
+    let ends = [!remove, remove].map(|remove| -> Result<Vec<(String, f64)>> {
+        let mut input = input.clone();
+        input.case.boundary.remove_rigid_motion = Some(if remove { "overall" } else { "none" }.to_owned());
+        let joint = Case::joint(&input)?;
+        let case = Case::new(&joint, &input, case)?;
+        let names: Vec<&str> = case.problem.unknowns.list().iter().map(|unknown| unknown.parameter.name).collect();
+        let x: Vec<f64> = names.iter().map(|name| found[name]).collect();
+        let end = first_order(&case.problem, case.options.weights, &x)?;
+        Ok(names.into_iter().map(str::to_owned).zip(end).collect())
+    });
+    let [this, other] = [ends[0].as_ref(), ends[1].as_ref()].map(|end| end.map_err(|error| chain(error)));
+    let change =
+        this?.iter().zip(other?).map(|((name, this), (_, other))| (name.clone(), found[name.as_str()] * other / this));
+    Ok((remove, change.collect()))
+}
+
+/// One hash of all that the measurement depends on: version, options, images.
+fn inputs_of(plan: &Plan) -> Result<String> {
+    let files: Vec<&Frame> = plan.reference.iter().chain(&plan.deformed).collect();
+    let mut hashes: BTreeMap<&Path, String> = BTreeMap::new();
+    for frame in &files {
+        if !hashes.contains_key(frame.path.as_path()) {
+            // A file that cannot be read has no hash: the correlation says what is the matter.
+            let hash = fs::read(&frame.path).map_or_else(|_| "unreadable".to_owned(), |bytes| sha256(&bytes));
+            hashes.insert(&frame.path, hash);
+        }
+    }
+    let images: Vec<String> = files.iter().map(|frame| format!("{frame} {}", hashes[frame.path.as_path()])).collect();
+    let options = crate::io::case::write_case(&plan.resolved(0, 0));
+    let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
+    Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))
+}
+
+/// Frames of the correlation without a converged field.
+fn left_out(correlation: &Path) -> Result<usize> {
+    let store = Store::open(correlation)?;
+    let mut n = 0;
+    for number in 1..=store.n_frames() {
+        n += usize::from(store.status(number)? != Some(Status::Converged));
+    }
+    Ok(n)
+}

@@ -1,0 +1,161 @@
+//! Why a run cannot be carried out.
+
+use super::text::chain;
+use crate::backend::choice::DeviceError;
+use crate::correlate::CorrelationError;
+use crate::identify::FitError;
+use crate::io::case::CaseError;
+use crate::io::images::ReadError;
+use crate::io::joint::JointFileError;
+use crate::io::load::LoadError;
+use crate::io::mask::MaskError;
+use crate::io::mesh_file::MeshFileError;
+use crate::io::run_case::RunCaseError;
+use crate::io::series::SeriesError;
+use crate::io::store::StoreError;
+use crate::io::watch::WatchError;
+use crate::mechanics::cohesive::LawError;
+use crate::mechanics::{JointError, ModelError};
+use crate::report::ReportError;
+use std::path::{Path, PathBuf};
+
+/// What the functions of this module give.
+pub type Result<T> = std::result::Result<T, RunError>;
+
+/// Why a run cannot be carried out. The text of each names the file, frame or option and says what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// What is asked for contradicts itself, or does not fit the images.
+    #[error("{0}")]
+    Refused(String),
+    /// The folder holds the results of another run.
+    #[error(
+        "{}: holds the results of another run{}; choose another --output folder, or replace them with --overwrite",
+        folder.display(), why.as_ref().map_or(String::new(), |why| format!(" ({why})"))
+    )]
+    HoldsAnother {
+        /// The folder.
+        folder: PathBuf,
+        /// In what they differ, or what is the matter with its store.
+        why: Option<String>,
+    },
+    /// Another process works on the folder.
+    #[error("{}: is being worked on ({who}); wait for it, stop it, or choose another --output folder", folder.display())]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+        /// Which process, on which machine, since when.
+        who: String,
+    },
+    /// A folder that cannot be written to.
+    #[error("{}: cannot be written ({source}); choose another --output folder", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file that something cannot be done with.
+    #[error("{}: cannot be {what}: {}", path.display(), chain(source))]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// `read`, `written`, `removed`, `locked`.
+        what: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// What is stored of a frame beside the store is gone.
+    #[error("frame {number}: its record is lost: {remedy}")]
+    RecordLost {
+        /// The frame, from 1.
+        number: usize,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The reference cannot be prepared; with the name of its file where it is to blame.
+    #[error("{0}")]
+    Reference(String),
+    /// A thread ended without a word.
+    #[error("{0}: this is a bug in quadrille")]
+    Bug(&'static str),
+    /// A frame cannot be correlated.
+    #[error(transparent)]
+    Correlation(#[from] CorrelationError),
+    /// The device is not there.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The case file.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// An image.
+    #[error(transparent)]
+    Image(#[from] ReadError),
+    /// The list of images.
+    #[error(transparent)]
+    Series(#[from] SeriesError),
+    /// A mask.
+    #[error(transparent)]
+    Mask(#[from] MaskError),
+    /// A mesh file.
+    #[error(transparent)]
+    MeshFile(#[from] MeshFileError),
+    /// A load file.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The watched folder.
+    #[error(transparent)]
+    Watch(#[from] WatchError),
+    /// The case file of a run from images to the report.
+    #[error(transparent)]
+    RunCase(#[from] RunCaseError),
+    /// The case of a joint, or a table that it names.
+    #[error(transparent)]
+    Joint(#[from] JointFileError),
+    /// The joint that a case describes.
+    #[error(transparent)]
+    JointModel(#[from] JointError),
+    /// The values of a law.
+    #[error(transparent)]
+    Law(#[from] LawError),
+    /// A joint that cannot be computed.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A fit that cannot be begun.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// A figure or a page.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// A file that is not what it should be.
+    #[error("{}: {source}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: serde_json::Error,
+    },
+}
+
+impl RunError {
+    /// `path` cannot be `what`.
+    pub(super) fn file(path: &Path, what: &'static str, source: std::io::Error) -> Self {
+        Self::File { path: path.to_owned(), what, source }
+    }
+}
+
+impl From<String> for RunError {
+    fn from(refusal: String) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+impl From<&str> for RunError {
+    fn from(refusal: &str) -> Self {
+        Self::Refused(refusal.to_owned())
+    }
+}

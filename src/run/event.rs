@@ -1,0 +1,58 @@
+//! What a run tells whoever watches it.
+
+use super::busy::Busy;
+use crate::report::fit::FitJson;
+use crate::report::joint::JointSummary;
+use crate::report::summary::FrameSummary;
+use std::path::Path;
+
+/// What happens in a run. Events come on the thread that carries it out, one after the other.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// The first frame is about to be read.
+    Begun {
+        /// Frames of this process; `None` while nobody knows how many will come.
+        total: Option<usize>,
+        /// Those of them that were done before.
+        before: usize,
+    },
+    /// Something worth saying, a line; what begins with `warning:` is one.
+    Note(&'a str),
+    /// A frame is done; it may still be on its way to the disk.
+    Frame {
+        /// What came of it.
+        summary: &'a FrameSummary,
+        /// What the stages have had to do so far.
+        busy: &'a Busy,
+    },
+    /// All frames of this process are done, or it was asked to stop.
+    Finished {
+        /// Its frames, those of before too.
+        frames: &'a [FrameSummary],
+        /// Duration of this start, s.
+        seconds: f64,
+    },
+    /// The forward model was run and its results are written.
+    Simulated {
+        /// What came of it.
+        summary: &'a JointSummary,
+        /// Where the results are.
+        folder: &'a Path,
+    },
+    /// A fit has ended and its results are written.
+    Identified {
+        /// What `fit.json` holds.
+        fit: &'a FitJson,
+        /// Where the results are.
+        folder: &'a Path,
+    },
+    /// The report is written.
+    Reported {
+        /// Its page.
+        page: &'a Path,
+    },
+}
+
+/// Who watches a run.
+pub type Watcher<'a> = &'a mut dyn FnMut(Event<'_>);

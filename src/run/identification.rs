@@ -1,0 +1,69 @@
+//! The parameters of an adhesive from measured displacements: what `quadrille identify` does.
+
+use super::error::Result;
+use super::event::{Event, Watcher};
+use super::folder::{FIGURES, RunFolder};
+use super::series::Outcome;
+use super::simulation::{save, write_solution};
+use super::text::absolute;
+use crate::identify::{Case, FitStatus, fit, profile};
+use crate::io::joint::JointInput;
+use crate::report::Picture;
+use crate::report::fit::{FitJson, FitReport};
+use crate::report::joint::JointReport;
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Instant;
+
+/// What was found, in the folder of the results.
+pub(super) const FIT: &str = "fit.json";
+
+/// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
+/// converged.
+///
+/// # Errors
+/// See [`super::RunError`]. A fit that does not converge is a result.
+pub fn identify(
+    input: &JointInput,
+    case: &Path,
+    output: &Path,
+    overwrite: bool,
+    pool: &ThreadPool,
+    watcher: Watcher<'_>,
+) -> Result<(FitJson, Outcome)> {
+    let mut joint = Case::joint(input)?;
+    let of_case = Case::new(&joint, input, case)?;
+    let folder = RunFolder::open(output, overwrite)?;
+    folder.clear(false, true)?;
+    folder.make(FIGURES)?;
+    let begin = Instant::now();
+    let found = pool.install(|| fit(&of_case.problem, &of_case.options))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    let profile = match of_case.profile {
+        Some(k) => Some(pool.install(|| profile(&of_case.problem, &of_case.options, &found, k))?),
+        None => None,
+    };
+    let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
+    let mut json = report.json(absolute(case), seconds);
+    json.warnings.splice(0..0, joint.doubts.iter().cloned());
+    // First of all: when a figure fails, the result is there.
+    folder.write_json(FIT, &json)?;
+    folder.write("fit-history.csv", |out| report.write_history(out))?;
+    folder.write("traction-bands.csv", |out| report.write_bands(out))?;
+    folder.write("law.csv", |out| report.write_law(out))?;
+    folder.write("budget.csv", |out| report.write_budget(out))?;
+    let save = |name: String, picture: Picture| save(&folder, &name, &picture);
+    let asked = input.case.output.figures.as_deref();
+    let chosen = JointReport { joint: &joint, solution: found.solution() }.chosen(asked);
+    report.draw(&chosen, save)?;
+    // The joint of the fit, for everything that `simulate` writes.
+    let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
+    joint.law = law;
+    let of_joint = JointReport { joint: &joint, solution: found.solution() };
+    write_solution(&folder, &of_joint)?;
+    folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
+    of_joint.draw(&chosen, save)?;
+    watcher(Event::Identified { fit: &json, folder: output });
+    let trusted = found.status == FitStatus::Converged && !json.verdict.conditional;
+    Ok((json, if trusted { Outcome::Fine } else { Outcome::Incomplete }))
+}

@@ -1,0 +1,57 @@
+//! From images to results without a command line: what `quadrille correlate`, `watch`, `simulate`, `identify` and `run` do.
+//!
+//! [`Plan`] says what is to be done: a case, with an [`Overlay`] of what is given beside it. [`run_series`] does it, into a
+//! [`RunFolder`], tells whoever watches what happens ([`Event`]), stops when it is asked to ([`Stop`]), goes on where an earlier
+//! start was stopped, and returns what came of it ([`Ran`]). [`run_case`] goes on from there to the fit and its report. Nothing here
+//! prints or ends the process.
+
+mod busy;
+mod camera;
+mod case;
+mod engine;
+mod error;
+mod event;
+mod feed;
+mod folder;
+mod identification;
+mod kept;
+mod lock;
+mod output;
+mod overlay;
+mod page;
+mod pipeline;
+mod plan;
+pub(crate) mod quantities;
+mod record;
+mod reference;
+mod restart;
+mod run_toml;
+mod said;
+mod series;
+mod shard;
+mod simulation;
+mod steps;
+mod stop;
+mod tally;
+pub(crate) mod text;
+mod zones;
+
+pub use busy::Busy;
+pub use camera::{Watching, watch};
+pub use case::{CaseRun, correlation_in, run_case};
+pub use error::{Result, RunError};
+pub use event::{Event, Watcher};
+pub use folder::RunFolder;
+pub use identification::identify;
+pub use overlay::{Export, Overlay};
+pub use plan::{Images, Plan};
+pub use series::{Existing, Outcome, Ran, Session, run_series};
+pub use shard::Shard;
+pub use simulation::simulate;
+pub use stop::Stop;
+
+pub(crate) use folder::{About, FIGURES, frame_in_words, locks_in};
+pub(crate) use lock::{Holder, holders};
+pub(crate) use page::read_json;
+pub(crate) use record::Record;
+pub(crate) use restart::all_frames;

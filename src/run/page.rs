@@ -1,0 +1,130 @@
+//! The report of a run, from what its steps have written.
+
+use super::case::{CORRELATION, RIGID_MOTION};
+use super::error::{Result, RunError};
+use super::identification::FIT;
+use super::record::Record;
+use super::steps::Steps;
+use super::text::absolute;
+use crate::field::{Measurement, Status};
+use crate::io::images::sha256;
+use crate::io::joint::{read_joint, read_table};
+use crate::io::run_case::RunCase;
+use crate::io::series::Frame;
+use crate::io::store::Store;
+use crate::mechanics::Joint;
+use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::fit::{read_bands, read_law};
+use crate::report::identification::IdentificationReport;
+use crate::units::Px;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// A JSON file.
+pub(crate) fn read_json(path: &Path) -> Result<Value> {
+    let text = fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))?;
+    serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
+}
+
+/// The report, as HTML, from what the steps have written.
+pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path, steps: &Steps) -> Result<String> {
+    let store = Store::open(folder.join(CORRELATION))?;
+    let header = store.header();
+    let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
+    let correlation = read_json(&folder.join(CORRELATION).join("summary.json"))?;
+    let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
+    for number in 1..=store.n_frames() {
+        let field = store.frame(number)?.map(|frame| frame.measurement);
+        frames.extend(field.filter(|field| field.status == Status::Converged).map(|field| (number, field)));
+    }
+    let page = Record::of(header).page();
+    let reference = header.reference.first().ok_or("the correlation names no reference image")?;
+    let reference = Frame::named(reference, page).read()?.image;
+    let joint = Joint::new(&read_joint(joint_case)?)?;
+    let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
+    let fit = found.map(|path| read_json(&path)).transpose()?;
+    let law = identified(&*joint.law, fit.as_ref())?;
+    let computed = fields(folder, &joint, frames.len())?;
+    let bands = if fit.is_some() { read_bands(&folder.join("traction-bands.csv"))? } else { Vec::new() };
+    let law_bands = fit.is_some().then(|| read_law(&folder.join("law.csv"))).transpose()?;
+    let truth = file.parent().map(|folder| folder.join("truth.json")).filter(|path| path.exists());
+    let truth = truth.map(|path| read_json(&path)).transpose()?;
+    let mut provenance = vec![("quadrille".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
+    provenance.push(("case file".into(), absolute(file)));
+    provenance.extend(fs::read(&file).ok().map(|bytes| ("SHA-256 of the case file".to_owned(), sha256(&bytes))));
+    for (step, entry) in &steps.done {
+        let seconds = entry["seconds"].as_f64().unwrap_or(0.0);
+        let inputs = entry["inputs"].as_str().unwrap_or("");
+        provenance.push((format!("step {step}"), format!("{seconds:.2} s; inputs {inputs}")));
+    }
+    let short =
+        |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |name| name.to_string_lossy().into_owned());
+    let hashes = header.reference.iter().zip(&header.reference_sha256).map(|(file, hash)| (short(file), hash.clone()));
+    provenance.extend(hashes);
+    for number in 1..=store.n_frames() {
+        if let Some(hash) = store.frame_sha256(number) {
+            provenance.push((short(&header.frames[number - 1]), hash.to_owned()));
+        }
+    }
+    let mut notes = case.notes.clone();
+    notes.extend(joint.doubts.iter().cloned());
+    let warnings = fit.as_ref().and_then(|fit| fit["warnings"].as_array()).into_iter().flatten();
+    notes.extend(warnings.filter_map(|line| line.as_str().map(str::to_owned)));
+    let mut seen = std::collections::BTreeSet::new();
+    notes.retain(|note| seen.insert(note.clone()));
+    let other = folder.join(RIGID_MOTION);
+    let other = if other.exists() { Some(read_json(&other)?) } else { None };
+    let report = IdentificationReport {
+        case: file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        reference: &reference,
+        correlation: &correlation,
+        pixel_size,
+        element_px: header.element_size_px,
+        thickness_mm: case.thickness_mm,
+        frames: &frames,
+        joint: &joint,
+        law: &*law,
+        computed: &computed,
+        bands: &bands,
+        law_bands: law_bands.as_ref(),
+        fit: fit.as_ref(),
+        truth: truth.as_ref().map(|truth| &truth["parameters"]),
+        other_rigid_motion: other.as_ref(),
+        notes,
+        provenance,
+    };
+    Ok(report.page()?.html())
+}
+
+/// `law` with the values of `fit.json`.
+fn identified(law: &dyn CohesiveLaw, fit: Option<&Value>) -> Result<Box<dyn CohesiveLaw>> {
+    let values: Vec<f64> = (law.parameters().iter().zip(law.values()))
+        .map(|(parameter, given)| {
+            fit.and_then(|fit| fit["parameters"][parameter.name]["value"].as_f64()).unwrap_or(given)
+        })
+        .collect();
+    Ok(law.with_values(&values)?)
+}
+
+/// Displacements by instant and node.
+type Fields = Vec<Vec<[f64; 2]>>;
+
+/// The computed displacements, from `solution.csv`.
+fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
+    let n_nodes = joint.model.mesh().nodes().len();
+    let n_instants = n.max(joint.boundary.instants().len());
+    let path = folder.join("solution.csv");
+    let (columns, rows) = read_table(&path)?;
+    let at = ["ux_mm", "uy_mm"].map(|name| columns.iter().position(|column| column == name));
+    let [Some(x), Some(y)] = at else { return Err(format!("{}: no columns ux_mm and uy_mm", path.display()).into()) };
+    let mut fields: Fields = vec![Vec::new(); n_instants];
+    for row in rows {
+        let (instant, node) = (row[0] as usize, row[1] as usize);
+        if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
+            field.resize(n_nodes, [0.0; 2]);
+            field[node] = [row[x], row[y]];
+        }
+    }
+    Ok(fields)
+}

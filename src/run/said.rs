@@ -1,0 +1,136 @@
+//! What a run says of itself.
+
+use super::plan::{MANY, Plan};
+use super::text::{plural, ranges};
+use crate::backend::{AnyBackend, Backend};
+use crate::correlate::{BareBorder, Correlator, TextureFault};
+use crate::imaging::{GreyDepth, Image, Saturation};
+use crate::io::store::STORE;
+use crate::report::summary::{ReferenceSummary, Summary, saturation_message, units};
+use std::collections::BTreeMap;
+
+/// What a run begins with, on one line.
+pub(super) fn begin_line(
+    plan: &Plan,
+    correlator: &Correlator<AnyBackend>,
+    reference: &Image,
+    threads: usize,
+) -> String {
+    let mesh = correlator.mesh();
+    format!(
+        "reference {} ({} x {} px, {}), {}, {} elements of {} px, {} nodes; {}, {}",
+        plan.reference_name(),
+        reference.width(),
+        reference.height(),
+        reference.pixels().depth(),
+        plural(mesh.zones().len(), "zone"),
+        mesh.n_elements(),
+        plan.options.element_size,
+        mesh.n_nodes(),
+        correlator.backend().device(),
+        plural(threads, "thread"),
+    )
+}
+
+/// What to say of nodes without texture.
+pub(super) fn about_nodes(correlator: &Correlator<AnyBackend>) -> impl Iterator<Item = String> {
+    const NAMED: usize = 3;
+    let said = |faults: &[TextureFault], begin: &str, what: &str| {
+        let mut places: Vec<String> = faults.iter().take(NAMED).map(ToString::to_string).collect();
+        if faults.len() > NAMED {
+            places.push(format!("{} more in summary.json", faults.len() - NAMED));
+        }
+        let n = plural(faults.len(), "node");
+        (!faults.is_empty()).then(|| format!("{begin}{n} with too little texture {what}: {}", places.join("; ")))
+    };
+    let dropped = said(correlator.dropped(), "warning: ", "left out");
+    let held = said(correlator.held(), "", "held by the regularisation");
+    [dropped, held].into_iter().flatten()
+}
+
+/// What to say of an earlier start: frames that are done, and those that are done again because they are `damaged` or
+/// depend on such.
+pub(super) fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depending: &[usize]) -> Vec<String> {
+    let mut said = Vec::new();
+    if done > 0 {
+        let to_do = if to_do == 0 { "nothing is missing".into() } else { format!("{to_do} to do") };
+        said.push(format!("{} done before, {to_do}", plural(done, "frame")));
+    }
+    let list = ranges;
+    if !damaged.is_empty() {
+        let frames = plural(damaged.len(), "frame");
+        said.push(format!("what is stored of {frames} is not whole and is done again: {}", list(damaged)));
+    }
+    if !depending.is_empty() {
+        let list = list(depending);
+        said.push(format!("done again, since the reference depends on all frames before: {list}"));
+    }
+    said
+}
+
+/// The summary of a run before its first frame.
+pub(super) fn empty_summary(
+    plan: &Plan,
+    correlator: &Correlator<AnyBackend>,
+    reference: &Image,
+    threads: usize,
+    saturation: Option<Saturation>,
+) -> Summary {
+    Summary {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        threads,
+        units: units(),
+        reference: ReferenceSummary {
+            file: plan.reference[0].to_string(),
+            mean_of: match plan.reference.as_slice() {
+                [_] => Vec::new(),
+                several => several.iter().map(ToString::to_string).collect(),
+            },
+            width_px: reference.width(),
+            height_px: reference.height(),
+            depth: reference.pixels().depth(),
+            bits_used: GreyDepth::of(reference).map(|depth| depth.used),
+            saturated_percent: saturation.map(Saturation::percent),
+            range_grey: correlator.grey_range(),
+        },
+        n_nodes: correlator.mesh().n_nodes(),
+        n_elements: correlator.mesh().n_elements(),
+        n_levels: correlator.n_levels(),
+        solver: correlator.solver_name(),
+        tolerance_px: plan.options.tolerance_px,
+        tolerance_in_effect_px: (correlator.tolerance_px() > plan.options.tolerance_px)
+            .then(|| correlator.tolerance_px()),
+        seconds_reference: 0.0,
+        seconds_total: 0.0,
+        nodes_left_out: correlator.dropped().iter().map(Into::into).collect(),
+        nodes_held: correlator.held().iter().map(Into::into).collect(),
+        messages: Vec::new(),
+        counts: BTreeMap::new(),
+        reference_updates: Vec::new(),
+        frames: Vec::new(),
+    }
+}
+
+/// What to say of the grey levels of the reference.
+pub(super) fn about_grey(plan: &Plan, reference: &Image, saturation: Option<Saturation>) -> Vec<String> {
+    let notes = [GreyDepth::of(reference).and_then(GreyDepth::remark), saturation.and_then(saturation_message)];
+    notes.into_iter().flatten().map(|note| format!("{}: {note}", plan.reference_name())).collect()
+}
+
+/// What a zone that ends at a place without texture should be told.
+pub(super) fn bare_border(border: &BareBorder) -> String {
+    let BareBorder { zone, length_px, at: [x, y] } = border;
+    format!(
+        "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
+         is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"
+    )
+}
+
+/// That no tables are written: because there are `many` frames, or because nobody knows how many.
+pub(super) fn store_only(many: bool) -> String {
+    let why = if many { format!("more than {MANY} frames: ") } else { String::new() };
+    format!(
+        "{why}fields go to {STORE} alone; `quadrille export` makes tables of them, or --export csv,vtu during the run"
+    )
+}

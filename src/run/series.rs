@@ -1,0 +1,490 @@
+//! A series of images, from its files to its store: opened, resumed, correlated, closed.
+
+use super::busy::{Busy, Spent};
+use super::camera::Camera;
+use super::engine::Engine;
+use super::error::{Result, RunError};
+use super::event::{Event, Watcher};
+use super::feed::Feed;
+use super::folder::{About, RunFolder, csv_name, vtu_name};
+use super::kept::Kept;
+use super::lock::Lock;
+use super::output::{Output, ToWrite};
+use super::plan::Plan;
+use super::reference::{Reference, about_reference, element_size_px, windows};
+use super::restart::{self, Earlier};
+use super::run_toml::RunToml;
+use super::shard::Shard;
+use super::stop::Stop;
+use super::tally::Tally;
+use super::text::chain;
+use super::zones::Zones;
+use super::{pipeline, quantities, said};
+use crate::backend::{AnyBackend, Backend};
+use crate::correlate::Correlator;
+use crate::field::{Status, UpdateReference};
+use crate::imaging::{Image, Saturation};
+use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
+use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
+use rayon::ThreadPool;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+use std::time::{Duration, Instant};
+
+/// Results that wait to be written.
+const BEHIND: usize = 4;
+/// How often the summary is written while the series runs.
+const SUMMARY_EVERY: Duration = Duration::from_secs(10);
+/// Share of the time that this may take: that of a long series grows with it.
+const SUMMARY_SHARE: u32 = 50;
+
+/// What to do about results that are there already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// Go on with them when they are of the same run.
+    Continue,
+    /// Replace them.
+    Replace,
+}
+
+/// How a plan is carried out; none of it changes a result.
+#[derive(Debug)]
+pub struct Session {
+    /// What to do about results that are there already.
+    pub existing: Existing,
+    /// The share of the frames that is done.
+    pub shard: Option<Shard>,
+    /// The wish to stop.
+    pub stop: Stop,
+}
+
+impl Session {
+    /// One that does all frames.
+    pub fn new(existing: Existing) -> Self {
+        Self { existing, shard: None, stop: Stop::default() }
+    }
+}
+
+/// What a run came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything asked for is there.
+    Fine,
+    /// It ran, but some frame or fit did not converge, or the data reject the model.
+    Incomplete,
+    /// It was asked to stop before it was done.
+    Stopped,
+}
+
+/// What came of a series.
+#[derive(Debug, Clone)]
+pub struct Ran {
+    /// Whether its own frames converged.
+    pub outcome: Outcome,
+    /// Whether every frame of the series is done, those of other shards too.
+    pub complete: bool,
+    /// Its own frames, done now or before.
+    pub summary: Summary,
+    /// What the stages have had to do.
+    pub busy: Busy,
+}
+
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all; and what the camera of the session adds. What is
+/// done stays done, however this ends: the same call goes on from there.
+///
+/// # Errors
+/// See [`RunError`]. A frame that cannot be read or does not converge is a result.
+pub fn run_series(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: &ThreadPool,
+    session: Session,
+    watcher: Watcher<'_>,
+) -> Result<Ran> {
+    carry_out(plan, folder, pool, session, None, watcher)
+}
+
+/// The same; `camera` gives further frames when those of the plan are done.
+pub(super) fn carry_out(
+    plan: &Plan,
+    folder: &RunFolder,
+    pool: &ThreadPool,
+    session: Session,
+    camera: Option<Camera>,
+    watcher: Watcher<'_>,
+) -> Result<Ran> {
+    let mut series = Series::open(plan, folder, pool, session, camera)?;
+    let earlier = series.earlier()?;
+    let tally = series.begin(&earlier, watcher)?;
+    let (tally, written) = series.correlate(tally, &earlier, watcher);
+    series.close(tally, written, watcher)
+}
+
+/// A series whose folder is taken and whose reference is prepared.
+struct Series<'a> {
+    begin: Instant,
+    plan: Plan,
+    folder: &'a RunFolder,
+    pool: &'a ThreadPool,
+    session: Session,
+    camera: Option<Camera>,
+    lock: Lock,
+    reference: Arc<Image>,
+    engine: Engine,
+    /// That of the beginning: the engine may come to another.
+    correlator: Arc<Correlator<AnyBackend>>,
+    seconds_reference: f64,
+    /// What is to be said of reference and zones.
+    notes: Vec<String>,
+    saturation: Option<Saturation>,
+    record: RunToml,
+    about: About,
+    writer: StoreWriter,
+    /// The same store, for reading.
+    store: Store,
+}
+
+/// What an earlier start has left.
+struct Before {
+    done: BTreeMap<usize, (FrameSummary, Option<String>)>,
+    damaged: Vec<usize>,
+    /// Frames that are done again because their reference is another now.
+    depending: Vec<usize>,
+    kept: Kept,
+    /// Frames of this process, and those of them that are to be done.
+    own: Vec<usize>,
+    to_do: Vec<usize>,
+}
+
+impl<'a> Series<'a> {
+    /// Takes the folder, prepares the reference, and makes or finds the store.
+    fn open(
+        plan: &Plan,
+        folder: &'a RunFolder,
+        pool: &'a ThreadPool,
+        session: Session,
+        camera: Option<Camera>,
+    ) -> Result<Self> {
+        let begin = Instant::now();
+        let watches = camera.as_ref().map(Camera::folder);
+        let lock = Lock::take(&folder.locks(), session.shard, watches)?;
+        if session.shard.is_none() {
+            folder.tidy();
+        }
+        let there = match session.existing {
+            Existing::Continue if folder.holds_run() => {
+                let store = Store::open(folder.path().join(STORE));
+                Some(store.map_err(|error| folder.holds_another(Some(chain(&error))))?)
+            }
+            _ => None,
+        };
+        let plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
+        // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
+        if camera.is_none() {
+            quantities::load(&plan.drawn, plan.deformed.len())?;
+        }
+        let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
+        let (width, height) = (image.width(), image.height());
+        let Zones { zones, notes: zone_notes, files: zone_files } =
+            Zones::on(&plan.zones, plan.guard_px, width, height)?;
+        let reference = Arc::new(image);
+        let prepare = Instant::now();
+        let device = plan.device()?;
+        let prepared = || Engine::new(device, Arc::clone(&reference), zones, plan.options.clone());
+        let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
+        let correlator = engine.correlator();
+        let seconds_reference = prepare.elapsed().as_secs_f64();
+        quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
+        let threads = pool.current_num_threads();
+        let record = RunToml::new(&plan, &*correlator, [width, height], threads, &sha256, zone_files);
+        let header = StoreHeader {
+            quadrille: env!("CARGO_PKG_VERSION").into(),
+            device: correlator.backend().device(),
+            mesh: correlator.mesh().clone(),
+            image_size_px: [width, height],
+            reference: plan.reference.iter().map(ToString::to_string).collect(),
+            reference_sha256: sha256,
+            frames: plan.deformed.iter().map(ToString::to_string).collect(),
+            pixel_size: plan.pixel_size,
+            range_grey: correlator.grey_range(),
+            element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
+            strain: plan.strain,
+            case: record.without_images(),
+        };
+        let may_grow = session.shard.is_none();
+        let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
+            differences if differences.is_empty() => Ok(()),
+            differences => Err(folder.holds_another(Some(differences.join("; ")))),
+        };
+        there.as_ref().map_or(Ok(()), same_run)?;
+        if there.is_none() && session.shard.is_none() {
+            folder.clear(plan.csv, plan.vtu)?;
+            quantities::remove(folder.path())?;
+        }
+        folder.make_folders(plan.csv, plan.vtu)?;
+        let (writer, store) = {
+            let _alone = session.shard.map(|_| lock.common()).transpose()?;
+            let writer = folder.store(&header)?;
+            let mut store = Store::open(writer.path())?;
+            same_run(&store)?; // another shard may have made it in the meantime
+            if store.n_frames() < header.frames.len() {
+                writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
+                store = Store::open(writer.path())?;
+            }
+            if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
+                writer.write_normal_matrices(&matrices)?;
+                writer.write_gradient_noise(&correlator.gradient_noise())?;
+            }
+            if !folder.has_case() {
+                folder.write_case(&record.case(&BTreeMap::new()))?;
+            }
+            (writer, store)
+        };
+        let saturation = Saturation::of(&reference, &windows(correlator.mesh()));
+        let about_grey = said::about_grey(&plan, &reference, saturation);
+        let remark = lock.remark.clone();
+        Ok(Self {
+            begin,
+            plan,
+            folder,
+            pool,
+            session,
+            camera,
+            lock,
+            reference,
+            engine,
+            correlator,
+            seconds_reference,
+            notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).chain(remark).collect(),
+            saturation,
+            record,
+            about: About::new(header)?,
+            writer,
+            store,
+        })
+    }
+
+    /// The frames of this process among the first `n_frames`.
+    fn own(&self, n_frames: usize) -> Vec<usize> {
+        let shard = self.session.shard;
+        (1..=n_frames).filter(|&number| shard.is_none_or(|shard| shard.has(number))).collect()
+    }
+
+    /// What an earlier start has left, and what is to be done.
+    fn earlier(&self) -> Result<Before> {
+        let Self { plan, folder, store, .. } = self;
+        let own = self.own(plan.deformed.len());
+        let tables: Vec<restart::Name> = [(plan.csv, csv_name as restart::Name), (plan.vtu, vtu_name)]
+            .into_iter()
+            .filter_map(|(wanted, name)| wanted.then_some(name))
+            .collect();
+        let earlier = self.pool.install(|| Earlier::find(store, folder.path(), &own, &tables));
+        let mut depending = Vec::new();
+        let (Earlier { done, damaged, .. }, kept) = match plan.update {
+            UpdateReference::Never => (earlier, Kept::default()),
+            update => {
+                let (earlier, kept) = earlier.of_chain(folder.path(), &plan.deformed, update, self.correlator.mesh());
+                // They are of another chain now, also should this start be killed before it comes to them.
+                let after = kept.number + 1..=plan.deformed.len();
+                for number in after.filter(|&number| store.status_file(number).exists()) {
+                    self.writer.unmark(number)?;
+                    depending.extend((!earlier.damaged.contains(&number)).then_some(number));
+                }
+                folder.make(RunFolder::CHAIN)?;
+                Kept::tidy(folder.path(), kept.number);
+                (earlier, kept)
+            }
+        };
+        let to_do = own.iter().copied().filter(|number| !done.contains_key(number)).collect();
+        Ok(Before { done, damaged, depending, kept, own, to_do })
+    }
+
+    /// Says what is about to happen, and counts what was done before.
+    fn begin(&self, before: &Before, watcher: Watcher<'_>) -> Result<Tally> {
+        let Self { plan, folder, session, camera, correlator, engine, reference, .. } = self;
+        let total = camera.is_none().then_some(before.own.len());
+        watcher(Event::Begun { total, before: before.done.len() });
+        let threads = self.pool.current_num_threads();
+        let border_notes: Vec<String> = correlator.bare_borders().iter().map(said::bare_border).collect();
+        let mut lines = vec![said::begin_line(plan, correlator, reference, threads)];
+        lines.extend(self.notes.iter().cloned());
+        lines.extend(said::about_nodes(correlator));
+        lines.extend(said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending));
+        lines.extend(border_notes.iter().cloned());
+        lines.iter().for_each(|line| watcher(Event::Note(line)));
+        let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
+        let mut summary = Summary {
+            seconds_reference: self.seconds_reference,
+            messages: border_notes,
+            counts: counts(&frames),
+            reference_updates: reference_updates(&frames),
+            frames,
+            ..said::empty_summary(plan, correlator, reference, threads, self.saturation)
+        };
+        for note in engine.take_notes() {
+            watcher(Event::Note(&note));
+            summary.messages.extend(note.starts_with("warning").then_some(note));
+        }
+        if plan.store_only {
+            watcher(Event::Note(&said::store_only(camera.is_none())));
+        }
+        if session.shard.is_some() {
+            let _alone = self.lock.common()?;
+            if !folder.has_summary() {
+                // For `quadrille status`, should the last of the shards be killed before it has written it.
+                folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
+            }
+        }
+        let (n_decoders, in_flight) = pipeline::widths(engine, self.pool, plan.options.start);
+        let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
+        Ok(Tally {
+            hashes: before.done.iter().map(|(&number, (_, sha256))| (number, sha256.clone())).collect(),
+            summary,
+            busy: Busy::new(n_decoders, in_flight),
+            in_series: with_field.map(|(&number, _)| number).collect(),
+        })
+    }
+
+    /// Correlates what is to be done and writes it, until all is done, it shall stop, or something fails.
+    fn correlate(&mut self, mut tally: Tally, before: &Before, watcher: Watcher<'_>) -> (Tally, Result<()>) {
+        let Self {
+            begin, plan, folder, pool, session, camera, correlator, engine, record, about, writer, store, ..
+        } = self;
+        let Session { stop, shard, .. } = session;
+        let windows = windows(correlator.mesh());
+        let frames = pipeline::Frames {
+            known: &plan.deformed,
+            settle: camera.as_ref().map(Camera::settle),
+            windows: &windows,
+            start: plan.options.start,
+            update: plan.update,
+            kept: &before.kept,
+            stored: &|number| restart::stored_start(store, folder.path(), number),
+            stop,
+        };
+        let [writing, waiting] = &[Spent::default(), Spent::default()];
+        let mut feed = Feed {
+            to_do: before.to_do.iter().map(|&number| (number, plan.deformed[number - 1].clone())).collect(),
+            camera: camera.as_mut(),
+            record,
+            store: writer,
+            engine,
+            waiting,
+        };
+        let alone = shard.is_none();
+        let written = std::thread::scope(|scope| -> Result<()> {
+            let (finished, to_write) = sync_channel(BEHIND);
+            let in_series = std::mem::take(&mut tally.in_series);
+            let output = Output { plan, folder, store: writer, fields: store, about, alone, in_series, writing };
+            let writer = scope.spawn(move || output.write_all(&to_write));
+            let mut last_summary = Instant::now();
+            let mut summary_every = SUMMARY_EVERY;
+            let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
+            let done = pipeline::run(engine, pool, &frames, next, |done| {
+                let pipeline::Done { sha256, summary: frame, result, news, kept } = done;
+                tally.hashes.insert(frame.number, sha256.clone());
+                news.iter().for_each(|line| watcher(Event::Note(line)));
+                tally.take_notes(engine, watcher);
+                tally.busy.add(&frame, writing.time(), waiting.time());
+                watcher(Event::Frame { summary: &frame, busy: &tally.busy });
+                tally.summary.frames.push(frame.clone());
+                if alone && last_summary.elapsed() > summary_every {
+                    let begun = Instant::now();
+                    tally.write_summary(folder, *begin)?;
+                    summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * begun.elapsed());
+                    last_summary = Instant::now();
+                }
+                // When the writer has stopped, its error says why.
+                Ok(finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
+            });
+            drop(finished);
+            writer.join().map_err(|_| RunError::Bug("the writer stopped"))??;
+            done
+        });
+        tally.take_notes(engine, watcher);
+        (tally, written)
+    }
+
+    /// Writes what is of the whole, and says what came of it.
+    fn close(mut self, mut tally: Tally, written: Result<()>, watcher: Watcher<'_>) -> Result<Ran> {
+        let (folder, shard, begin) = (self.folder, self.session.shard, self.begin);
+        // A camera may have added frames.
+        let n_frames = self.record.deformed.len();
+        let n_own = self.own(n_frames).len();
+        let converged = tally.summary.frames.iter().filter(|frame| frame.status == Status::Converged).count();
+        let outcome = match converged {
+            _ if self.session.stop.is_asked() && tally.summary.frames.len() < n_own => Outcome::Stopped,
+            n if n == n_own && n > 0 => Outcome::Fine,
+            _ => Outcome::Incomplete,
+        };
+        let _alone = shard.map(|_| self.lock.common()).transpose()?;
+        let is_done = |number| self.store.status_file(number).exists();
+        let complete = written.is_ok() && n_frames > 0 && (1..=n_frames).all(is_done);
+        let own_frames = if shard.is_some() { tally.summary.frames.clone() } else { Vec::new() };
+        if shard.is_some() && complete {
+            // The last of the shards writes what is of the whole.
+            tally.summary.frames.clear();
+            for (number, frame) in (1..).zip(self.pool.install(|| restart::all_frames(folder.path(), n_frames))) {
+                let remedy = "give the same command again";
+                let (frame, sha256) = frame.ok_or(RunError::RecordLost { number, remedy })?;
+                tally.summary.frames.push(frame);
+                tally.hashes.insert(number, sha256);
+            }
+        }
+        if shard.is_none() || complete {
+            // Also when writing has failed: what is known is kept where it can be.
+            let closed = folder.write_case(&self.record.case(&tally.hashes));
+            let closed = closed.and_then(|()| tally.write_summary(folder, begin));
+            let sha256 = (1..=n_frames).map(|number| tally.hashes.get(&number).cloned().flatten()).collect();
+            let closed = closed.and_then(|()| Ok(self.writer.finish(sha256)?));
+            if written.is_ok() && self.plan.vtu {
+                let with_field = tally.summary.frames.iter().filter(|frame| frame.status.has_field());
+                folder.write_series(&with_field.map(|frame| frame.number).collect::<Vec<_>>())?;
+            }
+            written?;
+            closed?;
+        } else {
+            written?;
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+            tally.summary.seconds_total = begin.elapsed().as_secs_f64();
+        }
+        if !self.plan.drawn.is_empty() && complete {
+            self.draw_quantities(n_frames, watcher)?;
+        }
+        if shard.is_some() {
+            tally.summary.frames = own_frames;
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+        }
+        let Tally { summary, busy, .. } = tally;
+        watcher(Event::Finished { frames: &summary.frames, seconds: summary.seconds_total });
+        if let Some(camera) = &mut self.camera {
+            let stopped = self.session.stop.is_asked();
+            camera.ending(stopped).iter().for_each(|line| watcher(Event::Note(line)));
+        }
+        if outcome == Outcome::Stopped {
+            let done = summary.frames.len();
+            let line = format!("stopped with {done} of {n_own} frames done: the same command goes on from here");
+            watcher(Event::Note(&line));
+        }
+        watcher(Event::Note(&format!("results in {}", folder.path().display())));
+        Ok(Ran { outcome, complete, summary, busy })
+    }
+
+    /// Draws the quantities that the plan asks for from all fields.
+    fn draw_quantities(&self, n_frames: usize, watcher: Watcher<'_>) -> Result<()> {
+        let numbers: Vec<usize> = (1..=n_frames).collect();
+        let store = Store::open(self.folder.path())?;
+        let drawn = quantities::write_of_store(&store, &self.plan.drawn, None, &numbers, self.folder.path(), |_, _| ());
+        match drawn {
+            Ok(drawn) => drawn.notes.iter().for_each(|note| watcher(Event::Note(note))),
+            // How long the load file has to be is known only now.
+            Err(error) if self.camera.is_some() => {
+                let line = format!("warning: no numbers are drawn from the fields: {}", chain(&error));
+                watcher(Event::Note(&line));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+}

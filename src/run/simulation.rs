@@ -1,0 +1,79 @@
+//! The forward model of a joint: what `quadrille simulate` does.
+
+use super::error::Result;
+use super::event::{Event, Watcher};
+use super::folder::{FIGURES, RunFolder};
+use super::series::Outcome;
+use super::text::absolute;
+use crate::identify::Case;
+use crate::io::joint::read_joint;
+use crate::mechanics::ForwardOptions;
+use crate::report::Picture;
+use crate::report::joint::{JointReport, JointSummary};
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Instant;
+
+/// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into `output`.
+///
+/// # Errors
+/// See [`super::RunError`]. An instant without a solution is a result.
+pub fn simulate(
+    case: &Path,
+    output: &Path,
+    overwrite: bool,
+    pool: &ThreadPool,
+    watcher: Watcher<'_>,
+) -> Result<(JointSummary, Outcome)> {
+    let input = read_joint(case)?;
+    // Uncertainties that [substrate] may state are for `identify`.
+    let joint = Case::joint(&input)?;
+    let folder = RunFolder::open(output, overwrite)?;
+    folder.clear(false, true)?;
+    folder.make(FIGURES)?;
+
+    let options = ForwardOptions {
+        law_sensitivities: true,
+        substrate_sensitivities: input.case.output.substrate_sensitivities,
+        ..ForwardOptions::default()
+    };
+    let begin = Instant::now();
+    let solution = pool.install(|| joint.model.forward(&*joint.law, &joint.boundary, &options))?;
+    let seconds = begin.elapsed().as_secs_f64();
+
+    let report = JointReport { joint: &joint, solution: &solution };
+    let asked = input.case.output.figures.as_deref();
+    let mut warnings = joint.doubts.clone();
+    let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
+    for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
+        warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
+    }
+    let summary = report.summary(absolute(case), seconds, warnings);
+    write_solution(&folder, &report)?;
+    folder.write_summary(&summary)?;
+    report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
+    watcher(Event::Simulated { summary: &summary, folder: output });
+    Ok((summary, if solution.converged() { Outcome::Fine } else { Outcome::Incomplete }))
+}
+
+/// Writes a figure as PNG and SVG.
+pub(super) fn save(folder: &RunFolder, name: &str, picture: &Picture) -> Result<()> {
+    let path = folder.path().join(FIGURES);
+    picture.save(path.join(format!("{name}.png")))?;
+    Ok(picture.save(path.join(format!("{name}.svg")))?)
+}
+
+/// Tables and grids.
+pub(super) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result<()> {
+    folder.write("solution.csv", |out| report.write_solution(out))?;
+    folder.write("tractions.csv", |out| report.write_tractions(out))?;
+    folder.write("sensitivities.csv", |out| report.write_sensitivities(out))?;
+    let mut numbers = Vec::new();
+    for (number, instant) in report.solved() {
+        folder.write(&format!("vtu/{number:06}.vtu"), |out| report.write_strips(out, number, instant))?;
+        folder.write(&format!("vtu/{number:06}-interface.vtu"), |out| report.write_interface(out, number, instant))?;
+        numbers.push(number);
+    }
+    folder.write_series(&numbers)?;
+    folder.write_interface_series(&numbers)
+}
