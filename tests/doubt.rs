@@ -146,7 +146,11 @@ fn a_stated_noise_that_the_residual_contradicts_is_never_determined() {
     // Stated too large: the intervals are too wide.
     let loud = fitted(&folder(7, 0.02, SUBSTRATE, COHESIVE, &stated(0.1), THREE));
     assert_eq!(loud.verdict.outcome, Outcome::NotDetermined, "{:?}", loud.verdict);
-    assert!(loud.verdict.sentences.join(". ").contains("noise is less than what the uncertainties are made with"), "{:?}", loud.verdict);
+    assert!(
+        loud.verdict.sentences.join(". ").contains("noise is less than what the uncertainties are made with"),
+        "{:?}",
+        loud.verdict
+    );
     // Too small: noise and model cannot be told apart by the residual alone.
     let quiet = fitted(&folder(7, 0.02, SUBSTRATE, COHESIVE, &stated(0.002), THREE));
     assert_eq!(quiet.verdict.outcome, Outcome::Rejected, "{:?}", quiet.verdict);

@@ -221,6 +221,38 @@ fn print(found: &Metrology, options: &Options) {
     let Metrology { noise, texture, .. } = found;
     let [x0, y0, x1, y1] = found.zone_px;
     println!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0);
+    print_noise(noise);
+    let [gx, gy] = texture.gradient_grey_per_px;
+    println!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px");
+    let [sx, sy] = texture.speckle_px.map(|size| number(size, 1));
+    println!("speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)");
+    let ([low, high], [p1, p99], [dark, bright]) =
+        (texture.range_grey, texture.percentiles_grey, texture.saturated_percent);
+    let used = texture.range_used_percent.map_or(String::new(), |used| format!(", {used:.0} % of the scale"));
+    println!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}");
+    println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
+    print_sizes(found);
+    println!();
+    println!("largest bias over sub-pixel displacements, elements of {} px, px", found.bias_element_size_px);
+    for bias in found.bias.iter().filter(|bias| !bias.shift_px.is_empty()) {
+        let used = if bias.interpolation == options.interpolation { "  (used above)" } else { "" };
+        println!("  {:9} {:.1e}{used}", bias.interpolation.name(), bias.largest_px);
+    }
+    println!();
+    match found.advice.element_size_px {
+        Some(size) => println!("recommended: --element-size {size}"),
+        None => println!("no element size can be recommended"),
+    }
+    for reason in &found.advice.reasons {
+        println!("  {reason}");
+    }
+    for hint in &found.advice.hints {
+        println!("note: {hint}");
+    }
+}
+
+/// What is known of the noise, and what of it goes into a case file.
+fn print_noise(noise: &Noise) {
     let origin = match noise.origin {
         Origin::StaticImages => format!("measured on {}", plural(noise.pairs.len(), "static image")),
         Origin::Given => "as given".into(),
@@ -268,15 +300,10 @@ fn print(found: &Metrology, options: &Options) {
         println!("for the case file of correlate, in [correlation]:");
         case_lines(noise).iter().for_each(|line| println!("                {line}"));
     }
-    let [gx, gy] = texture.gradient_grey_per_px;
-    println!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px");
-    let [sx, sy] = texture.speckle_px.map(|size| number(size, 1));
-    println!("speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)");
-    let ([low, high], [p1, p99], [dark, bright]) =
-        (texture.range_grey, texture.percentiles_grey, texture.saturated_percent);
-    let used = texture.range_used_percent.map_or(String::new(), |used| format!(", {used:.0} % of the scale"));
-    println!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}");
-    println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
+}
+
+/// A row for each element size.
+fn print_sizes(found: &Metrology) {
     println!();
     println!("standard uncertainty of one component (the larger of x and y), and shortest period resolved at 90 %");
     println!(
@@ -304,22 +331,5 @@ fn print(found: &Metrology, options: &Options) {
             number(periods.and_then(|p| p.at_middle_px), 0),
             number(result.sigma_times_period_px2, 2),
         );
-    }
-    println!();
-    println!("largest bias over sub-pixel displacements, elements of {} px, px", found.bias_element_size_px);
-    for bias in found.bias.iter().filter(|bias| !bias.shift_px.is_empty()) {
-        let used = if bias.interpolation == options.interpolation { "  (used above)" } else { "" };
-        println!("  {:9} {:.1e}{used}", bias.interpolation.name(), bias.largest_px);
-    }
-    println!();
-    match found.advice.element_size_px {
-        Some(size) => println!("recommended: --element-size {size}"),
-        None => println!("no element size can be recommended"),
-    }
-    for reason in &found.advice.reasons {
-        println!("  {reason}");
-    }
-    for hint in &found.advice.hints {
-        println!("note: {hint}");
     }
 }

@@ -12,6 +12,7 @@ mod frames;
 mod identify;
 mod metrology;
 mod paper;
+mod paper_text;
 mod probe;
 mod progress;
 mod run;

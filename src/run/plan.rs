@@ -74,36 +74,7 @@ impl Plan {
     pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
         let Images { reference, deformed, grows } = images;
         let given = &case.correlation;
-        let default = Options::default();
-        let element_size = asked.element_size.or(given.element_size_px.map(i64::from));
-        let options = Options {
-            n_references: reference.len(),
-            // A negative size is refused with the same words as 0.
-            element_size: match element_size {
-                Some(size) => usize::try_from(size)
-                    .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
-                None => default.element_size,
-            },
-            element_share: asked.element_share.or(given.element_share).unwrap_or(default.element_share),
-            interpolation: asked.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
-            tolerance_px: asked.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
-            max_iterations: asked
-                .max_iterations
-                .or(given.max_iterations)
-                .map_or(default.max_iterations, |n| n as usize),
-            brightness: asked.brightness.or(given.brightness).unwrap_or(default.brightness),
-            start: asked.start.or(given.start).unwrap_or(match asked.shard {
-                Some(_) => StartFrom::Independent,
-                None => default.start,
-            }),
-            noise: asked.noise.or(given.noise).unwrap_or_default(),
-            noise_correlation: asked.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
-            drop_textureless: asked.drop_textureless || given.drop_textureless.unwrap_or(false),
-            // The edges of an opening are the faces of a joint.
-            whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
-            regularisation: regularisation(asked, given)?,
-            ..default
-        };
+        let options = options_of(asked, case, reference.len())?;
         let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
@@ -132,21 +103,16 @@ impl Plan {
             })?,
             None => recorded_isa.unwrap_or_else(Isa::detect),
         };
-        let mut store_only = false;
-        let export = match &asked.export {
-            Some(export) => export.clone(),
-            None => match recorded("export") {
-                Some(toml::Value::Array(names)) => {
-                    let named = |name: &toml::Value| Export::named(name.as_str()?);
-                    names.iter().filter_map(named).collect()
-                }
-                _ if grows || deformed.len() > MANY => {
-                    store_only = true;
-                    Vec::new()
-                }
-                _ => vec![Export::Csv, Export::Vtu],
-            },
+        let many = grows || deformed.len() > MANY;
+        let export = match (&asked.export, recorded("export")) {
+            (Some(export), _) => export.clone(),
+            (None, Some(toml::Value::Array(names))) => {
+                names.iter().filter_map(|name| Export::named(name.as_str()?)).collect()
+            }
+            (None, _) if many => Vec::new(),
+            (None, _) => vec![Export::Csv, Export::Vtu],
         };
+        let store_only = many && asked.export.is_none() && !matches!(recorded("export"), Some(toml::Value::Array(_)));
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
@@ -244,6 +210,38 @@ pub(super) fn files(frames: &[Frame]) -> Vec<String> {
     let mut files: Vec<String> = frames.iter().map(|frame| absolute(&frame.path)).collect();
     files.dedup(); // the pages of one file
     files
+}
+
+/// The options of the correlation that overlay and case ask for together.
+fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<Options> {
+    let given = &case.correlation;
+    let default = Options::default();
+    let element_size = asked.element_size.or(given.element_size_px.map(i64::from));
+    Ok(Options {
+        n_references,
+        // A negative size is refused with the same words as 0.
+        element_size: match element_size {
+            Some(size) => usize::try_from(size)
+                .map_err(|_| format!("the element size is {size} px; choose 4 to 128 px (16 is a good start)"))?,
+            None => default.element_size,
+        },
+        element_share: asked.element_share.or(given.element_share).unwrap_or(default.element_share),
+        interpolation: asked.interpolation.or(given.interpolation).unwrap_or(default.interpolation),
+        tolerance_px: asked.tolerance.or(given.tolerance_px).unwrap_or(default.tolerance_px),
+        max_iterations: asked.max_iterations.or(given.max_iterations).map_or(default.max_iterations, |n| n as usize),
+        brightness: asked.brightness.or(given.brightness).unwrap_or(default.brightness),
+        start: asked.start.or(given.start).unwrap_or(match asked.shard {
+            Some(_) => StartFrom::Independent,
+            None => default.start,
+        }),
+        noise: asked.noise.or(given.noise).unwrap_or_default(),
+        noise_correlation: asked.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
+        drop_textureless: asked.drop_textureless || given.drop_textureless.unwrap_or(false),
+        // The edges of an opening are the faces of a joint.
+        whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
+        regularisation: regularisation(asked, given)?,
+        ..default
+    })
 }
 
 /// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case

@@ -198,20 +198,7 @@ impl<'a> Series<'a> {
         quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
         let threads = pool.current_num_threads();
         let record = RunToml::new(&plan, &*correlator, [width, height], threads, &sha256, zone_files);
-        let header = StoreHeader {
-            quadrille: env!("CARGO_PKG_VERSION").into(),
-            device: correlator.backend().device(),
-            mesh: correlator.mesh().clone(),
-            image_size_px: [width, height],
-            reference: plan.reference.iter().map(ToString::to_string).collect(),
-            reference_sha256: sha256,
-            frames: plan.deformed.iter().map(ToString::to_string).collect(),
-            pixel_size: plan.pixel_size,
-            range_grey: correlator.grey_range(),
-            element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
-            strain: plan.strain,
-            case: record.without_images(),
-        };
+        let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
         let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
             differences if differences.is_empty() => Ok(()),
@@ -225,25 +212,14 @@ impl<'a> Series<'a> {
         folder.make_folders(plan.csv, plan.vtu)?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
-            let writer = folder.store(&header)?;
-            let mut store = Store::open(writer.path())?;
-            same_run(&store)?; // another shard may have made it in the meantime
-            if store.n_frames() < header.frames.len() {
-                writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
-                store = Store::open(writer.path())?;
-            }
-            if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
-                writer.write_normal_matrices(&matrices)?;
-                writer.write_gradient_noise(&correlator.gradient_noise())?;
-            }
+            let made = made_or_found(folder, &header, &correlator, same_run)?;
             if !folder.has_case() {
                 folder.write_case(&record.case(&BTreeMap::new()))?;
             }
-            (writer, store)
+            made
         };
         let saturation = Saturation::of(&reference, &windows(correlator.mesh()));
         let about_grey = said::about_grey(&plan, &reference, saturation);
-        let remark = lock.remark.clone();
         Ok(Self {
             begin,
             plan,
@@ -256,7 +232,7 @@ impl<'a> Series<'a> {
             engine,
             correlator,
             seconds_reference,
-            notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).chain(remark).collect(),
+            notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).collect(),
             saturation,
             record,
             about: About::new(header)?,
@@ -308,7 +284,7 @@ impl<'a> Series<'a> {
         let threads = self.pool.current_num_threads();
         let border_notes: Vec<String> = correlator.bare_borders().iter().map(said::bare_border).collect();
         let mut lines = vec![said::begin_line(plan, correlator, reference, threads)];
-        lines.extend(self.notes.iter().cloned());
+        lines.extend(self.notes.iter().chain(&self.lock.remark).cloned());
         lines.extend(said::about_nodes(correlator));
         lines.extend(said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending));
         lines.extend(border_notes.iter().cloned());
@@ -486,5 +462,50 @@ impl<'a> Series<'a> {
             Err(error) => return Err(error),
         }
         Ok(())
+    }
+}
+
+/// The store of a run, made, or found and told of frames that have come since, when it is of the `same_run`.
+fn made_or_found(
+    folder: &RunFolder,
+    header: &StoreHeader,
+    correlator: &Correlator<AnyBackend>,
+    same_run: impl Fn(&Store) -> Result<()>,
+) -> Result<(StoreWriter, Store)> {
+    let writer = folder.store(header)?;
+    let mut store = Store::open(writer.path())?;
+    same_run(&store)?; // another shard may have made it in the meantime
+    if store.n_frames() < header.frames.len() {
+        writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
+        store = Store::open(writer.path())?;
+    }
+    if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
+        writer.write_normal_matrices(&matrices)?;
+        writer.write_gradient_noise(&correlator.gradient_noise())?;
+    }
+    Ok((writer, store))
+}
+
+/// What the store says of itself.
+fn header_of(
+    plan: &Plan,
+    correlator: &Correlator<AnyBackend>,
+    record: &RunToml,
+    reference_sha256: Vec<String>,
+    image_size_px: [usize; 2],
+) -> StoreHeader {
+    StoreHeader {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.backend().device(),
+        mesh: correlator.mesh().clone(),
+        image_size_px,
+        reference: plan.reference.iter().map(ToString::to_string).collect(),
+        reference_sha256,
+        frames: plan.deformed.iter().map(ToString::to_string).collect(),
+        pixel_size: plan.pixel_size,
+        range_grey: correlator.grey_range(),
+        element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
+        strain: plan.strain,
+        case: record.without_images(),
     }
 }

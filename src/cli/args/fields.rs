@@ -1,0 +1,243 @@
+//! What the commands take that read the fields of a run, and `metrology`.
+
+use super::words::interpolation;
+use super::words::pair;
+use super::words::rectangle;
+use super::words::two_zones;
+use crate::cli::frames::Frames;
+use crate::field::RemoveRigid;
+use crate::field::StrainDefinition;
+use crate::imaging::Interpolation;
+use crate::report::Figure;
+use crate::report::Format;
+use clap::Args;
+use clap::ValueEnum;
+use std::path::PathBuf;
+
+/// What `quadrille export` makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// DIR/csv/NNNNNN.csv: one row per measured node.
+    Csv,
+    /// DIR/vtu/NNNNNN.vtu and DIR/series.pvd for ParaView.
+    Vtu,
+    /// DIR/fields.npz for numpy.load; with --split DIR/npz/NNNNNN.npz.
+    Npz,
+    /// DIR/fields.mat for MATLAB and scipy.io.loadmat; with --split DIR/mat/NNNNNN.mat.
+    Mat,
+}
+
+/// Arguments of `quadrille export`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Tables and ParaView files of a long series, every frame from 100 to 200:\n    \
+    quadrille export out --to csv,vtu --frames 100-200\n  \
+    One file for MATLAB, in another folder:\n    \
+    quadrille export out --to mat --output for-matlab\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be done.")]
+pub struct ExportArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// What to make.
+    #[arg(long, value_name = "csv,vtu,npz,mat", value_delimiter = ',', required = true)]
+    pub to: Vec<Target>,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// Folder for the files; made when it is not there. Default: DIR.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// npz and mat: a file for each frame instead of one for all.
+    #[arg(long)]
+    pub split: bool,
+    /// Replace files that are there already.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille probe`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    A point and an extensometer over all frames, beside the load recorded with each image:\n    \
+    quadrille probe out --point 512,300 --extensometer 100,400,900,400 --load load.csv\n  \
+    Opening and sliding along a joint, the rotation of the specimen taken off:\n    \
+    quadrille probe out --opening upper,lower --remove-rigid all\n\n\
+    Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, openings.csv, openings_mean.csv and\n\
+    rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[opening]],\n\
+    [load] and [quantities] of a case file say the same.\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be done.")]
+pub struct ProbeArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// A case file (TOML) that says what to draw. Flags of a kind replace its sections of that kind. Default,
+    /// without any flag: the case of the run.
+    #[arg(long, value_name = "FILE")]
+    pub case: Option<PathBuf>,
+    /// A point, px: displacement and strain with their uncertainty. Repeat it for several.
+    #[arg(long, value_name = "x,y", value_parser = pair, allow_hyphen_values = true)]
+    pub point: Vec<[f64; 2]>,
+    /// A line, px: the same at points along it. Repeat it for several.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub line: Vec<[f64; 4]>,
+    /// Distance of the points of lines, px. Default: a quarter of the element size.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub step: Option<f64>,
+    /// An extensometer from one point to another, px: elongation and strain. Repeat it for several.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub extensometer: Vec<[f64; 4]>,
+    /// Average extensometers over gauge lines of this length across their ends, px. Default 0: points.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub width: Option<f64>,
+    /// Opening and sliding between two zones along their facing edges; for a horizontal joint the upper zone
+    /// first. Repeat it for several.
+    #[arg(long, value_name = "upper,lower", value_parser = two_zones)]
+    pub opening: Vec<[String; 2]>,
+    /// Take the rigid motion off before, of all nodes together or of each zone.
+    #[arg(long, value_name = "all|zone")]
+    pub remove_rigid: Option<RemoveRigid>,
+    /// Definition of the strains. Default: that of the run.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
+    /// What other instruments recorded (CSV, a row per image): joined to every row.
+    #[arg(long, value_name = "FILE")]
+    pub load: Option<PathBuf>,
+    /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
+    /// and SVG into DIR/curves.
+    #[arg(long)]
+    pub curves: bool,
+    /// Folder for `quantities/`. Default: DIR.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Where `quadrille figures` takes a strain from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StrainPlace {
+    /// One value for each element, over its size.
+    Elements,
+    /// Interpolated between nodes, over twice the element size: smoother.
+    Nodes,
+}
+
+/// Arguments of `quadrille figures`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    Displacements, strains and residual of the last frame, into out/figures:\n    \
+    quadrille figures out\n  \
+    Two strains of three frames for a paper, with one colour bar:\n    \
+    quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --format svg\n  \
+    The opening along a line across two strips, and both strips brought into register:\n    \
+    quadrille figures out --quantity uy,register --line 600,20,600,780\n\n\
+    Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
+    be drawn.")]
+pub struct FiguresArgs {
+    /// Folder of a run of `quadrille correlate`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
+    pub frames: Frames,
+    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh,
+    /// deformed, register.
+    /// Default ux,uy,exx,eyy,exy,residual.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub quantity: Vec<Figure>,
+    /// Kinds of file.
+    #[arg(long, value_name = "png,svg", value_delimiter = ',', default_value = "png")]
+    pub format: Vec<Format>,
+    /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub line: Option<[f64; 4]>,
+    /// Factor on displacements in deformed and register. Default: one that makes them visible; 1 where the
+    /// deformed image can be shown.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub magnify: Option<f64>,
+    /// Ends of the colour bars, for all maps drawn. Default: the values of each.
+    #[arg(long, value_name = "low,high", value_parser = pair, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    /// Definition of the strains. Default: that of the run.
+    #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
+    pub strain: Option<StrainDefinition>,
+    /// Strains of elements or of nodes.
+    #[arg(long, value_enum, default_value = "elements")]
+    pub strain_on: StrainPlace,
+    /// Rigid motion that register takes off: of each zone, or of all together.
+    #[arg(long, value_name = "zone|all", default_value = "zone")]
+    pub remove_rigid: RemoveRigid,
+    /// Pixels per unit of length in PNG files, 1 to 4: 1 for the screen, 2 or 3 for print.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
+    pub scale: u32,
+    /// Folder for the pictures; made when it is not there. Default: DIR/figures.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille metrology`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    One image: texture, uncertainty and resolution, with a noise that is assumed:\n    \
+    quadrille metrology ref.tif\n  \
+    With images of the specimen at rest, from which the noise is measured, of one zone:\n    \
+    quadrille metrology ref.tif 'static/*.tif' --roi 10,10,1010,400 --output out\n  \
+    Elements that resolve a period of 100 px:\n    \
+    quadrille metrology ref.tif static.tif --resolve-period 100\n\n\
+    Prints a table; with --output DIR writes DIR/metrology.json as well.")]
+pub struct MetrologyArgs {
+    /// The reference image.
+    #[arg(value_name = "REFERENCE")]
+    pub reference: PathBuf,
+    /// Further images of the specimen at rest, as the reference: files or quoted globs.
+    #[arg(value_name = "STATIC")]
+    pub stills: Vec<String>,
+    /// The rectangle to look at, px: left, top, right, bottom. Default: the whole image. Of more than a
+    /// million pixels the middle is used.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub roi: Option<[f64; 4]>,
+    /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
+    #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
+    pub element_sizes: Option<Vec<i64>>,
+    /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
+    /// assumed without any.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub noise: Option<f64>,
+    /// Interpolation of the correlation: cubic (default), quintic, keys, bilinear.
+    #[arg(long, value_name = "NAME", value_parser = interpolation)]
+    pub interpolation: Option<Interpolation>,
+    /// Standard uncertainty that the recommended elements reach, px.
+    #[arg(long, value_name = "PX", default_value_t = 0.02, allow_hyphen_values = true)]
+    pub target_sigma: f64,
+    /// Recommend the largest elements that resolve waves of this period at 90 % of their amplitude, px.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub resolve_period: Option<f64>,
+    /// Folder for metrology.json; made when it is not there, an earlier one is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Seed of the noise that is added to copies of the image.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Page of multi-page TIFF files. Default 0, the first.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub page: Option<u32>,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}

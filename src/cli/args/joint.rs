@@ -1,0 +1,191 @@
+//! What the commands of a bonded joint take.
+
+use crate::backend::choice::DeviceChoice;
+use clap::Args;
+use clap::ValueEnum;
+use std::path::PathBuf;
+
+/// Arguments of `quadrille run`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
+    Steps already done with the same images and options are not done again. DIR/report.html tells all; the measured\n\
+    fields are in DIR/correlation.\n\n\
+    Exit status: 0 all is there; 1 a frame or the fit did not converge; 2 nothing could be run.")]
+pub struct RunArgs {
+    /// The case file (TOML): [images], [correlation], two [[zone]], [interface], [substrate], [cohesive], [measurement],
+    /// [fit]. Names of files in it are relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Do all steps again, and replace the results of any earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
+    pub device: DeviceChoice,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Depth of the images of a virtual test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum VirtualDepth {
+    /// 0 to 255.
+    #[value(name = "8")]
+    Eight,
+    /// 0 to 65535.
+    #[value(name = "16")]
+    Sixteen,
+}
+
+/// Arguments of `quadrille virtual`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
+    Written are images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
+    and truth: mesh, displacements, border and tractions of the region that is measured.")]
+pub struct VirtualArgs {
+    /// Folder for the test; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace a test that is there.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Seed of speckles and noise.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Depth of the images, bits.
+    #[arg(long, value_enum, default_value = "8")]
+    pub depth: VirtualDepth,
+    /// Standard deviation of the noise, grey levels of 255.
+    #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
+    pub noise: f32,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille paper`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  quadrille paper --output out/paper\n\n\
+    Written are table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
+    Exit status: 0 all fits below 2 px of noise converged inside their bounds; 1 some did not; 2 it could not run.")]
+pub struct PaperArgs {
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace results that are there.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Draws of the noise at each level.
+    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
+    pub seeds: usize,
+    /// Seed of the first draw, of speckles and of the noise of images.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille demo`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  quadrille demo --output out/demo && xdg-open out/demo/run/report.html")]
+pub struct DemoArgs {
+    /// Folder for images and results.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub output: PathBuf,
+    /// Seed of speckles and noise: changes the images, not the conclusion.
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Threads. Default: all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+}
+
+/// Arguments of `quadrille simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example of a case file:\n  \
+    [mesh]\n  file = \"mesh.json\"\n  \
+    [boundary]\n  file = \"boundary_displacements.csv\"\n  \
+    [substrate]\n  model = \"ramberg-osgood\"\n  E_MPa = 72000.0\n  nu = 0.33\n  sigma_0_MPa = 180.0\n  alpha = 0.06\n  n = 7.0\n  \
+    [cohesive]\n  model = \"extended-xu-needleman\"\n  phi_n_N_per_mm = 1.0\n  delta_n_mm = 0.005\n  delta_t_mm = 0.05\n  r = 4.0\n\n\
+    Exit status: 0 all instants converged; 1 some did not (see DIR/summary.json); 2 nothing could be run.")]
+pub struct SimulateArgs {
+    /// The case file (TOML): tables [mesh], [boundary], [substrate], [cohesive], [output]. Names of files in it are
+    /// relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille identify`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille identify joint.toml --output out/fit\n\n\
+    Exit status: 0 the fit converged; 1 it did not, the best point is in DIR/fit.json; 2 it could not run.")]
+pub struct IdentifyArgs {
+    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]. Names of files in it are
+    /// relative to its folder.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Arguments of `quadrille sweep`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille sweep joint.toml --values 3,4,5,6 --output out/sweep\n\n\
+    Exit status: 0 all fits converged; 1 some did not; 2 it could not run.")]
+pub struct SweepArgs {
+    /// The case file of `quadrille identify`.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// The parameter that is prescribed.
+    #[arg(long, value_name = "NAME", default_value = "r")]
+    pub parameter: String,
+    /// Its values. Default: the table [fit.sweep] of the case.
+    #[arg(long, value_name = "X,X,...", value_delimiter = ',')]
+    pub values: Vec<f64>,
+    /// Folder for the results; made when it is not there.
+    #[arg(long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Replace the results of an earlier run in the output folder.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Threads. Default: all cores. Results do not depend on it.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Only errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+}

@@ -1,0 +1,87 @@
+//! The command line, as the user types it.
+
+mod fields;
+mod joint;
+mod machine;
+mod series;
+mod words;
+
+pub use fields::*;
+pub use joint::*;
+pub use machine::*;
+pub use series::*;
+
+use clap::Parser;
+use clap::Subcommand;
+use std::ffi::OsString;
+
+/// Displacement fields of tested materials from image series, by global Q4 image correlation.
+#[derive(Debug, Parser)]
+#[command(name = "quadrille", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "Start with `quadrille demo`, which needs no data, or with your own images:\n  \
+    quadrille correlate --output out ref.tif 'frames/*.tif'")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Measure displacement fields: one reference image, any number of deformed ones.
+    Correlate(Box<CorrelateArgs>),
+    /// Measure while the test runs: correlate images as a camera writes them into a folder.
+    Watch(Box<WatchArgs>),
+    /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
+    Status(StatusArgs),
+    /// Write the scripts that spread a series over a Slurm cluster.
+    Slurm(SlurmArgs),
+    /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
+    Export(ExportArgs),
+    /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
+    Probe(ProbeArgs),
+    /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
+    Figures(FiguresArgs),
+    /// Make speckle images whose displacement is known exactly.
+    Synth(SynthArgs),
+    /// From the images of a virtual test to the law of its adhesive, compared with the truth; needs no data.
+    Demo(DemoArgs),
+    /// Measure noise, texture, uncertainty and resolution on your own image, and recommend an element size.
+    Metrology(MetrologyArgs),
+    /// List the devices that can do the pixel work, and which of them would be taken.
+    Devices(DevicesArgs),
+    /// Measure what correlation costs on the devices of this machine, side by side.
+    Bench(BenchArgs),
+    /// Compute the displacements and tractions of a cohesive joint whose border moves as measured.
+    Simulate(SimulateArgs),
+    /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty.
+    Identify(IdentifyArgs),
+    /// The same with one parameter prescribed at several values.
+    Sweep(SweepArgs),
+    /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
+    Virtual(VirtualArgs),
+    /// From images to the law of an adhesive: correlate, identify, report; from one case file.
+    Run(RunArgs),
+    /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
+    Paper(PaperArgs),
+}
+
+/// The arguments with `every N` as one: a value of two words, which are told from the images that may follow.
+pub fn joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
+    for argument in arguments {
+        match joined.as_mut_slice() {
+            [.., flag, every] if flag == "--update-reference" && every == "every" => {
+                every.push(" ");
+                every.push(argument);
+            }
+            [.., every] if every == "--update-reference=every" => {
+                every.push(" ");
+                every.push(argument);
+            }
+            _ => joined.push(argument),
+        }
+    }
+    joined
+}

@@ -1,0 +1,74 @@
+//! Words of the command line, read.
+
+use crate::imaging::Interpolation;
+use crate::io::case::Pages;
+use std::time::Duration;
+
+/// A time above zero.
+pub(super) fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("'{text}' is no number of seconds"))?;
+    // Below a millisecond nothing settles, above a year nothing ends.
+    let fine = (1e-3..=3.2e7).contains(&seconds);
+    if fine { Ok(Duration::from_secs_f64(seconds)) } else { Err("give seconds from 0.001 to a year".into()) }
+}
+
+pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
+    let values = values.map_err(|_| format!("'{text}' is no list of {N} numbers separated by commas"))?;
+    let n = values.len();
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err(format!("'{text}' holds a number that is not finite"));
+    }
+    values.try_into().map_err(|_| format!("'{text}' has {n} numbers instead of {N}"))
+}
+
+pub(super) fn rectangle(text: &str) -> Result<[f64; 4], String> {
+    numbers(text)
+}
+
+/// Corners of a polygon, px.
+#[derive(Debug, Clone)]
+pub struct Polygon(pub Vec<[f64; 2]>);
+
+pub(super) fn polygon(text: &str) -> Result<Polygon, String> {
+    let corners: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    match corners.len() {
+        0..=2 => Err(format!("'{text}' has fewer than three corners; write x,y x,y x,y")),
+        _ => Ok(Polygon(corners)),
+    }
+}
+
+pub(super) fn pages(text: &str) -> Result<Pages, String> {
+    match text {
+        "all" => Ok(Pages::All),
+        other => Err(format!("'{other}' is not 'all'; a single page is --page")),
+    }
+}
+
+pub(super) fn two_zones(text: &str) -> Result<[String; 2], String> {
+    let [plus, minus] = text
+        .split(',')
+        .map(str::trim)
+        .collect::<Vec<_>>()
+        .try_into()
+        .map_err(|names: Vec<_>| format!("'{text}' names {} zones instead of two: upper,lower", names.len()))?;
+    Ok([plus.to_owned(), minus.to_owned()])
+}
+
+pub(super) fn pair(text: &str) -> Result<[f64; 2], String> {
+    numbers(text)
+}
+
+pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
+    let parse = |v: &str| v.trim().parse::<usize>().ok().filter(|v| (1..=32_768).contains(v));
+    text.split_once(['x', 'X'])
+        .and_then(|(w, h)| Some([parse(w)?, parse(h)?]))
+        .ok_or_else(|| format!("'{text}' is no image size such as 1024x768"))
+}
+
+pub(super) fn interpolation(name: &str) -> Result<Interpolation, String> {
+    [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear]
+        .into_iter()
+        .find(|i| i.name() == name)
+        .ok_or_else(|| format!("'{name}' is not one of cubic, quintic, keys, bilinear"))
+}
