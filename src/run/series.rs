@@ -167,8 +167,7 @@ impl<'a> Series<'a> {
         camera: Option<Camera>,
     ) -> Result<Self> {
         let begin = Instant::now();
-        let watches = camera.as_ref().map(Camera::folder);
-        let lock = Lock::take(&folder.locks(), session.shard, watches)?;
+        let lock = Lock::take(&folder.locks(), session.shard, camera.as_ref().map(Camera::folder))?;
         if session.shard.is_none() {
             folder.tidy();
         }
@@ -196,8 +195,8 @@ impl<'a> Series<'a> {
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
         quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
-        let threads = pool.current_num_threads();
-        let record = RunToml::new(&plan, &*correlator, [width, height], threads, &sha256, zone_files);
+        let record =
+            RunToml::new(&plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
         let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
