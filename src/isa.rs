@@ -95,15 +95,15 @@ pub(crate) fn mul_add<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
 macro_rules! multiversioned {
     ($(#[$attr:meta])* $vis:vis fn $name:ident [$($decl:tt)*] [$($gen:ident),*] ($($arg:ident : $ty:ty),* $(,)?) $(-> $ret:ty)? => $body:ident) => {
         $(#[$attr])*
-        #[allow(clippy::too_many_arguments)]
+        #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
         $vis fn $name<$($decl)*>(isa: $crate::isa::Isa, $($arg: $ty),*) $(-> $ret)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
-                #[allow(clippy::too_many_arguments)]
+                #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
                 fn avx512<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
                 #[target_feature(enable = "avx2,fma")]
-                #[allow(clippy::too_many_arguments)]
+                #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
                 fn avx2<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
                 match isa.path() {
                     // SAFETY: an `Isa` of this kind is made only after its features were detected.

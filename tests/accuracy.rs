@@ -1,7 +1,7 @@
-//! How close measured fields come to exact ones. Numbers to reach: `ANCHORS.md`, section Accuracy.
+//! How close measured fields come to exact ones. Numbers to reach: the errors of the best open global codes on the same pair.
 //!
 //! "rms" of a displacement error is the root mean square of its length, `sqrt(mean(ex^2 + ey^2))`: for the
-//! analytic pair, whose two components carry the same wave, this is the number that `ANCHORS.md` gives.
+//! analytic pair, whose two components carry the same wave, this is the number that those codes were measured by.
 
 mod common;
 
@@ -29,7 +29,7 @@ const MARGIN: usize = 16;
 
 /// Reference and deformed image of the analytic pair, not rounded. Its speckles are 4.5 px wide by their
 /// autocorrelation, `sqrt(2)` times the width of one blob, and its contrast fills 8 bits (1..254): with
-/// these the projection has the errors that `ANCHORS.md` quotes.
+/// these the projection has the errors that were measured beside those codes.
 fn analytic_pair() -> [Arc<Image>; 2] {
     let texture = Texture::new(2024, 3.2).unwrap();
     let exposed = |image: Image| changed(&image, |_, _, grey| 1.13 * (grey - 120.0) + 127.5);
@@ -72,7 +72,7 @@ fn assert_analytic_pair(element_size: usize, limits: [f64; 2]) {
         println!(
             "{element_size} px, {what}: {found:.5}, projection {best:.5}, rounded {best_rounded:.5}, float {found_float:.5}"
         );
-        // `ANCHORS.md`: the best of the other global codes, 2 to 5 % above the projection.
+        // The best of the other global codes, 2 to 5 % above the projection.
         assert!(found <= limits[k], "{what} rms {found} px");
         // The requirement: what correlation adds (interpolation, linearisation) is within 3 % of the
         // projection. Rounding to 8 bits, which no code can undo, adds up to 5 % more at 16 px.

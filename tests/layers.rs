@@ -269,7 +269,9 @@ fn violations(source: &Source) -> Vec<Violation> {
     let mut add = |line, rule| found.push(Violation { file: source.path.clone(), line, rule });
     if let Some(module) = source.module() {
         match rank(module) {
-            None => add(1, format!("module '{module}' has no rank; give it one in tests/layers.rs and STYLE.md")),
+            None => {
+                add(1, format!("module '{module}' has no rank; give it one in tests/layers.rs and CONTRIBUTING.md"))
+            }
             Some(own) => {
                 for (name, line) in source.modules_named() {
                     let theirs = rank(&name).unwrap_or(u8::MAX);
@@ -371,7 +373,8 @@ fn a_name_of_the_same_or_a_higher_rank_is_found_with_file_line_and_rule() {
         "use super::super::super::io::csv;",
         &["src/backend/cpu/plane.rs, line 1: backend (rank 4) names io (rank 4); lower ranks only"],
     );
-    let unknown = "src/gadgets.rs, line 1: module 'gadgets' has no rank; give it one in tests/layers.rs and STYLE.md";
+    let unknown =
+        "src/gadgets.rs, line 1: module 'gadgets' has no rank; give it one in tests/layers.rs and CONTRIBUTING.md";
     assert_violates("gadgets.rs", "", &[unknown]);
 }
 

@@ -149,7 +149,7 @@ fn nodal_noise_is_that_of_the_theory() {
             // much more than the others, so the typical node is compared.
             let ratio = scatter.typical(place) / (factor * theory);
             println!("{element_size} px, {place:?}: noise {ratio:.3} of the theory");
-            // The requirement; `ANCHORS.md` confirmed the theory within 7 %.
+            // The requirement; an independent implementation confirmed the theory within 7 %.
             assert!((ratio - 1.0).abs() <= 0.1, "{element_size} px, {place:?}: {ratio} of the theory");
         }
     }

@@ -39,6 +39,8 @@ const NOISY: f64 = 0.3;
 pub(super) const LEFT_SHARE: f64 = 0.5;
 /// On coarse levels: good enough for the next finer one.
 const COARSE: Limits<'_> = Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12 };
+/// With this correlation coefficient a zone is found: no other candidates are tried.
+const FOUND: f64 = 0.8;
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -377,7 +379,7 @@ impl<B: Backend> Correlator<B> {
             vec![(f64::NEG_INFINITY, Motion::rest(), GreyTransfer::NONE); n_zones];
         let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
         for round in 0..rounds {
-            if best.iter().all(|b| b.0 > 0.8) {
+            if best.iter().all(|b| b.0 > FOUND) {
                 break;
             }
             let tried: Vec<Motion> = candidates.iter().map(|c| c[round.min(c.len() - 1)].clone()).collect();

@@ -1,5 +1,6 @@
 //! The objective (THEORY 6, 7): residual, Jacobian, and what the trust region needs of them.
 
+use super::FitError;
 use super::noise::Noise;
 use super::observation::{Observation, ObservedInstant};
 use super::trust_region::Local;
@@ -133,13 +134,13 @@ impl Problem<'_> {
     /// where the boundary has no noise.
     ///
     /// # Errors
-    /// A tangent without inverse.
-    pub fn by_boundary(&self, evaluation: &Evaluation) -> Result<Vec<Dense>, ModelError> {
+    /// A tangent without inverse; values that the law refuses.
+    pub fn by_boundary(&self, evaluation: &Evaluation) -> Result<Vec<Dense>, FitError> {
         let Observation { nodes, prescribed, instants, .. } = &*self.observation;
         if prescribed.is_empty() {
             return Ok(Vec::new());
         }
-        let Ok(law) = self.unknowns.law_at(&evaluation.x) else { return Ok(Vec::new()) };
+        let law = self.unknowns.law_at(&evaluation.x)?;
         let columns = self.unit_motions();
         let of = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;

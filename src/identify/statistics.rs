@@ -1,9 +1,9 @@
 //! What the noise of the measurement does to the parameters (THEORY 7 and 9).
 
+use super::FitError;
 use super::objective::{Evaluation, Problem};
 use super::weights::Weights;
 use crate::linalg::Dense;
-use crate::mechanics::ModelError;
 use rayon::prelude::*;
 
 /// The estimate as a linear function of the noise: `dz = A sum_i v_i^T e_i`, `e_i` the noise of the rows at instant `i`.
@@ -32,7 +32,7 @@ impl Statistics {
     ///
     /// # Errors
     /// A tangent without inverse.
-    pub fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Option<Self>, ModelError> {
+    pub fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Option<Self>, FitError> {
         let (noise, observation) = (&problem.noise, &problem.observation);
         let local = evaluation.local(weights, noise);
         let Ok(factor) = local.h.cholesky() else { return Ok(None) };

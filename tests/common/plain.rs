@@ -255,7 +255,7 @@ pub fn correlate(
 
 /// The field on `mesh` closest to `motion` as the texture sees it: minimises the sum over the pixels of
 /// `[grad f . (u_exact - sum N a) + e]^2`. Without an error `e(x)` of the grey levels (of the reference
-/// less the deformed image brought back) no correlation on this mesh can do better (`ANCHORS.md`).
+/// less the deformed image brought back) no correlation on this mesh can do better.
 pub fn projection<M: Motion>(
     reference: &Image,
     mesh: &Mesh<Px>,

@@ -60,7 +60,7 @@ multiversioned! {
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
+#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 fn gradient_row_body<const FMA: bool>(
     c: View<'_>,
     y: usize,

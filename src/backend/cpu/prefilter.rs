@@ -18,7 +18,7 @@ const BAND: usize = 16;
 const STRIP: usize = 32;
 
 /// Coefficients of `grey - offset`, border included.
-#[allow(clippy::too_many_arguments)]
+#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 pub(super) fn coefficients<G: Grey>(
     pool: &Pool,
     isa: Isa,

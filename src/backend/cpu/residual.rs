@@ -207,7 +207,10 @@ impl<const L: usize> Accumulators<L> {
 
     /// Adds one row; `weight` is 1 where a lane counts, 0 where it does not, between at the image's edge.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "kernels take their operands one by one, so that they stay in registers"
+    )]
     fn add<const FMA: bool>(
         &mut self,
         f: &[f32; L],
@@ -304,7 +307,7 @@ fn is_uniform<const K: usize, const L: usize>(element: &ElementPixels, corners: 
 /// One chunk of columns of a uniform element. The accumulators are plain arrays so that they stay in
 /// registers.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
+#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     element: &ElementPixels,
@@ -438,7 +441,7 @@ multiversioned! {
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
+#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     first: usize,

@@ -87,7 +87,7 @@ impl<const N: usize> Neg for Dual<N> {
 
 impl<const N: usize> Mul for Dual<N> {
     type Output = Self;
-    #[allow(clippy::suspicious_arithmetic_impl)] // the product rule adds
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the product rule adds")]
     fn mul(self, other: Self) -> Self {
         let by = std::array::from_fn(|k| self.by[k] * other.value + self.value * other.by[k]);
         Self { value: self.value * other.value, by }
@@ -96,7 +96,7 @@ impl<const N: usize> Mul for Dual<N> {
 
 impl<const N: usize> Div for Dual<N> {
     type Output = Self;
-    #[allow(clippy::suspicious_arithmetic_impl)] // the quotient rule subtracts
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the quotient rule subtracts")]
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
         Self { value, by: std::array::from_fn(|k| (self.by[k] - value * other.by[k]) / other.value) }
