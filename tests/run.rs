@@ -1,5 +1,7 @@
 //! `quadrille run`: from images to the report, as a user meets it.
 
+use quadrille::report::fit::FitRecord;
+use quadrille::report::summary::Summary;
 use quadrille::run::{CaseRun, Event, Outcome, run_case};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -95,6 +97,33 @@ fn the_library_finds_what_the_program_finds_to_the_byte_and_tells_what_it_does()
         kept.map(|line| line.replace(path.to_str().unwrap(), "RUN") + "\n").collect()
     };
     assert_eq!(found(&output), found(&made().join("run")));
+}
+
+#[test]
+fn records_are_read_back_as_they_were_written_and_documented_by_the_names_of_their_fields() {
+    let run = made().join("run");
+    let fit: FitRecord = serde_json::from_str(&text(run.join("fit.json"))).unwrap();
+    assert_eq!(serde_json::to_value(&fit).unwrap(), json(run.join("fit.json")));
+    let path = run.join("correlation/summary.json");
+    let summary: Summary = serde_json::from_str(&text(&path)).unwrap();
+    assert_eq!(serde_json::to_value(&summary).unwrap(), json(&path));
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let documented = |document: &str, record: &Value, what: &str| {
+        let page = text(docs.join(document));
+        let lost: Vec<&String> = record.as_object().unwrap().keys().filter(|key| !page.contains(key.as_str())).collect();
+        assert!(lost.is_empty(), "docs/{document} does not name {lost:?} of {what}");
+    };
+    let fit = json(run.join("fit.json"));
+    documented("identification.md", &fit, "fit.json");
+    for part in ["verdict", "misfit", "released", "intervals"] {
+        documented("identification.md", &fit[part], part);
+    }
+    documented("identification.md", &fit["parameters"]["phi_n"], "a parameter");
+    documented("identification.md", &fit["budget"][0], "a line of the budget");
+    let summary = json(&path);
+    documented("formats.md", &summary, "summary.json");
+    documented("formats.md", &summary["frames"][0], "a frame");
+    documented("formats.md", &summary["frames"][0]["zones"][0], "a zone");
 }
 
 #[test]

@@ -6,10 +6,11 @@ use crate::backend::choice::DeviceChoice;
 use crate::field::{Measurement, Status};
 use crate::io::store::Store;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::fit::FitRecord;
 use crate::run::{RunFolder, correlation_in, read_json};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -64,6 +65,12 @@ struct Demo {
     images: Value,
 }
 
+/// What `truth.json` says of the images.
+#[derive(Deserialize)]
+struct Truth {
+    images: Value,
+}
+
 /// Runs the command.
 pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     let begin = Instant::now();
@@ -84,7 +91,8 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         threads: args.threads,
         quiet: false,
     })?;
-    let fit = read_json(&run_folder.join("fit.json"))?;
+    let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
+    let Truth { images } = read_json(&test_folder.join("truth.json"))?;
     let store = Store::open(correlation_in(&run_folder))?;
     let mut frames = Vec::new();
     for number in 1..=store.n_frames() {
@@ -100,13 +108,13 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         seed: args.seed,
         noise_grey: options.noise_grey,
         element_size_px: ELEMENT_PX,
-        status: fit["status"].as_str().unwrap_or("unknown").to_owned(),
+        status: fit.status.to_string(),
         parameters: found(&test, &fit),
         error_rms_px: rms(|c| c.error_rms_px),
         sigma_rms_px: rms(|c| c.sigma_rms_px),
         frames,
         seconds: begin.elapsed().as_secs_f64(),
-        images: read_json(&test_folder.join("truth.json"))?["images"].take(),
+        images,
     };
     folder.write_json("demo.json", &demo)?;
     print(&demo, &args.output);
@@ -114,20 +122,16 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
 }
 
 /// The fitted parameters beside the true ones.
-fn found(test: &VirtualTest, fit: &Value) -> BTreeMap<&'static str, Found> {
+fn found(test: &VirtualTest, fit: &FitRecord) -> BTreeMap<&'static str, Found> {
     let law = test.law();
     let one = |(parameter, truth): (&crate::mechanics::cohesive::Parameter, f64)| {
-        let entry = &fit["parameters"][parameter.name];
-        let identified = entry["value"].as_f64()?;
-        let interval95 = match (entry["interval95"][0].as_f64(), entry["interval95"][1].as_f64()) {
-            (Some(low), Some(high)) => Some([low, high]),
-            _ => None,
-        };
+        let entry = fit.parameters.get(parameter.name)?;
+        let (identified, interval95) = (entry.value, entry.interval95);
         let found = Found {
             unit: parameter.unit,
             truth,
             identified,
-            std: entry["std"].as_f64(),
+            std: entry.std,
             interval95,
             error_percent: 100.0 * (identified / truth - 1.0),
             interval_holds_truth: interval95.map(|[low, high]| low <= truth && truth <= high),

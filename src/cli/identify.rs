@@ -4,7 +4,7 @@ use super::args::{IdentifyArgs, SweepArgs};
 use super::{Outcome, Result, plural};
 use crate::identify::{Case, FitStatus, SweepRow, sweep};
 use crate::io::joint::read_joint;
-use crate::report::fit::{FitJson, SweepJson, budget_lines, defaults_used, write_sweep};
+use crate::report::fit::{FitRecord, SweepRecord, budget_lines, defaults_used, write_sweep};
 use crate::report::{Axis, Plot, Series, Style};
 use crate::run::{Event, FIGURES, RunFolder, identify};
 use std::path::Path;
@@ -23,7 +23,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
 }
 
 /// What a user has to know at once.
-pub(super) fn say(json: &FitJson, output: &Path) {
+pub(super) fn say(json: &FitRecord, output: &Path) {
     json.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     for name in &json.parameter_order {
         let p = &json.parameters[name];
@@ -93,7 +93,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let rows = pool.install(|| sweep(&case.problem, &case.options, index, &values))?;
     let seconds = begin.elapsed().as_secs_f64();
     let name = case.problem.unknowns.law().parameters()[index].name;
-    let json: Vec<SweepJson> = rows.iter().map(SweepJson::of).collect();
+    let json: Vec<SweepRecord> = rows.iter().map(SweepRecord::of).collect();
     folder.write_json(
         "sweep.json",
         &serde_json::json!({

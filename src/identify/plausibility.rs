@@ -6,7 +6,9 @@ use super::objective::Problem;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 use crate::mechanics::substrate::SubstrateLaw;
-use serde::Serialize;
+
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Young's moduli of solids, MPa: soft polymers to diamond.
 const YOUNG: [f64; 2] = [10.0, 1.2e6];
@@ -36,21 +38,21 @@ const LOADED: f64 = 0.1;
 const LOADED_AT_START: f64 = 0.01;
 
 /// A value that hardly anything has.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Implausible {
     /// What it is of: `E`, `thickness`, `opening`, ....
     pub name: String,
     /// The value.
     pub value: f64,
     /// Its unit, `1` for a pure number.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// What is the matter, and what may be meant.
     pub text: String,
 }
 
 impl Implausible {
     fn new(name: impl Into<String>, value: f64, unit: &'static str, text: impl Into<String>) -> Self {
-        Self { name: name.into(), value, unit, text: text.into() }
+        Self { name: name.into(), value, unit: unit.into(), text: text.into() }
     }
 }
 

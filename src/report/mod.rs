@@ -29,8 +29,24 @@ pub use plot::{Axis, Plot, Series, Style};
 pub use scale::Palette;
 
 use crate::field::QuantityError;
+use serde::{Deserialize, Deserializer};
+use std::borrow::Cow;
 use std::path::PathBuf;
 use thiserror::Error;
+
+/// A name in a record: one of this program's, or one that was read.
+pub type Name = Cow<'static, str>;
+
+/// A number of a record; JSON has no NaN and no infinity, `null` stands for both.
+pub(crate) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+/// Numbers of a record, as [`number`].
+pub(crate) fn numbers<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
+    let list = Vec::<Option<f64>>::deserialize(from)?;
+    Ok(list.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
+}
 
 /// Why a picture cannot be made.
 #[derive(Debug, Error)]

@@ -1,5 +1,6 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
+use super::{Name, number};
 use crate::backend::{Backend, Traffic};
 use crate::correlate::{
     Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, SmoothLight, StartUsed, TextureFault, ZoneResult,
@@ -7,12 +8,12 @@ use crate::correlate::{
 use crate::field::{Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::Saturation;
 use crate::units::Px;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Everything that `summary.json` holds. Lengths are in px of the reference image (y down), grey levels
 /// in the images' own scale.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Summary {
     /// Version of quadrille.
     pub quadrille: String,
@@ -21,7 +22,7 @@ pub struct Summary {
     /// Threads of the correlation.
     pub threads: usize,
     /// Units of the numbers, by the ending of their names.
-    pub units: BTreeMap<&'static str, &'static str>,
+    pub units: BTreeMap<Name, Name>,
     /// The reference image.
     pub reference: ReferenceSummary,
     /// Nodes of the mesh.
@@ -31,11 +32,11 @@ pub struct Summary {
     /// Scales of the pyramid, the image itself included.
     pub n_levels: usize,
     /// Solver of the normal equations on the finest level: `direct` or `iterative`.
-    pub solver: &'static str,
+    pub solver: Name,
     /// Correction below which a frame counts as converged.
     pub tolerance_px: f64,
     /// The one in effect: a hundredth of the smallest standard uncertainty where that is more, absent where it is not.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance_in_effect_px: Option<f64>,
     /// Decoded reference to factorised matrix, pyramid and uncertainty of all nodes, seconds.
     pub seconds_reference: f64,
@@ -46,36 +47,36 @@ pub struct Summary {
     /// Nodes without texture that the regularisation holds.
     pub nodes_held: Vec<NodeWithoutTexture>,
     /// What to know about the zones, such as one that ends at a place without texture and has no guard.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub messages: Vec<String>,
     /// The frames that have become references, in order.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reference_updates: Vec<usize>,
     /// Number of frames by status.
-    pub counts: BTreeMap<&'static str, usize>,
+    pub counts: BTreeMap<Name, usize>,
     /// The frames, in series order.
     pub frames: Vec<FrameSummary>,
 }
 
 /// The reference image.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ReferenceSummary {
     /// Its file, or the first of several.
     pub file: String,
     /// The files whose mean it is, when there are several.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mean_of: Vec<String>,
     /// Columns.
     pub width_px: usize,
     /// Rows.
     pub height_px: usize,
     /// Depth of its grey levels.
-    pub depth: &'static str,
+    pub depth: Name,
     /// Bits of a pixel that are used; none for floats.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bits_used: Option<u32>,
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
     /// Largest less smallest grey level: 100 % of the residual.
     pub range_grey: f64,
@@ -130,7 +131,7 @@ fn bound_message(n_nodes: usize) -> Option<String> {
 }
 
 /// A node without texture.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct NodeWithoutTexture {
     /// Its number.
     pub node: usize,
@@ -347,11 +348,6 @@ impl From<SmoothLight> for LightSummary {
     }
 }
 
-/// A number; JSON has no NaN, of a zone that does not match `null` stands for it.
-fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
-}
-
 impl FrameSummary {
     /// A frame that gave no field.
     pub fn unreadable(number: usize, file: String, message: String, seconds_decode: f64) -> Self {
@@ -469,21 +465,22 @@ pub fn reference_updates(frames: &[FrameSummary]) -> Vec<usize> {
 }
 
 /// Number of frames by status.
-pub fn counts(frames: &[FrameSummary]) -> BTreeMap<&'static str, usize> {
+pub fn counts(frames: &[FrameSummary]) -> BTreeMap<Name, usize> {
     let mut counts = BTreeMap::new();
     for frame in frames {
-        *counts.entry(frame.status.name()).or_insert(0) += 1;
+        *counts.entry(frame.status.name().into()).or_insert(0) += 1;
     }
     counts
 }
 
 /// What the endings of names mean.
-pub fn units() -> BTreeMap<&'static str, &'static str> {
-    BTreeMap::from([
+pub fn units() -> BTreeMap<Name, Name> {
+    let units = [
         ("_px", "pixels of the reference image; x right, y down, origin at the centre of the top-left pixel"),
         ("_grey", "grey levels in the scale of the images"),
         ("_percent", "per cent; of residuals: of the reference's range of grey levels"),
         ("_deg", "degrees, positive from x to y (clockwise on the screen)"),
         ("seconds", "seconds of wall-clock time"),
-    ])
+    ];
+    units.map(|(ending, meaning)| (ending.into(), meaning.into())).into()
 }

@@ -22,8 +22,8 @@ use crate::io::run_case::read_run_case;
 use crate::io::series::Frame;
 use crate::io::store::{STORE, Store};
 use crate::report::fit::read_bands;
+use crate::report::identification::OtherRigidMotion;
 use rayon::ThreadPool;
-use serde_json::json;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         if run_series(&plan, &folder, pool, session, watcher)?.outcome == Outcome::Stopped {
             return Ok(Outcome::Stopped);
         }
-        steps.note("correlation", &inputs, begin)?;
+        steps.note("correlation", &inputs, begin, Outcome::Fine)?;
     }
 
     let text = case.joint_case(&format!("{CORRELATION}/{STORE}"), true);
@@ -123,7 +123,7 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         fs::write(&joint_case, &text).map_err(|error| RunError::file(&joint_case, "written", error))?;
         let begin = Instant::now();
         let outcome = mechanics(&joint_case, output, case.has_fit(), pool, watcher)?;
-        steps.note_with(step, &inputs, begin, outcome)?;
+        steps.note(step, &inputs, begin, outcome)?;
         outcome
     };
 
@@ -149,15 +149,16 @@ fn mechanics(case: &Path, output: &Path, has_fit: bool, pool: &ThreadPool, watch
     }
     let input = read_joint(case)?;
     let (found, outcome) = identify(&input, case, output, true, pool, watcher)?;
-    let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(&name, entry)| (name, entry.value)).collect();
+    let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(name, entry)| (&**name, entry.value)).collect();
     let other = pool.install(|| with_other_rigid_motion(&input, case, &values));
-    let json = match other {
-        Ok((removed, other)) => {
-            json!({ "other_choice": if removed { "overall" } else { "none" }, "parameters": other })
+    let other = match other {
+        Ok((removed, parameters)) => {
+            let other_choice = if removed { "overall" } else { "none" }.into();
+            OtherRigidMotion::Found { other_choice, parameters }
         }
-        Err(error) => json!({ "failed": chain(&error) }),
+        Err(error) => OtherRigidMotion::Failed { failed: chain(&error) },
     };
-    fs::write(&effect, format!("{json:#}\n")).map_err(|error| RunError::file(&effect, "written", error))?;
+    RunFolder::open(output, true)?.write_json(RIGID_MOTION, &other)?;
     Ok(outcome)
 }
 

@@ -1,7 +1,7 @@
 //! What a run tells whoever watches it.
 
 use super::busy::Busy;
-use crate::report::fit::FitJson;
+use crate::report::fit::FitRecord;
 use crate::report::joint::JointSummary;
 use crate::report::summary::FrameSummary;
 use std::path::Path;
@@ -43,7 +43,7 @@ pub enum Event<'a> {
     /// A fit has ended and its results are written.
     Identified {
         /// What `fit.json` holds.
-        fit: &'a FitJson,
+        fit: &'a FitRecord,
         /// Where the results are.
         folder: &'a Path,
     },

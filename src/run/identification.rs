@@ -9,7 +9,7 @@ use super::text::absolute;
 use crate::identify::{Case, FitStatus, fit, profile};
 use crate::io::joint::JointInput;
 use crate::report::Picture;
-use crate::report::fit::{FitJson, FitReport};
+use crate::report::fit::{FitRecord, FitReport};
 use crate::report::joint::JointReport;
 use rayon::ThreadPool;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub fn identify(
     overwrite: bool,
     pool: &ThreadPool,
     watcher: Watcher<'_>,
-) -> Result<(FitJson, Outcome)> {
+) -> Result<(FitRecord, Outcome)> {
     let mut joint = Case::joint(input)?;
     let of_case = Case::new(&joint, input, case)?;
     let folder = RunFolder::open(output, overwrite)?;

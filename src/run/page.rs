@@ -14,15 +14,24 @@ use crate::io::series::Frame;
 use crate::io::store::Store;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
-use crate::report::fit::{read_bands, read_law};
-use crate::report::identification::IdentificationReport;
+use crate::report::fit::{FitRecord, read_bands, read_law};
+use crate::report::identification::{IdentificationReport, OtherRigidMotion};
+use crate::report::summary::Summary;
 use crate::units::Px;
-use serde_json::Value;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+/// What `truth.json` of a virtual test says of the parameters.
+#[derive(Deserialize)]
+struct Truth {
+    parameters: BTreeMap<String, f64>,
+}
+
 /// A JSON file.
-pub(crate) fn read_json(path: &Path) -> Result<Value> {
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))?;
     serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
 }
@@ -32,7 +41,7 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     let store = Store::open(folder.join(CORRELATION))?;
     let header = store.header();
     let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
-    let correlation = read_json(&folder.join(CORRELATION).join("summary.json"))?;
+    let correlation: Summary = read_json(&folder.join(CORRELATION).join("summary.json"))?;
     let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
         let field = store.frame(number)?.map(|frame| frame.measurement);
@@ -43,19 +52,18 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     let reference = Frame::named(reference, page).read()?.image;
     let joint = Joint::new(&read_joint(joint_case)?)?;
     let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
-    let fit = found.map(|path| read_json(&path)).transpose()?;
+    let fit: Option<FitRecord> = found.map(|path| read_json(&path)).transpose()?;
     let law = identified(&*joint.law, fit.as_ref())?;
     let computed = fields(folder, &joint, frames.len())?;
     let bands = if fit.is_some() { read_bands(&folder.join("traction-bands.csv"))? } else { Vec::new() };
     let law_bands = fit.is_some().then(|| read_law(&folder.join("law.csv"))).transpose()?;
     let truth = file.parent().map(|folder| folder.join("truth.json")).filter(|path| path.exists());
-    let truth = truth.map(|path| read_json(&path)).transpose()?;
+    let truth: Option<Truth> = truth.map(|path| read_json(&path)).transpose()?;
     let mut provenance = vec![("quadrille".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
     provenance.push(("case file".into(), absolute(file)));
     provenance.extend(fs::read(&file).ok().map(|bytes| ("SHA-256 of the case file".to_owned(), sha256(&bytes))));
     for (step, entry) in &steps.done {
-        let seconds = entry["seconds"].as_f64().unwrap_or(0.0);
-        let inputs = entry["inputs"].as_str().unwrap_or("");
+        let (seconds, inputs) = (entry.seconds.unwrap_or(0.0), entry.inputs.as_deref().unwrap_or(""));
         provenance.push((format!("step {step}"), format!("{seconds:.2} s; inputs {inputs}")));
     }
     let short =
@@ -69,12 +77,11 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     }
     let mut notes = case.notes.clone();
     notes.extend(joint.doubts.iter().cloned());
-    let warnings = fit.as_ref().and_then(|fit| fit["warnings"].as_array()).into_iter().flatten();
-    notes.extend(warnings.filter_map(|line| line.as_str().map(str::to_owned)));
+    notes.extend(fit.iter().flat_map(|fit| fit.warnings.iter().cloned()));
     let mut seen = std::collections::BTreeSet::new();
     notes.retain(|note| seen.insert(note.clone()));
     let other = folder.join(RIGID_MOTION);
-    let other = if other.exists() { Some(read_json(&other)?) } else { None };
+    let other: Option<OtherRigidMotion> = if other.exists() { Some(read_json(&other)?) } else { None };
     let report = IdentificationReport {
         case: file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         reference: &reference,
@@ -89,7 +96,7 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
         bands: &bands,
         law_bands: law_bands.as_ref(),
         fit: fit.as_ref(),
-        truth: truth.as_ref().map(|truth| &truth["parameters"]),
+        truth: truth.as_ref().map(|truth| &truth.parameters),
         other_rigid_motion: other.as_ref(),
         notes,
         provenance,
@@ -98,10 +105,10 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
 }
 
 /// `law` with the values of `fit.json`.
-fn identified(law: &dyn CohesiveLaw, fit: Option<&Value>) -> Result<Box<dyn CohesiveLaw>> {
+fn identified(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn CohesiveLaw>> {
     let values: Vec<f64> = (law.parameters().iter().zip(law.values()))
         .map(|(parameter, given)| {
-            fit.and_then(|fit| fit["parameters"][parameter.name]["value"].as_f64()).unwrap_or(given)
+            fit.and_then(|fit| fit.parameters.get(parameter.name)).map_or(given, |found| found.value)
         })
         .collect();
     Ok(law.with_values(&values)?)

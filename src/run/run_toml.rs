@@ -38,7 +38,11 @@ impl RunToml {
         about.insert("export".into(), toml::Value::Array(exports.collect()));
         about.insert(
             "units".into(),
-            units().into_iter().map(|(k, v)| (k.to_owned(), v.into())).collect::<toml::Table>().into(),
+            units()
+                .into_iter()
+                .map(|(ending, meaning)| (ending.into_owned(), meaning.into_owned().into()))
+                .collect::<toml::Table>()
+                .into(),
         );
         Self {
             case: plan.resolved(width, height),

@@ -89,7 +89,7 @@ pub(super) fn empty_summary(
             },
             width_px: reference.width(),
             height_px: reference.height(),
-            depth: reference.pixels().depth(),
+            depth: reference.pixels().depth().into(),
             bits_used: GreyDepth::of(reference).map(|depth| depth.used),
             saturated_percent: saturation.map(Saturation::percent),
             range_grey: correlator.grey_range(),
@@ -97,7 +97,7 @@ pub(super) fn empty_summary(
         n_nodes: correlator.mesh().n_nodes(),
         n_elements: correlator.mesh().n_elements(),
         n_levels: correlator.n_levels(),
-        solver: correlator.solver_name(),
+        solver: correlator.solver_name().into(),
         tolerance_px: plan.options.tolerance_px,
         tolerance_in_effect_px: (correlator.tolerance_px() > plan.options.tolerance_px)
             .then(|| correlator.tolerance_px()),

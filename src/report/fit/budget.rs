@@ -1,16 +1,17 @@
 //! The error budget in words and as a table.
 
-use super::{BudgetJson, FitJson, FitReport};
+use super::{BudgetRecord, FitRecord, FitReport};
+use crate::report::Name;
 use std::io::{self, Write};
 
 /// So many of its largest parts are named for each parameter.
 const NAMED: usize = 3;
 
 /// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %, noise 0.5 %`.
-pub fn budget_lines(fit: &FitJson) -> Vec<String> {
-    let of = |name: &&'static str| {
+pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
+    let of = |name: &Name| {
         let value = fit.parameters.get(name)?.value.abs();
-        let effect = |line: &BudgetJson| Some((line.name.clone(), line.parameters.get(name)?.abs()));
+        let effect = |line: &BudgetRecord| Some((line.name.clone(), line.parameters.get(name)?.abs()));
         let mut parts: Vec<(String, f64)> = fit.budget.iter().filter(|line| line.included).filter_map(effect).collect();
         parts.retain(|(_, effect)| *effect > 0.0);
         parts.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -27,8 +28,8 @@ fn short(value: f64) -> String {
 }
 
 /// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a sentence each.
-pub fn defaults_used(fit: &FitJson) -> Vec<String> {
-    let of = |line: &BudgetJson| match (line.std, line.value) {
+pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
+    let of = |line: &BudgetRecord| match (line.std, line.value) {
         (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
             format!("{} +- {std}", line.name)
         }

@@ -6,49 +6,52 @@ use crate::identify::{
     Released, ReleasedParameter, SweepRow,
 };
 use crate::mechanics::Status;
-use serde::Serialize;
+use crate::report::{Name, number, numbers};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What `fit.json` holds.
-#[derive(Debug, Clone, Serialize)]
-pub struct FitJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct FitRecord {
     /// Version of the program.
-    pub quadrille: &'static str,
+    pub quadrille: Name,
     /// The case file.
     pub case: String,
     /// Units and axes.
-    pub units: &'static str,
+    pub units: Name,
     /// `converged`, `evaluation_limit`, `stalled`.
-    pub status: &'static str,
+    pub status: Name,
     /// In words.
     pub reason: String,
     /// Time of the fit, all starts, without files.
     pub seconds: f64,
     /// The law that was fitted.
-    pub law: &'static str,
+    pub law: Name,
     /// What was compared, how.
-    pub measurement: MeasurementJson,
+    pub measurement: MeasurementRecord,
     /// The parameters that were fitted.
-    pub parameters: BTreeMap<&'static str, ParameterJson>,
+    pub parameters: BTreeMap<Name, ParameterRecord>,
     /// Whether the effect of the element size is `included` in the 95 % intervals, `stated` beside them, or `off`.
-    pub discretisation: &'static str,
+    pub discretisation: Name,
     /// The order of the parameters in all lists.
-    pub parameter_order: Vec<&'static str>,
+    pub parameter_order: Vec<Name>,
     /// The parameters of the law that were not.
-    pub prescribed: BTreeMap<&'static str, f64>,
+    pub prescribed: BTreeMap<Name, f64>,
     /// What follows from the parameters.
-    pub derived: BTreeMap<&'static str, QuantityJson>,
+    pub derived: BTreeMap<Name, QuantityRecord>,
     /// What the intervals rest on; null without uncertainties.
-    pub intervals: Option<IntervalsJson>,
+    pub intervals: Option<IntervalsRecord>,
     /// Correlation of the parameters.
     pub correlation: Option<Vec<Vec<f64>>>,
     /// Their covariance, in their units.
     pub covariance: Option<Vec<Vec<f64>>>,
     /// Singular values of the weighted Jacobian by the scaled unknowns, falling.
+    #[serde(deserialize_with = "numbers")]
     pub singular_values: Vec<f64>,
     /// First over last singular value; null when the last is zero.
     pub condition: Option<f64>,
     /// The objective: the weighted sum of squares.
+    #[serde(deserialize_with = "number")]
     pub omega: f64,
     /// What noise of the stated size leaves of it on the average.
     pub omega_expected: Option<f64>,
@@ -63,25 +66,26 @@ pub struct FitJson {
     /// Whether the forward run at the result was rescued.
     pub rescued_at_end: bool,
     /// Largest correction of a prescribed displacement, mm, where they are estimated.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub largest_boundary_correction_mm: Option<f64>,
     /// Every evaluation of the start that was taken.
-    pub history: Vec<IterationJson>,
+    pub history: Vec<IterationRecord>,
     /// Every start.
-    pub starts: Vec<StartJson>,
+    pub starts: Vec<StartRecord>,
     /// Largest distance of the converged ends, in scaled unknowns.
+    #[serde(deserialize_with = "number")]
     pub agreement: f64,
     /// What it all comes to.
-    pub verdict: VerdictJson,
+    pub verdict: VerdictRecord,
     /// Whether the data contradict the model.
-    pub misfit: Option<MisfitJson>,
+    pub misfit: Option<MisfitRecord>,
     /// What the prescribed parameters of the law would be as unknowns.
-    pub released: Option<ReleasedJson>,
+    pub released: Option<ReleasedRecord>,
     /// The error budget: what noise, each constant and the size of the elements add to the intervals.
-    pub budget: Vec<BudgetJson>,
+    pub budget: Vec<BudgetRecord>,
     /// The profile likelihood, where it was asked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub profile: Option<ProfileJson>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<ProfileRecord>,
     /// What a user should look at.
     pub warnings: Vec<String>,
     /// Values that no metal, polymer or wood has, and tests that hardly load the adhesive; their texts are among the warnings.
@@ -89,8 +93,8 @@ pub struct FitJson {
 }
 
 /// What was compared.
-#[derive(Debug, Clone, Serialize)]
-pub struct MeasurementJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct MeasurementRecord {
     /// In words.
     pub about: String,
     /// Nodes compared.
@@ -100,22 +104,22 @@ pub struct MeasurementJson {
     /// Numbers compared.
     pub data: usize,
     /// `paper`, `uniform`, `covariance`.
-    pub weights: &'static str,
+    pub weights: Name,
     /// `measured`, `estimated`, `exact`.
-    pub boundary: &'static str,
+    pub boundary: Name,
     /// Where the noise comes from.
     pub noise: String,
 }
 
 /// One parameter.
-#[derive(Debug, Clone, Serialize)]
-pub struct ParameterJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ParameterRecord {
     /// Its value.
     pub value: f64,
     /// Its unit.
-    pub unit: &'static str,
+    pub unit: Name,
     /// What it is.
-    pub meaning: &'static str,
+    pub meaning: Name,
     /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
     /// The part of the noise alone.
@@ -143,12 +147,12 @@ pub struct ParameterJson {
 }
 
 /// A derived quantity.
-#[derive(Debug, Clone, Serialize)]
-pub struct QuantityJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct QuantityRecord {
     /// Its value.
     pub value: f64,
     /// Its unit.
-    pub unit: &'static str,
+    pub unit: Name,
     /// Standard uncertainty, from noise and uncertain constants.
     pub std: Option<f64>,
     /// The part of the noise alone.
@@ -164,10 +168,10 @@ pub struct QuantityJson {
 }
 
 /// What the 95 % intervals rest on.
-#[derive(Debug, Clone, Serialize)]
-pub struct IntervalsJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct IntervalsRecord {
     /// `linear` or `profile`.
-    pub kind: &'static str,
+    pub kind: Name,
     /// Why linear theory may not describe what the noise does; empty when nothing speaks against it.
     pub doubts: Vec<String>,
     /// Even and odd part of what a pair of opposite draws of the noise does to each scaled parameter beyond linear theory, in
@@ -182,16 +186,18 @@ pub struct IntervalsJson {
 }
 
 /// One evaluation.
-#[derive(Debug, Clone, Serialize)]
-pub struct IterationJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct IterationRecord {
     /// The run of the minimiser that it belongs to, from 1: each has weights of its own.
     pub stage: usize,
     /// The parameters.
     #[serde(rename = "X")]
+    #[serde(deserialize_with = "numbers")]
     pub x: Vec<f64>,
     /// The objective under the weights of its stage; null where the forward model failed.
     pub omega: Option<f64>,
     /// Trust radius, in scaled unknowns.
+    #[serde(deserialize_with = "number")]
     pub radius: f64,
     /// Whether the fit went on from here.
     pub accepted: bool,
@@ -200,16 +206,17 @@ pub struct IterationJson {
 }
 
 /// One start.
-#[derive(Debug, Clone, Serialize)]
-pub struct StartJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct StartRecord {
     /// Where it began.
     pub start: Vec<f64>,
     /// Where it ended.
+    #[serde(deserialize_with = "numbers")]
     pub end: Vec<f64>,
     /// The objective there.
     pub omega: Option<f64>,
     /// How it ended.
-    pub status: &'static str,
+    pub status: Name,
     /// Evaluations.
     pub evaluations: usize,
     /// Evaluations that were rescued.
@@ -217,10 +224,10 @@ pub struct StartJson {
 }
 
 /// The verdict.
-#[derive(Debug, Clone, Serialize)]
-pub struct VerdictJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct VerdictRecord {
     /// `determined`, `not determined` or `model rejected`.
-    pub outcome: &'static str,
+    pub outcome: Name,
     /// Whether all parameters are determined.
     pub determined: bool,
     /// Whether all intervals are conditional on a model that the data contradict.
@@ -236,13 +243,14 @@ pub struct VerdictJson {
 }
 
 /// The misfit test.
-#[derive(Debug, Clone, Serialize)]
-pub struct MisfitJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct MisfitRecord {
     /// Whether the model is rejected, by the whole or by a group.
     pub rejected: bool,
     /// Whether the noise is known beside the residual, so that the whole is a test.
     pub tested: bool,
     /// Sum of squares of the whitened residual.
+    #[serde(deserialize_with = "number")]
     pub omega: f64,
     /// What noise alone leaves of it on the average.
     pub freedom: f64,
@@ -261,16 +269,16 @@ pub struct MisfitJson {
     /// The groups that contradict the model, the worst first, in words.
     pub worst: Vec<String>,
     /// Plain residual over its expectation, instant by instant.
-    pub by_instant: Vec<GroupJson>,
+    pub by_instant: Vec<GroupRecord>,
     /// Region by region: strip, distance from the adhesive, third along the joint.
-    pub by_region: Vec<GroupJson>,
+    pub by_region: Vec<GroupRecord>,
     /// Region by region in each quarter of the test.
-    pub by_region_and_time: Vec<GroupJson>,
+    pub by_region_and_time: Vec<GroupRecord>,
 }
 
 /// One group of the misfit test.
-#[derive(Debug, Clone, Serialize)]
-pub struct GroupJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct GroupRecord {
     /// Where and when.
     pub name: String,
     /// First and last instant, from 1.
@@ -283,7 +291,7 @@ pub struct GroupJson {
     pub z: f64,
 }
 
-impl GroupJson {
+impl GroupRecord {
     fn all(groups: &[MisfitGroup]) -> Vec<Self> {
         let of = |group: &MisfitGroup| Self {
             name: group.name.clone(),
@@ -296,7 +304,7 @@ impl GroupJson {
     }
 }
 
-impl MisfitJson {
+impl MisfitRecord {
     fn of(misfit: &Misfit) -> Self {
         Self {
             rejected: misfit.rejected(),
@@ -310,16 +318,16 @@ impl MisfitJson {
             excess: misfit.excess,
             z_limit_of_groups: misfit.group_limit,
             worst: misfit.worst(),
-            by_instant: GroupJson::all(&misfit.by_instant),
-            by_region: GroupJson::all(&misfit.by_region),
-            by_region_and_time: GroupJson::all(&misfit.by_both),
+            by_instant: GroupRecord::all(&misfit.by_instant),
+            by_region: GroupRecord::all(&misfit.by_region),
+            by_region_and_time: GroupRecord::all(&misfit.by_both),
         }
     }
 }
 
 /// The prescribed parameters of the law as unknowns.
-#[derive(Debug, Clone, Serialize)]
-pub struct ReleasedJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ReleasedRecord {
     /// What omega falls by, in units of the noise's variance.
     pub omega_falls_by: f64,
     /// A fall that right prescriptions exceed in one of a thousand cases.
@@ -327,12 +335,12 @@ pub struct ReleasedJson {
     /// Whether the trial converged.
     pub converged: bool,
     /// Of each parameter: prescribed value, the one that the data prefer, and its standard uncertainty by the noise.
-    pub parameters: BTreeMap<&'static str, ReleasedParameterJson>,
+    pub parameters: BTreeMap<Name, ReleasedParameterRecord>,
 }
 
 /// One prescribed parameter as an unknown.
-#[derive(Debug, Clone, Serialize)]
-pub struct ReleasedParameterJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ReleasedParameterRecord {
     /// The prescribed value.
     pub prescribed: f64,
     /// The value that the data prefer.
@@ -341,10 +349,10 @@ pub struct ReleasedParameterJson {
     pub std: Option<f64>,
 }
 
-impl ReleasedJson {
+impl ReleasedRecord {
     fn of(released: &Released) -> Self {
         let parameter = |p: &ReleasedParameter| {
-            (p.name, ReleasedParameterJson { prescribed: p.prescribed, value: p.value, std: p.std })
+            (p.name.into(), ReleasedParameterRecord { prescribed: p.prescribed, value: p.value, std: p.std })
         };
         Self {
             omega_falls_by: released.gain,
@@ -356,67 +364,74 @@ impl ReleasedJson {
 }
 
 /// A line of the error budget; the lines of an interval add up as squares.
-#[derive(Debug, Clone, Serialize)]
-pub struct BudgetJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct BudgetRecord {
     /// `noise`, the name of a constant, or `element_size`.
     pub name: String,
     /// Where its standard uncertainty comes from: `stated`, `default`, `exact`, `not stated`, `computed`.
-    pub source: &'static str,
+    pub source: Name,
     /// The value of the constant, where it is a number.
     pub value: Option<f64>,
     /// Its standard uncertainty; null where nothing is known, and of noise and element size.
     pub std: Option<f64>,
     /// The unit of both.
-    pub unit: &'static str,
+    pub unit: Name,
     /// Whether it is part of the intervals.
     pub included: bool,
     /// What it does to each parameter per standard uncertainty, in the unit of the parameter.
-    pub parameters: BTreeMap<&'static str, f64>,
+    pub parameters: BTreeMap<Name, f64>,
     /// What it does to each derived quantity.
-    pub derived: BTreeMap<&'static str, f64>,
+    pub derived: BTreeMap<Name, f64>,
 }
 
-impl BudgetJson {
+impl BudgetRecord {
     fn list(fit: &Fit) -> Vec<Self> {
         let of = |line: &BudgetLine| Self {
             name: line.name.clone(),
-            source: line.source.name(),
+            source: line.source.name().into(),
             value: line.value,
             std: line.std,
-            unit: line.unit,
+            unit: line.unit.into(),
             included: line.included,
-            parameters: fit.parameters.iter().map(|p| p.parameter.name).zip(line.parameters.iter().copied()).collect(),
-            derived: fit.derived.iter().map(|q| q.quantity.name).zip(line.derived.iter().copied()).collect(),
+            parameters: fit
+                .parameters
+                .iter()
+                .map(|p| p.parameter.name.into())
+                .zip(line.parameters.iter().copied())
+                .collect(),
+            derived: fit.derived.iter().map(|q| q.quantity.name.into()).zip(line.derived.iter().copied()).collect(),
         };
         fit.budget.lines.iter().map(of).collect()
     }
 }
 
 /// A profile likelihood.
-#[derive(Debug, Clone, Serialize)]
-pub struct ProfileJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ProfileRecord {
     /// The parameter.
-    pub parameter: &'static str,
+    pub parameter: Name,
     /// Where it was prescribed.
     pub values: Vec<f64>,
     /// Rise of the objective, in squares of standard deviations.
+    #[serde(deserialize_with = "numbers")]
     pub rise: Vec<f64>,
     /// Where the rise is 1.96^2.
     pub interval95: [Option<f64>; 2],
 }
 
 /// One row of `sweep.json`.
-#[derive(Debug, Clone, Serialize)]
-pub struct SweepJson {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct SweepRecord {
     /// The prescribed value.
     pub value: f64,
     /// `converged` or why not.
-    pub status: &'static str,
+    pub status: Name,
     /// The parameters that were fitted.
-    pub parameters: BTreeMap<&'static str, ParameterJson>,
+    pub parameters: BTreeMap<Name, ParameterRecord>,
     /// What follows from them.
-    pub derived: BTreeMap<&'static str, QuantityJson>,
+    pub derived: BTreeMap<Name, QuantityRecord>,
     /// The objective.
+    #[serde(deserialize_with = "number")]
     pub omega: f64,
     /// Evaluations.
     pub evaluations: usize,
@@ -424,12 +439,12 @@ pub struct SweepJson {
     pub rescued: usize,
 }
 
-impl SweepJson {
+impl SweepRecord {
     /// One row.
     pub fn of(row: &SweepRow) -> Self {
         Self {
             value: row.value,
-            status: row.fit.status.name(),
+            status: row.fit.status.name().into(),
             parameters: parameters(&row.fit),
             derived: quantities(&row.fit),
             omega: row.fit.omega,
@@ -439,12 +454,12 @@ impl SweepJson {
     }
 }
 
-fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
+fn parameters(fit: &Fit) -> BTreeMap<Name, ParameterRecord> {
     let of = |p: &crate::identify::FittedParameter| {
-        let json = ParameterJson {
+        let json = ParameterRecord {
             value: p.value,
-            unit: p.parameter.unit,
-            meaning: p.parameter.meaning,
+            unit: p.parameter.unit.into(),
+            meaning: p.parameter.meaning.into(),
             std: p.std,
             std_noise: p.std_noise,
             discretisation: p.discretisation,
@@ -458,17 +473,20 @@ fn parameters(fit: &Fit) -> BTreeMap<&'static str, ParameterJson> {
             upper: p.bounds[1],
             at_bound: p.at_bound,
         };
-        (p.parameter.name, json)
+        (p.parameter.name.into(), json)
     };
     fit.parameters.iter().map(of).collect()
 }
 
-fn quantities(fit: &Fit) -> BTreeMap<&'static str, QuantityJson> {
+fn quantities(fit: &Fit) -> BTreeMap<Name, QuantityRecord> {
     let of = |q: &crate::identify::FittedQuantity| {
         let (value, unit, std, std_noise) = (q.quantity.value, q.quantity.unit, q.std, q.std_noise);
         let (discretisation, interval95) = (q.discretisation, q.interval95);
         let (ends95, bias) = (q.ends95, q.bias);
-        (q.quantity.name, QuantityJson { value, unit, std, std_noise, discretisation, interval95, ends95, bias })
+        (
+            q.quantity.name.into(),
+            QuantityRecord { value, unit: unit.into(), std, std_noise, discretisation, interval95, ends95, bias },
+        )
     };
     fit.derived.iter().map(of).collect()
 }
@@ -516,10 +534,10 @@ fn of_intervals(fit: &Fit) -> Vec<String> {
 
 impl FitReport<'_> {
     /// What `fit.json` holds; the fit of the case file `case` took `seconds`.
-    pub fn json(&self, case: String, seconds: f64) -> FitJson {
+    pub fn json(&self, case: String, seconds: f64) -> FitRecord {
         let Case { problem, options, about, boundary, doubts, implausible, .. } = self.case;
         let fit = self.fit;
-        let names: Vec<&'static str> = fit.parameters.iter().map(|p| p.parameter.name).collect();
+        let names: Vec<Name> = fit.parameters.iter().map(|p| p.parameter.name.into()).collect();
         let law = problem.unknowns.law();
         let rows = |m: &crate::linalg::Dense| {
             (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
@@ -564,7 +582,7 @@ impl FitReport<'_> {
             ));
         }
         let statistics = fit.statistics.as_ref();
-        let iteration = |i: &Iteration| IterationJson {
+        let iteration = |i: &Iteration| IterationRecord {
             stage: i.stage,
             x: i.z.clone(),
             omega: i.omega,
@@ -572,33 +590,33 @@ impl FitReport<'_> {
             accepted: i.accepted,
             rescued: i.rescued,
         };
-        FitJson {
-            quadrille: env!("CARGO_PKG_VERSION"),
+        FitRecord {
+            quadrille: env!("CARGO_PKG_VERSION").into(),
             case,
-            units: "mm, MPa, N/mm; x to the right, y up; nodes counted from 0, instants from 1",
-            status: fit.status.name(),
+            units: "mm, MPa, N/mm; x to the right, y up; nodes counted from 0, instants from 1".into(),
+            status: fit.status.name().into(),
             reason: fit.reason.clone(),
             seconds,
-            law: law.name(),
-            measurement: MeasurementJson {
+            law: law.name().into(),
+            measurement: MeasurementRecord {
                 about: about.clone(),
                 nodes: problem.observation.compared.iter().filter(|c| **c).count(),
                 instants: problem.observation.instants.iter().map(|i| i.index + 1).collect(),
                 data: problem.observation.n_data(),
-                weights: options.weights.name(),
-                boundary,
+                weights: options.weights.name().into(),
+                boundary: (*boundary).into(),
                 noise: problem.noise.source.clone(),
             },
             parameters: parameters(fit),
             prescribed: (law.parameters().iter().zip(&fit.values))
-                .filter(|(p, _)| !names.contains(&p.name))
-                .map(|(p, value)| (p.name, *value))
+                .filter(|(p, _)| !names.iter().any(|name| name == p.name))
+                .map(|(p, value)| (p.name.into(), *value))
                 .collect(),
-            discretisation: options.discretisation.name(),
+            discretisation: options.discretisation.name().into(),
             parameter_order: names,
             derived: quantities(fit),
-            intervals: fit.intervals.as_ref().map(|basis| IntervalsJson {
-                kind: basis.kind.name(),
+            intervals: fit.intervals.as_ref().map(|basis| IntervalsRecord {
+                kind: basis.kind.name().into(),
                 doubts: basis.linearity.doubts.clone(),
                 probe: basis.linearity.probe.clone(),
                 draws: basis.draws,
@@ -619,18 +637,18 @@ impl FitReport<'_> {
             largest_boundary_correction_mm: fit.largest_correction,
             history: fit.history.iter().map(iteration).collect(),
             starts: (fit.starts.iter())
-                .map(|s| StartJson {
+                .map(|s| StartRecord {
                     start: s.start.clone(),
                     end: s.end.clone(),
                     omega: s.omega,
-                    status: s.status.name(),
+                    status: s.status.name().into(),
                     evaluations: s.evaluations,
                     rescued: s.rescued,
                 })
                 .collect(),
             agreement,
-            verdict: VerdictJson {
-                outcome: fit.verdict.outcome.name(),
+            verdict: VerdictRecord {
+                outcome: fit.verdict.outcome.name().into(),
                 determined: fit.verdict.determined(),
                 conditional: fit.verdict.outcome == Outcome::Rejected,
                 text: fit.verdict.sentences.join(". ") + ".",
@@ -638,11 +656,11 @@ impl FitReport<'_> {
                 given: fit.verdict.given.clone(),
                 thresholds: fit.verdict.thresholds.clone(),
             },
-            misfit: fit.misfit.as_ref().map(MisfitJson::of),
-            released: fit.released.as_ref().map(ReleasedJson::of),
-            budget: BudgetJson::list(fit),
-            profile: self.profile.as_ref().map(|p| ProfileJson {
-                parameter: p.name,
+            misfit: fit.misfit.as_ref().map(MisfitRecord::of),
+            released: fit.released.as_ref().map(ReleasedRecord::of),
+            budget: BudgetRecord::list(fit),
+            profile: self.profile.as_ref().map(|p| ProfileRecord {
+                parameter: p.name.into(),
                 values: p.values.clone(),
                 rise: p.rise.clone(),
                 interval95: p.interval95,

@@ -6,7 +6,10 @@ mod json;
 mod tables;
 
 pub use budget::{budget_lines, defaults_used};
-pub use json::{BudgetJson, FitJson, SweepJson};
+pub use json::{
+    BudgetRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord, QuantityRecord, StartRecord,
+    SweepRecord, VerdictRecord,
+};
 pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};

@@ -1,0 +1,209 @@
+//! Measured against computed, and the tractions of the law.
+
+use super::words::significant;
+use super::{IdentificationReport, chosen};
+use crate::mechanics::cohesive::Jump;
+use crate::report::fit::{Banded, LawRows};
+use crate::report::page::{Block, Curves, Section};
+use crate::report::{Axis, Plot, ReportError, Series, Style};
+
+impl IdentificationReport<'_> {
+    /// Instants that have a solution, of those to be drawn.
+    fn drawn(&self) -> Vec<usize> {
+        let solved: Vec<usize> = (0..self.computed.len()).filter(|&k| !self.computed[k].is_empty()).collect();
+        chosen(solved.len()).into_iter().map(|k| solved[k]).collect()
+    }
+
+    /// Name of instant `at` in legends.
+    fn name_of(&self, at: usize) -> String {
+        match self.frames.get(at) {
+            Some((number, _)) => format!("frame {number}"),
+            None => format!("instant {}", at + 1),
+        }
+    }
+
+    /// Measured displacement of a node at an instant, mm with y up, less the rigid motion where that was removed.
+    fn measured(&self, at: usize, node: usize) -> Option<[f64; 2]> {
+        let (_, field) = self.frames.get(at)?;
+        let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
+        let u = measured.then(|| [self.pixel_size.mm_from_px(u[0]), -self.pixel_size.mm_from_px(u[1])])?;
+        let Some(motion) = self.joint.removed.get(at) else { return Some(u) };
+        let rigid = motion.displacement(self.joint.model.mesh().nodes()[node]);
+        let (sin, cos) = motion.rotation_rad.sin_cos();
+        let rest = [u[0] - rigid[0], u[1] - rigid[1]];
+        Some([cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]])
+    }
+
+    pub(super) fn comparison(&self) -> Result<Section, ReportError> {
+        let mut blocks = vec![Block::Text(
+            "Jumps across the adhesive, upper minus lower face. Points: measured, with two standard uncertainties. Lines: computed with the law above, \
+             the measured displacement of the outer border prescribed."
+                .into(),
+        )];
+        let model = &self.joint.model;
+        let (pairs, positions) = (model.mesh().pairs(), model.pair_positions());
+        let mut curves = Vec::new();
+        for (c, title, label) in [(1, "Opening", "opening (\u{b5}m)"), (0, "Sliding", "sliding (\u{b5}m)")] {
+            let mut series = Vec::new();
+            for at in self.drawn() {
+                let u = &self.computed[at];
+                let line = |k: usize| 1e3 * (u[pairs[k][1] as usize][c] - u[pairs[k][0] as usize][c]);
+                let along: Vec<f64> = positions.iter().map(|(_, along)| *along).collect();
+                series.push(Series::new(self.name_of(at), Style::Line, along, (0..pairs.len()).map(line).collect()));
+            }
+            for at in self.drawn() {
+                let (mut x, mut y, mut half) = (Vec::new(), Vec::new(), Vec::new());
+                for (&[lower, upper], (_, along)) in pairs.iter().zip(&positions) {
+                    let both = [lower, upper].map(|node| self.measured(at, node as usize));
+                    if let [Some(below), Some(above)] = both {
+                        let sigma = |node: u32| self.pixel_size.mm_from_px(self.frames[at].1.sigma[node as usize][c]);
+                        x.push(*along);
+                        y.push(1e3 * (above[c] - below[c]));
+                        half.push(2e3 * sigma(lower).hypot(sigma(upper)));
+                    }
+                }
+                // The colour of its line.
+                let colour = Some(self.drawn().iter().position(|&other| other == at).unwrap_or(0));
+                series.push(Series { colour, ..Series::new(String::new(), Style::Markers, x, y).with_band(half) });
+            }
+            let plot = Plot {
+                title: format!("{title} along the joint, measured and computed"),
+                x: Axis::linear("distance along the joint (mm)"),
+                y: Axis::linear(label),
+                series,
+                notes: Vec::new(),
+            };
+            curves.push(Block::Curves(Curves::new(&plot, format!("{title}: points measured, lines computed"))?));
+        }
+        blocks.push(Block::Grid(curves));
+        let (mut instant, mut off, mut noise) = (Vec::new(), Vec::new(), Vec::new());
+        for at in (0..self.computed.len()).filter(|&at| !self.computed[at].is_empty()) {
+            let (mut sum, mut sigma, mut n) = (0.0, 0.0, 0.0);
+            let Some((number, field)) = self.frames.get(at) else { continue };
+            for node in 0..field.displacement.len() {
+                let free = (0..2).all(|c| model.unknown(node, c).is_some());
+                if let (Some(u), true) = (self.measured(at, node), free) {
+                    for c in 0..2 {
+                        sum += (u[c] - self.computed[at][node][c]).powi(2);
+                        sigma += field.sigma[node][c].powi(2);
+                        n += 1.0;
+                    }
+                }
+            }
+            if n > 0.0 {
+                let px = |v: f64| (v / n).sqrt() / self.pixel_size.mm_per_px();
+                instant.push(*number as f64);
+                off.push(px(sum));
+                noise.push((sigma / n).sqrt());
+            }
+        }
+        if !instant.is_empty() {
+            let plot = Plot {
+                title: "Measured less computed displacement, all free nodes".into(),
+                x: Axis::linear("frame"),
+                y: Axis::linear("root mean square (px)")
+                    .with_range(0.0, 1.3 * off.iter().chain(&noise).fold(1e-6, |most: f64, v| most.max(*v))),
+                series: vec![
+                    Series::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
+                    Series::new("uncertainty of the measurement", Style::Dashed, instant, noise),
+                ],
+                notes: Vec::new(),
+            };
+            let caption = "A line that rises far above the uncertainty shows that the model does not follow the joint; a little above it is the noise of the prescribed border";
+            blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
+        }
+        Ok(Section { title: "Measured against computed displacement".into(), blocks })
+    }
+
+    pub(super) fn tractions(&self) -> Result<Section, ReportError> {
+        let model = &self.joint.model;
+        let along: Vec<f64> = model.pair_positions().into_iter().map(|(_, along)| along).collect();
+        let mut curves = Vec::new();
+        for (c, title, label) in [(0, "Normal", "T_n (MPa)"), (1, "Tangential", "T_t (MPa)")] {
+            let mut series = Vec::new();
+            for at in self.drawn() {
+                let one = match self.bands.iter().find(|band| band.instant == at + 1) {
+                    Some(band) => {
+                        let Banded { value, low, high, .. } = &band.tractions[c];
+                        Series::new(self.name_of(at), Style::Line, band.along_mm.clone(), value.clone())
+                            .with_limits(low, high)
+                    }
+                    None => {
+                        let values = model.tractions(self.law, &self.computed[at]).into_iter();
+                        let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
+                        Series::new(self.name_of(at), Style::Line, along.clone(), values)
+                    }
+                };
+                series.push(one);
+            }
+            let plot = Plot {
+                title: format!("{title} traction along the joint"),
+                x: Axis::linear("distance along the joint (mm)"),
+                y: Axis::linear(label),
+                series,
+                notes: Vec::new(),
+            };
+            curves.push(Block::Curves(Curves::new(&plot, format!("{title} traction of the adhesive on the strips"))?));
+        }
+        for (c, title, x, y) in [
+            (0, "Opening without sliding", "D_n (\u{b5}m)", "T_n (MPa)"),
+            (1, "Sliding without opening", "D_t (\u{b5}m)", "T_t (MPa)"),
+        ] {
+            curves.push(self.law_curve(c, title, x, y)?);
+        }
+        let bands = match (self.bands.is_empty(), self.fit.is_some_and(|fit| fit.discretisation == "included")) {
+            (true, _) => "",
+            (_, true) => {
+                " Bands: 95 %, of the noise of the measurement and its border, uncertain constants and the element size; the \
+                 numbers are those of traction-bands.csv and law.csv."
+            }
+            (_, false) => {
+                " Bands: 95 %, of the noise of the measurement and its border and of uncertain constants; the numbers are \
+                 those of traction-bands.csv and law.csv."
+            }
+        };
+        let blocks = vec![
+            Block::Text(format!(
+                "Largest tractions of the law: T_n {} MPa in pure opening, T_t {} MPa in pure sliding.{bands}",
+                significant(self.law.peak().normal, 4),
+                significant(self.law.peak().tangential, 4)
+            )),
+            Block::Grid(curves),
+        ];
+        Ok(Section { title: "Tractions".into(), blocks })
+    }
+
+    /// Traction against separation in one pure mode, with the band of the fit.
+    fn law_curve(&self, c: usize, title: &str, x: &str, y: &str) -> Result<Block, ReportError> {
+        let series = match self.law_bands {
+            Some(modes) => {
+                let LawRows { jump_mm, traction: Banded { value, low, high, .. } } = &modes[c];
+                let um = jump_mm.iter().map(|jump| 1e3 * jump).collect();
+                Series::new("", Style::Line, um, value.clone()).with_limits(low, high)
+            }
+            None => {
+                let most = |pick: fn(&Jump) -> f64| {
+                    let jumps = self.computed.iter().filter(|u| !u.is_empty()).flat_map(|u| self.joint.model.jumps(u));
+                    jumps.map(|jump| pick(&jump).abs()).fold(0.0, f64::max)
+                };
+                let front = self.law.front_opening();
+                let end = if c == 0 { front } else { most(|jump| jump.tangential).max(front) };
+                let jumps: Vec<f64> = (0..=120).map(|k| end * f64::from(k) / 120.0).collect();
+                let traction = |&d: &f64| match c {
+                    0 => self.law.response(Jump { normal: d, tangential: 0.0 }).traction.normal,
+                    _ => self.law.response(Jump { normal: 0.0, tangential: d }).traction.tangential,
+                };
+                let values = jumps.iter().map(traction).collect();
+                Series::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values)
+            }
+        };
+        let plot = Plot {
+            title: title.to_owned(),
+            x: Axis::linear(x),
+            y: Axis::linear(y),
+            series: vec![series],
+            notes: Vec::new(),
+        };
+        Ok(Block::Curves(Curves::new(&plot, format!("{title}: traction of the law against the jump"))?))
+    }
+}

@@ -1,0 +1,186 @@
+//! What was measured, and how.
+
+use super::words::{plain, significant};
+use super::{IdentificationReport, OtherRigidMotion, chosen};
+use crate::field::{Measurement, RigidMotion, Status};
+use crate::report::page::{Block, Map, Section};
+use crate::report::{Backdrop, MapOptions, Name, Palette, ReportError, element_map_on, nodal_map_on};
+use crate::units::Px;
+
+impl IdentificationReport<'_> {
+    pub(super) fn measurement(&self) -> Result<Section, ReportError> {
+        let summary = self.correlation;
+        let mm = self.pixel_size.mm_per_px();
+        let frames = &summary.frames;
+        let n = frames.len();
+        let converged = frames.iter().filter(|frame| frame.status == Status::Converged).count();
+        let noise: Vec<f64> = frames.iter().flat_map(|frame| &frame.zones).map(|zone| zone.noise_grey).collect();
+        let noise = (!noise.is_empty()).then(|| noise.iter().sum::<f64>() / noise.len() as f64);
+        let sigma = self.sigma_px();
+        let reference = &summary.reference;
+        let mut facts = vec![
+            (
+                "images".into(),
+                format!(
+                    "1 reference and {n} deformed, {} x {} px, {}",
+                    reference.width_px, reference.height_px, reference.depth
+                ),
+            ),
+            ("resolution".into(), format!("1 px = {} \u{b5}m", significant(1e3 * mm, 5))),
+            (
+                "elements".into(),
+                format!(
+                    "squares of {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips",
+                    plain(self.element_px),
+                    significant(1e3 * mm * self.element_px, 4),
+                    summary.n_elements,
+                    summary.n_nodes
+                ),
+            ),
+            (
+                "adhesive".into(),
+                format!("{} \u{b5}m thick, not correlated; dark", significant(1e3 * self.thickness_mm, 4)),
+            ),
+            ("frames".into(), format!("{converged} of {n} converged (tolerance {} px)", plain(summary.tolerance_px))),
+        ];
+        if let Some(noise) = noise {
+            facts.push((
+                "noise of one image".into(),
+                format!("{} grey levels, from the residual", significant(noise, 3)),
+            ));
+        }
+        if let Some(sigma) = sigma {
+            facts.push((
+                "standard uncertainty of a nodal displacement (rms)".into(),
+                format!("{} px = {} nm", significant(sigma, 3), significant(1e6 * mm * sigma, 3)),
+            ));
+        }
+        facts.push(("device".into(), summary.device.clone()));
+        let mut blocks = vec![
+            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums.".into()),
+            Block::Facts(facts),
+        ];
+        let left_out = n - converged;
+        if left_out > 0 {
+            let list: Vec<String> = frames
+                .iter()
+                .filter(|frame| frame.status != Status::Converged)
+                .map(|frame| format!("{} ({})", frame.number, frame.status.name()))
+                .collect();
+            blocks.push(Block::Lead {
+                text: format!("Left out, because they did not converge: frames {}.", list.join(", ")),
+                warning: true,
+            });
+        }
+        blocks.extend(self.notes.iter().map(|note| Block::Lead { text: note.clone(), warning: true }));
+        blocks.push(self.rigid_motion());
+        let backdrop = Backdrop::new(self.reference, 1);
+        let mut maps = Vec::new();
+        let shown = chosen(self.frames.len());
+        for &at in shown.iter().skip(1) {
+            let (number, field) = &self.frames[at];
+            for (c, name) in [(0, "u_x, to the right"), (1, "u_y, up")] {
+                // y up, as everywhere in this report.
+                let sign = if c == 1 { -1.0 } else { 1.0 };
+                let values: Vec<f64> = field.displacement.iter().map(|u| sign * 1e3 * mm * u[c]).collect();
+                maps.push(self.map(
+                    &backdrop,
+                    field,
+                    &values,
+                    false,
+                    format!("Displacement {name}, frame {number}"),
+                    "\u{b5}m",
+                )?);
+            }
+        }
+        if let Some((number, field)) = self.frames.last() {
+            let caption = format!(
+                "Residual |f - g(x + u)| of each element, frame {number}: what the displacement does not explain; cracks and reflections show here, noise alone is even"
+            );
+            maps.push(self.map(&backdrop, field, &field.element_residual, true, caption, "grey levels")?);
+        }
+        blocks.push(Block::Grid(maps));
+        Ok(Section { title: "What was measured, and how".into(), blocks })
+    }
+
+    /// Root mean square of the standard uncertainty of the measured displacements, px.
+    fn sigma_px(&self) -> Option<f64> {
+        let fields = || self.frames.iter().flat_map(|(_, field)| field.sigma.iter().zip(&field.measured));
+        let (sum, n) = fields()
+            .filter(|(_, measured)| **measured)
+            .fold((0.0, 0.0), |(sum, n), (s, _)| (sum + s[0] * s[0] + s[1] * s[1], n + 2.0));
+        (n > 0.0).then(|| (sum / n).sqrt())
+    }
+
+    fn rigid_motion(&self) -> Block {
+        let removed = &self.joint.removed;
+        let motions: Vec<RigidMotion> = if removed.is_empty() {
+            let of = |u: &Vec<[f64; 2]>| {
+                let nodes = self.joint.boundary.nodes();
+                RigidMotion::fit(
+                    nodes.iter().zip(u).map(|(&node, &u)| (self.joint.model.mesh().nodes()[node as usize], u)),
+                )
+            };
+            self.joint.boundary.instants().iter().filter_map(of).collect()
+        } else {
+            removed.clone()
+        };
+        let largest = |of: fn(&RigidMotion) -> f64| motions.iter().map(of).fold(0.0_f64, |most, v| most.max(v.abs()));
+        let shift = 1e3 * largest(|m| m.translation[0].hypot(m.translation[1]));
+        let turn = largest(|m| m.rotation_rad);
+        let slide = 1e3 * turn * self.thickness_mm;
+        let done = if removed.is_empty() { "It was kept" } else { "It was removed" };
+        let mut effect = String::new();
+        if let (Some(other), Some(fit)) = (self.other_rigid_motion, self.fit) {
+            let choice = if removed.is_empty() { "Removed" } else { "Kept" };
+            effect = match other {
+                OtherRigidMotion::Failed { failed } => {
+                    format!(" What the other choice would change is not known: {failed}.")
+                }
+                OtherRigidMotion::Found { parameters, .. } => {
+                    let change = |name: &Name| {
+                        let (value, changed) = (fit.parameters.get(name)?.value, parameters.get(&**name)?);
+                        Some(format!("{name} {:+.2} %", 100.0 * (changed / value - 1.0)))
+                    };
+                    let list: Vec<String> = self.fitted().iter().filter_map(change).collect();
+                    format!(" {choice}, the parameters would change by (to first order): {}.", list.join(", "))
+                }
+            };
+        }
+        Block::Text(format!(
+            "Rigid motion of the whole joint: up to {} \u{b5}m and {turn:.2e} rad. {done} ([boundary] remove_rigid_motion); with kinematics = \"paper\" \
+             the choice changes the sliding jump by up to {} \u{b5}m.{effect}",
+            significant(shift, 3),
+            significant(slide, 2),
+        ))
+    }
+
+    fn map(
+        &self,
+        backdrop: &Backdrop,
+        field: &Measurement<Px>,
+        values: &[f64],
+        of_elements: bool,
+        caption: String,
+        unit: &str,
+    ) -> Result<Block, ReportError> {
+        let known = values.iter().copied().filter(|v| v.is_finite());
+        let (mut low, mut high) =
+            known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        if low >= high {
+            (low, high) = (0.0, 1.0);
+        }
+        let options = MapOptions {
+            range: Some((low, high)),
+            palette: if of_elements { Palette::Plasma } else { Palette::Viridis },
+            pixel_size: Some(self.pixel_size),
+            ..MapOptions::new(caption.clone(), unit)
+        };
+        let picture = match of_elements {
+            true => element_map_on(backdrop, field, values, &options)?,
+            false => nodal_map_on(backdrop, field, values, &options)?,
+        };
+        let end = |v: f64| format!("{} {unit}", significant(v, 3));
+        Ok(Block::Map(Map::new(&picture, [end(low), end(high)], caption)?))
+    }
+}
