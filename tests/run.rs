@@ -110,7 +110,8 @@ fn records_are_read_back_as_they_were_written_and_documented_by_the_names_of_the
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
     let documented = |document: &str, record: &Value, what: &str| {
         let page = text(docs.join(document));
-        let lost: Vec<&String> = record.as_object().unwrap().keys().filter(|key| !page.contains(key.as_str())).collect();
+        let lost: Vec<&String> =
+            record.as_object().unwrap().keys().filter(|key| !page.contains(key.as_str())).collect();
         assert!(lost.is_empty(), "docs/{document} does not name {lost:?} of {what}");
     };
     let fit = json(run.join("fit.json"));

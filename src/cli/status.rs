@@ -4,6 +4,7 @@ use super::args::StatusArgs;
 use super::{Outcome, Result, plural};
 use crate::field::Status;
 use crate::io::store::Store;
+use crate::report::summary::{Summary, counts};
 use crate::run::text::{in_words, runs};
 use crate::run::{Holder, RunFolder, all_frames, holders, locks_in};
 use serde::de::IgnoredAny;
@@ -143,11 +144,10 @@ fn complete_summary(folder: &Path, n_frames: usize) -> Result<()> {
     if serde_json::from_slice::<Listed>(&text).map_or(true, |listed| listed.frames.len() == n_frames) {
         return Ok(());
     }
-    let mut summary: serde_json::Value = serde_json::from_slice(&text)?;
+    let mut summary: Summary = serde_json::from_slice(&text)?;
     let frames: Option<Vec<_>> = all_frames(folder, n_frames).into_iter().collect();
     let Some(frames) = frames else { return Ok(()) };
-    let frames: Vec<_> = frames.into_iter().map(|(frame, _)| frame).collect();
-    summary["counts"] = serde_json::to_value(crate::report::summary::counts(&frames))?;
-    summary["frames"] = serde_json::to_value(&frames)?;
+    summary.frames = frames.into_iter().map(|(frame, _)| frame).collect();
+    summary.counts = counts(&summary.frames);
     Ok(RunFolder::writable(folder)?.write_summary(&summary)?)
 }
