@@ -232,7 +232,8 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         [1.0, grey, one.x / mean_x]
     };
     const ROUNDS: usize = 5;
-    // Variance of the noise as the round before has it: at first all of the residual may be misfit.
+    // Variance of the noise as the round before has it, and as the fine structure allows: at first all of the residual may be misfit.
+    let fine = stated.map_or(fine, |stated| stated.min(fine));
     let mut noise = 0.0;
     for _ in 0..ROUNDS {
         let mut with_texture = true;
@@ -279,7 +280,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
         let ([constant, by_grey, by_texture], spread, with_texture) = fitted;
         found.slope = if spread_grey > 0.0 { by_grey / spread_grey } else { 0.0 };
         found.constant = constant.max(0.01 * sorted[0]);
-        noise = found.constant;
+        noise = found.constant.min(fine * fine);
         found.spread = spread;
         found.everywhere = if with_texture { by_texture / mean_x } else { 0.0 };
         for ((limit, weight), one) in limits.iter_mut().zip(&mut weights).zip(seen) {
@@ -288,7 +289,7 @@ fn zone_noise(seen: &[&Seen], stated: Option<f64>, fine: f64, in_both: f64) -> O
             *weight = 1.0 / (fit * fit).max(f64::MIN_POSITIVE);
         }
     }
-    let (share, fine) = (found.everywhere * mean_x, stated.map_or(fine, |stated| stated.min(fine)));
+    let share = found.everywhere * mean_x;
     let less = fine * fine < LESS * found.constant;
     if !(share > EVERYWHERE[0] * found.constant || less && share > EVERYWHERE[1] * found.constant) {
         (found.by_texture, found.everywhere) = (found.everywhere, 0.0);
