@@ -111,6 +111,8 @@ fn what_is_wrong_is_told_by_its_kind() {
     let none = Plan::of(&Overlay::default(), &CaseFile::default());
     assert!(matches!(none, Err(RunError::Refused(_))), "{none:?}");
     let lost = Overlay { reference: vec![desk.path("none.png").display().to_string()], ..asked(&desk) };
-    let lost = Plan::of(&lost, &CaseFile::default());
-    assert!(matches!(lost, Err(RunError::Series(_))), "{lost:?}");
+    let plan = Plan::of(&lost, &CaseFile::default()).unwrap();
+    let folder = RunFolder::writable(&desk.path("lost")).unwrap();
+    let lost = run_series(&plan, &folder, &pool(), Session::new(Existing::Continue), &mut |_| ());
+    assert!(matches!(lost, Err(RunError::Image(_))), "{lost:?}");
 }
