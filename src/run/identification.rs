@@ -3,7 +3,7 @@
 use super::error::Result;
 use super::event::{Event, Watcher};
 use super::folder::{FIGURES, RunFolder};
-use super::series::Outcome;
+use super::session::Outcome;
 use super::simulation::{save, write_solution};
 use super::text::absolute;
 use crate::identify::{Case, FitStatus, fit, profile};

@@ -14,8 +14,7 @@ use super::plan::Plan;
 use super::reference::{Reference, about_reference, element_size_px, windows};
 use super::restart::{self, Earlier};
 use super::run_toml::RunToml;
-use super::shard::Shard;
-use super::stop::Stop;
+use super::session::{Existing, Outcome, Ran, Session};
 use super::tally::Tally;
 use super::text::chain;
 use super::zones::Zones;
@@ -38,57 +37,6 @@ const BEHIND: usize = 4;
 const SUMMARY_EVERY: Duration = Duration::from_secs(10);
 /// Share of the time that this may take: that of a long series grows with it.
 const SUMMARY_SHARE: u32 = 50;
-
-/// What to do about results that are there already.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Existing {
-    /// Go on with them when they are of the same run.
-    Continue,
-    /// Replace them.
-    Replace,
-}
-
-/// How a plan is carried out; none of it changes a result.
-#[derive(Debug)]
-pub struct Session {
-    /// What to do about results that are there already.
-    pub existing: Existing,
-    /// The share of the frames that is done.
-    pub shard: Option<Shard>,
-    /// The wish to stop.
-    pub stop: Stop,
-}
-
-impl Session {
-    /// One that does all frames.
-    pub fn new(existing: Existing) -> Self {
-        Self { existing, shard: None, stop: Stop::default() }
-    }
-}
-
-/// What a run came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Everything asked for is there.
-    Fine,
-    /// It ran, but some frame or fit did not converge, or the data reject the model.
-    Incomplete,
-    /// It was asked to stop before it was done.
-    Stopped,
-}
-
-/// What came of a series.
-#[derive(Debug, Clone)]
-pub struct Ran {
-    /// Whether its own frames converged.
-    pub outcome: Outcome,
-    /// Whether every frame of the series is done, those of other shards too.
-    pub complete: bool,
-    /// Its own frames, done now or before.
-    pub summary: Summary,
-    /// What the stages have had to do.
-    pub busy: Busy,
-}
 
 /// Correlates the series of `plan` into `folder`: what is missing of it, or all; and what the camera of the session adds. What is
 /// done stays done, however this ends: the same call goes on from there.

@@ -2,7 +2,7 @@
 
 use super::error::{Result, RunError};
 use super::folder::RunFolder;
-use super::series::Outcome;
+use super::session::Outcome;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
