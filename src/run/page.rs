@@ -61,7 +61,7 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     let truth: Option<Truth> = truth.map(|path| read_json(&path)).transpose()?;
     let mut provenance = vec![("quadrille".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
     provenance.push(("case file".into(), absolute(file)));
-    provenance.extend(fs::read(&file).ok().map(|bytes| ("SHA-256 of the case file".to_owned(), sha256(&bytes))));
+    provenance.extend(fs::read(file).ok().map(|bytes| ("SHA-256 of the case file".to_owned(), sha256(&bytes))));
     for (step, entry) in &steps.done {
         let (seconds, inputs) = (entry.seconds.unwrap_or(0.0), entry.inputs.as_deref().unwrap_or(""));
         provenance.push((format!("step {step}"), format!("{seconds:.2} s; inputs {inputs}")));

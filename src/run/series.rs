@@ -145,7 +145,7 @@ impl<'a> Series<'a> {
         quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
         let record =
             RunToml::new(&plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
-        let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
+        let header = header_of(&plan, &correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
         let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
             differences if differences.is_empty() => Ok(()),
