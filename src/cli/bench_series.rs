@@ -65,7 +65,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
     }
     let sizes = without_doubles(&args.size);
     sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;
-    let threads = pool(args.threads)?.current_num_threads();
+    let threads = args.threads.pool()?.current_num_threads();
     let folder = match &args.folder {
         Some(folder) => tempfile::tempdir_in(folder).map_err(|error| format!("{}: {error}", folder.display()))?,
         None => tempfile::tempdir()?,

@@ -2,7 +2,7 @@
 
 use super::args::{CorrelateArgs, ProgressKind};
 use super::progress::{Progress, Talk};
-use super::{Outcome, Result, devices, pool, signals};
+use super::{Outcome, Result, devices, signals};
 use crate::io::case::read_case;
 use crate::run::{Existing, Overlay, Plan, RunFolder, Session, run_series};
 
@@ -11,7 +11,7 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
     let plan = Plan::of(&overlay(args), &case)?;
     let mut progress = Progress::new(talk(args));
-    let (folder, pool) = (RunFolder::writable(&args.output)?, pool(args.threads)?);
+    let (folder, pool) = (RunFolder::writable(&args.output)?, args.threads.pool()?);
     let ran = run_series(&plan, &folder, &pool, session(args)?, &mut |event| progress.take(event))?;
     draw(args, ran.complete)?;
     Ok(ran.outcome)
@@ -20,7 +20,7 @@ pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
 /// Draws the figures that the arguments ask for, of a series that is complete.
 pub(super) fn draw(args: &CorrelateArgs, complete: bool) -> Result<()> {
     match args.figures.as_ref().filter(|_| complete) {
-        Some(frames) => super::figures::of_run(&args.output, frames, args.threads, args.quiet),
+        Some(frames) => super::figures::of_run(&args.output, frames, args.threads.threads, args.quiet),
         None => Ok(()),
     }
 }

@@ -1,7 +1,7 @@
 //! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
-use super::args::{DemoArgs, RunArgs};
-use super::{Outcome, Result, pool, run, virtual_test};
+use super::args::{DemoArgs, Quiet, RunArgs};
+use super::{Outcome, Result, run, virtual_test};
 use crate::backend::choice::DeviceChoice;
 use crate::field::{Measurement, Status};
 use crate::io::store::Store;
@@ -82,14 +82,14 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         options.instants + 1
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
-    let test = virtual_test::make(options, &test_folder, &pool(args.threads)?)?;
+    let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
     let outcome = run::run(&RunArgs {
         case: test_folder.join("case.toml"),
         output: run_folder.clone(),
         overwrite: true,
         device: DeviceChoice::Auto,
         threads: args.threads,
-        quiet: false,
+        talk: Quiet::default(),
     })?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
     let Truth { images } = read_json(&test_folder.join("truth.json"))?;

@@ -18,7 +18,7 @@ const EVERY: Duration = Duration::from_secs(10);
 /// Runs the command.
 pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let (numbers, without_field) = args.frames.with_field(&store, args.quiet)?;
+    let (numbers, without_field) = args.frames.with_field(&store, args.talk.quiet)?;
     if numbers.is_empty() {
         let path = store.path().display();
         return Err(format!("{path}: none of {} has a field; see summary.json", plural(without_field, "frame")).into());
@@ -33,14 +33,14 @@ pub(super) fn run(args: &ExportArgs) -> Result<Outcome> {
         check::<MatWriter<Vec<u8>>>(&store, &numbers, false)?;
     }
     let folder = RunFolder::for_export(output)?;
-    let mut ticker = Ticker { quiet: args.quiet, last: Instant::now() };
+    let mut ticker = Ticker { quiet: args.talk.quiet, last: Instant::now() };
     for target in &targets {
         match target {
             Target::Csv | Target::Vtu => by_frame(*target, &store, &about, &folder, &numbers, &mut ticker)?,
             Target::Npz | Target::Mat => arrays(*target, &store, &folder, &numbers, args.split, &mut ticker)?,
         }
     }
-    if !args.quiet {
+    if !args.talk.quiet {
         let left_out = match without_field {
             n if n > 0 && !args.frames.are_named() && !args.frames.is_last() => {
                 format!(" ({} without a field left out)", plural(n, "frame"))

@@ -19,13 +19,13 @@ const EVERY: Duration = Duration::from_secs(10);
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let (numbers, n_without) = args.frames.with_field(&store, args.quiet)?;
+    let (numbers, n_without) = args.frames.with_field(&store, args.talk.quiet)?;
     if numbers.is_empty() {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
-    let series = Series::new(&store, options(args, store.header()), args.scale, args.quiet);
-    series.draw(&numbers, &folder, args.threads)?;
+    let series = Series::new(&store, options(args, store.header()), args.scale, args.talk.quiet);
+    series.draw(&numbers, &folder, args.threads.threads)?;
     let complete = n_without == 0 || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
 }

@@ -14,11 +14,11 @@ use std::time::Instant;
 pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
     let input = read_joint(&args.case)?;
     let mut watcher = |event: Event<'_>| match event {
-        Event::Identified { fit, folder } if !args.quiet => say(fit, folder),
+        Event::Identified { fit, folder } if !args.talk.quiet => say(fit, folder),
         _ => {}
     };
     let (_, outcome) =
-        identify(&input, &args.case, &args.output, args.overwrite, &super::pool(args.threads)?, &mut watcher)?;
+        identify(&input, &args.case, &args.results.output, args.results.overwrite, &args.threads.pool()?, &mut watcher)?;
     Ok(outcome)
 }
 
@@ -61,7 +61,7 @@ pub(super) fn say(json: &FitRecord, output: &Path) {
 /// Runs `quadrille sweep`.
 pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     let input = read_joint(&args.case)?;
-    let pool = super::pool(args.threads)?;
+    let pool = args.threads.pool()?;
     let joint = Case::joint(&input)?;
     let case = Case::new(&joint, &input, &args.case)?;
     let (index, values) = match (&case.sweep, args.values.as_slice()) {
@@ -86,7 +86,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
             (index, given.to_vec())
         }
     };
-    let folder = RunFolder::open(&args.output, args.overwrite)?;
+    let folder = RunFolder::open(&args.results.output, args.results.overwrite)?;
     folder.clear(false, false)?;
     folder.make(FIGURES)?;
     let begin = Instant::now();
@@ -108,7 +108,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
     folder.write("sweep.csv", |out| write_sweep(out, name, &rows))?;
     draw_sweep(&folder, name, &rows)?;
     let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
-    if !args.quiet {
+    if !args.talk.quiet {
         joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
         case.implausible.iter().for_each(|value| eprintln!("warning: {}", value.text));
         for row in &rows {
@@ -123,7 +123,7 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
             );
         }
         let total = plural(rows.len(), "fit");
-        eprintln!("{converged} of {total} converged in {seconds:.3} s, results in {}", args.output.display());
+        eprintln!("{converged} of {total} converged in {seconds:.3} s, results in {}", args.results.output.display());
     }
     Ok(if converged == rows.len() { Outcome::Fine } else { Outcome::Incomplete })
 }

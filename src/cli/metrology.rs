@@ -1,7 +1,7 @@
 //! `quadrille metrology`: what can be measured on the user's own images.
 
 use super::args::MetrologyArgs;
-use super::{Outcome, Result, absolute, plural, pool};
+use super::{Outcome, Result, absolute, plural};
 use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
@@ -57,7 +57,7 @@ const UNITS: &str = "_px: pixels; _px2: square pixels; _grey: grey levels in the
 pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     let begin = Instant::now();
     let options = options(args)?;
-    let pool = pool(args.threads)?;
+    let pool = args.threads.pool()?;
     let folder = args.output.as_deref().map(|path| RunFolder::open(path, true)).transpose()?;
     let page = args.page.unwrap_or(0) as usize;
     let (reference, loaded) = read(&args.reference, page)?;

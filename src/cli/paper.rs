@@ -2,7 +2,7 @@
 
 use super::args::PaperArgs;
 use super::paper_text::markdown;
-use super::{Outcome, Result, devices, plural, pool, virtual_test};
+use super::{Outcome, Result, devices, plural, virtual_test};
 use crate::field::{RemoveRigid, remove_rigid};
 use crate::identify::SweepRow;
 use crate::io::joint::write_table;
@@ -40,15 +40,15 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     if !(1..=MOST_SEEDS).contains(&args.seeds) {
         return Err(PaperError::Seeds { seeds: args.seeds, most: MOST_SEEDS }.into());
     }
-    if args.output.join(TABLES).exists() && !args.overwrite {
-        let path = args.output.display();
+    if args.results.output.join(TABLES).exists() && !args.results.overwrite {
+        let path = args.results.output.display();
         return Err(format!(
             "{path}: holds the results of another run; choose another --output folder, or replace them with --overwrite"
         )
         .into());
     }
-    let pool = pool(args.threads)?;
-    let folder = RunFolder::for_export(&args.output)?;
+    let pool = args.threads.pool()?;
+    let folder = RunFolder::for_export(&args.results.output)?;
     folder.make(FIGURES)?;
     let out = Output { folder, begin: Instant::now() };
 
@@ -59,7 +59,7 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     let six = pool.install(|| Experiment::of(&VirtualTest::new(with_r(6.0))?))?;
     pool.install(|| mechanics_figures(&out, &six))?;
     out.say("the virtual test, r = 4, and its images");
-    let test = virtual_test::make(with_r(4.0), &args.output.join("virtual"), &pool)?;
+    let test = virtual_test::make(with_r(4.0), &args.results.output.join("virtual"), &pool)?;
     let four = pool.install(|| Experiment::of(&test))?;
 
     let mut table_1 = Vec::new();
@@ -93,7 +93,7 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     let mut stdout = std::io::stdout().lock();
     // A reader that has gone away wants no more.
     let _ = stdout.write_all(text.as_bytes());
-    out.say(&format!("tables and figures in {}", args.output.display()));
+    out.say(&format!("tables and figures in {}", args.results.output.display()));
     // Under noise a draw whose fit runs to a bound is a result of the experiment, which the table counts.
     let fine = |level: &LevelFits| level.s_px > 0.0 || summary(level).inside == level.fits.len();
     Ok(if table_1.iter().all(|(_, level)| fine(level)) { Outcome::Fine } else { Outcome::Incomplete })
@@ -364,12 +364,12 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
 /// Figures 4 and 5: images and measured meshes without the rigid motion. Gives the number of frames that were correlated, and the
 /// root mean square of measured less true displacement, px.
 fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(usize, f64)> {
-    let root = &args.output;
+    let root = &args.results.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;
     let correlation = root.join("correlation");
     let plan = Plan::of(&Overlay { gpu: devices::options(), ..Overlay::default() }, &case.correlation)?;
     let session = Session::new(Existing::Replace);
-    run_series(&plan, &RunFolder::open(&correlation, true)?, &pool(args.threads)?, session, &mut |_| ())?;
+    run_series(&plan, &RunFolder::open(&correlation, true)?, &args.threads.pool()?, session, &mut |_| ())?;
     let store = Store::open(&correlation)?;
     let (mut sum, mut n, mut rows) = (0.0, 0usize, Vec::new());
     let mut frames = 0;

@@ -54,7 +54,7 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
         let bound = Record::of(store.header()).is_regularised();
         draw_curves(&summary.curves, bound, &output.join(CURVES))?;
     }
-    if !args.quiet {
+    if !args.talk.quiet {
         summary.notes.iter().for_each(|note| eprintln!("{note}"));
         eprintln!("{} probed, tables in {}", plural(n, "frame"), output.join(FOLDER).display());
     }

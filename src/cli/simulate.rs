@@ -1,7 +1,7 @@
 //! `quadrille simulate`: the forward model of a joint from a case file.
 
 use super::args::SimulateArgs;
-use super::{Outcome, Result, plural, pool};
+use super::{Outcome, Result, plural};
 use crate::report::joint::JointSummary;
 use crate::run::{Event, simulate};
 use std::path::Path;
@@ -9,10 +9,10 @@ use std::path::Path;
 /// Runs the command.
 pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
     let mut watcher = |event: Event<'_>| match event {
-        Event::Simulated { summary, folder } if !args.quiet => say(summary, folder),
+        Event::Simulated { summary, folder } if !args.talk.quiet => say(summary, folder),
         _ => {}
     };
-    let (_, outcome) = simulate(&args.case, &args.output, args.overwrite, &pool(args.threads)?, &mut watcher)?;
+    let (_, outcome) = simulate(&args.case, &args.results.output, args.results.overwrite, &args.threads.pool()?, &mut watcher)?;
     Ok(outcome)
 }
 

@@ -1,7 +1,7 @@
 //! `quadrille virtual`: the virtual test with its images, its truth, and a case file to run.
 
 use super::args::{VirtualArgs, VirtualDepth};
-use super::{Outcome, Result, pool};
+use super::{Outcome, Result};
 use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
 use crate::mechanics::JointMesh;
@@ -33,7 +33,7 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
         )
         .into());
     }
-    let pool = pool(args.threads)?;
+    let pool = args.threads.pool()?;
     make(options, &args.output, &pool)?;
     let case = args.output.join("case.toml");
     eprintln!("the virtual test in {}: images, truth.json, truth", args.output.display());

@@ -3,7 +3,7 @@
 use super::args::WatchArgs;
 use super::correlate::{draw, overlay, session, talk};
 use super::progress::Progress;
-use super::{Outcome, Result, pool};
+use super::{Outcome, Result};
 use crate::io::case::read_case;
 use crate::run::{Event, Watching, watch};
 
@@ -13,7 +13,7 @@ pub(super) fn run(args: &WatchArgs) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
     let watching = Watching { pattern: pattern.clone(), settle: *settle, timeout: *timeout };
     let mut progress = Progress::new(talk(args));
-    let pool = pool(args.threads)?;
+    let pool = args.threads.pool()?;
     let mut watcher = |event: Event<'_>| progress.take(event);
     let ran = watch(&overlay(args), &case, &watching, &args.output, &pool, session(args)?, &mut watcher)?;
     let Some(ran) = ran else { return Ok(Outcome::Stopped) };

@@ -1,5 +1,6 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
+use super::shared::{Threads, Quiet};
 use super::words::interpolation;
 use super::words::pair;
 use super::words::rectangle;
@@ -55,9 +56,8 @@ pub struct ExportArgs {
     /// Replace files that are there already.
     #[arg(long)]
     pub overwrite: bool,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Arguments of `quadrille probe`.
@@ -118,9 +118,8 @@ pub struct ProbeArgs {
     /// Folder for `quantities/`. Default: DIR.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Where `quadrille figures` takes a strain from.
@@ -183,12 +182,10 @@ pub struct FiguresArgs {
     /// Folder for the pictures; made when it is not there. Default: DIR/figures.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Threads. Default: all cores.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Arguments of `quadrille metrology`.
@@ -237,7 +234,6 @@ pub struct MetrologyArgs {
     /// Page of multi-page TIFF files. Default 0, the first.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub page: Option<u32>,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
 }

@@ -1,5 +1,6 @@
 //! What the commands of a bonded joint take.
 
+use super::shared::{Threads, Quiet, Results};
 use crate::backend::choice::DeviceChoice;
 use clap::Args;
 use clap::ValueEnum;
@@ -26,12 +27,10 @@ pub struct RunArgs {
     /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Depth of the images of a virtual test.
@@ -67,9 +66,8 @@ pub struct VirtualArgs {
     /// Standard deviation of the noise, grey levels of 255.
     #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
     pub noise: f32,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Arguments of `quadrille paper`.
@@ -78,21 +76,16 @@ pub struct VirtualArgs {
     Written are table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
     Exit status: 0 all fits below 2 px of noise converged inside their bounds; 1 some did not; 2 it could not run.")]
 pub struct PaperArgs {
-    /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
-    pub output: PathBuf,
-    /// Replace results that are there.
-    #[arg(long)]
-    pub overwrite: bool,
+    #[command(flatten)]
+    pub results: Results,
     /// Draws of the noise at each level.
     #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
     pub seeds: usize,
     /// Seed of the first draw, of speckles and of the noise of images.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Arguments of `quadrille demo`.
@@ -105,9 +98,8 @@ pub struct DemoArgs {
     /// Seed of speckles and noise: changes the images, not the conclusion.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Threads. Default: all cores.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Arguments of `quadrille simulate`.
@@ -123,18 +115,12 @@ pub struct SimulateArgs {
     /// relative to its folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
-    /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
-    pub output: PathBuf,
-    /// Replace the results of an earlier run in the output folder.
-    #[arg(long)]
-    pub overwrite: bool,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub results: Results,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Arguments of `quadrille identify`.
@@ -147,18 +133,12 @@ pub struct IdentifyArgs {
     /// relative to its folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
-    /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
-    pub output: PathBuf,
-    /// Replace the results of an earlier run in the output folder.
-    #[arg(long)]
-    pub overwrite: bool,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub results: Results,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }
 
 /// Arguments of `quadrille sweep`.
@@ -176,16 +156,10 @@ pub struct SweepArgs {
     /// Its values. Default: the table [fit.sweep] of the case.
     #[arg(long, value_name = "X,X,...", value_delimiter = ',')]
     pub values: Vec<f64>,
-    /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
-    pub output: PathBuf,
-    /// Replace the results of an earlier run in the output folder.
-    #[arg(long)]
-    pub overwrite: bool,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-    /// Only errors.
-    #[arg(long, short)]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub results: Results,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
 }

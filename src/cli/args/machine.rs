@@ -1,5 +1,6 @@
 //! What `synth`, `bench` and `devices` take.
 
+use super::shared::{Threads};
 use super::words::pair;
 use super::words::rectangle;
 use super::words::size;
@@ -191,9 +192,8 @@ pub struct BenchSeriesArgs {
     /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: String,
-    /// Threads. Default: all cores.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
     /// Print the figures as JSON.
     #[arg(long)]
     pub json: bool,

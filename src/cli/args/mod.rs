@@ -4,12 +4,14 @@ mod fields;
 mod joint;
 mod machine;
 mod series;
+mod shared;
 mod words;
 
 pub use fields::*;
 pub use joint::*;
 pub use machine::*;
 pub use series::*;
+pub use shared::*;
 
 use clap::Parser;
 use clap::Subcommand;

@@ -1,5 +1,6 @@
 //! What `correlate`, `watch`, `slurm` and `status` take.
 
+use super::shared::{Threads};
 use super::fields::Target;
 use super::words::Polygon;
 use super::words::interpolation;
@@ -193,9 +194,8 @@ pub struct CorrelateArgs {
     /// --case, else the fastest there is. Results differ in the last bits between paths.
     #[arg(long, value_name = "NAME")]
     pub isa: Option<String>,
-    /// Threads. Default: all cores. Results do not depend on it.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub threads: Threads,
     /// Only errors.
     #[arg(long, short, conflicts_with = "verbose")]
     pub quiet: bool,
