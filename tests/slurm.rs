@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-/// Frames of the series.
-const N: usize = 48;
+/// Frames of the series: so many that a task of the array is at work for a second or more when it is to be killed.
+const N: usize = 200;
 const ARRAY: usize = 4;
 
 /// A running Slurm, ended when dropped.
@@ -81,7 +81,7 @@ fn series() -> Desk {
     let texture = Texture::new(7, 4.5).unwrap();
     std::fs::create_dir_all(desk.path("s")).unwrap();
     for k in 0..=N {
-        let image = render(&texture, &Translation([0.17 * k as f64, -0.11 * k as f64]), &options).unwrap();
+        let image = render(&texture, &Translation([0.04 * k as f64, -0.03 * k as f64]), &options).unwrap();
         write_image(&desk.path(&format!("s/{k:02}.png")), &image).unwrap();
     }
     desk.write(
