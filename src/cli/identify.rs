@@ -17,8 +17,14 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
         Event::Identified { fit, folder } if !args.talk.quiet => say(fit, folder),
         _ => {}
     };
-    let (_, outcome) =
-        identify(&input, &args.case, &args.results.output, args.results.overwrite, &args.threads.pool()?, &mut watcher)?;
+    let (_, outcome) = identify(
+        &input,
+        &args.case,
+        &args.results.output,
+        args.results.overwrite,
+        &args.threads.pool()?,
+        &mut watcher,
+    )?;
     Ok(outcome)
 }
 

@@ -12,7 +12,8 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome> {
         Event::Simulated { summary, folder } if !args.talk.quiet => say(summary, folder),
         _ => {}
     };
-    let (_, outcome) = simulate(&args.case, &args.results.output, args.results.overwrite, &args.threads.pool()?, &mut watcher)?;
+    let (_, outcome) =
+        simulate(&args.case, &args.results.output, args.results.overwrite, &args.threads.pool()?, &mut watcher)?;
     Ok(outcome)
 }
 

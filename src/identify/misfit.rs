@@ -153,7 +153,8 @@ impl Problem<'_> {
         let of_constants: Vec<(f64, Vec<Dense>)> =
             effects.par_iter().map(|effect| self.not_absorbed(whitening, &jacobian, &inverse, &effect.rows)).collect();
         let squares: Vec<f64> = of_constants.iter().map(|(square, _)| unit * square).collect();
-        let constants: f64 = squares.iter().sum();
+        // Without any constant the sum is -0, which nobody wants to read.
+        let constants = squares.iter().sum::<f64>() + 0.0;
         let moved = floor.unwrap_or(0.0) + constants;
         let expected = freedom + moved;
         // A constant that is off by a normal variable adds its square.

@@ -1,6 +1,6 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
-use super::shared::{Threads, Quiet};
+use super::shared::{Quiet, Threads};
 use super::words::interpolation;
 use super::words::pair;
 use super::words::rectangle;

@@ -1,6 +1,6 @@
 //! What the commands of a bonded joint take.
 
-use super::shared::{Threads, Quiet, Results};
+use super::shared::{Quiet, Results, Threads};
 use crate::backend::choice::DeviceChoice;
 use clap::Args;
 use clap::ValueEnum;

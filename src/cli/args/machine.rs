@@ -1,6 +1,6 @@
 //! What `synth`, `bench` and `devices` take.
 
-use super::shared::{Threads};
+use super::shared::Threads;
 use super::words::pair;
 use super::words::rectangle;
 use super::words::size;

@@ -1,7 +1,7 @@
 //! What `correlate`, `watch`, `slurm` and `status` take.
 
-use super::shared::{Threads};
 use super::fields::Target;
+use super::shared::Threads;
 use super::words::Polygon;
 use super::words::interpolation;
 use super::words::pages;

@@ -155,8 +155,7 @@ impl IdentificationReport<'_> {
         let rows = lines.iter().map(|line| {
             let unit = if line.unit == "1" { "" } else { &*line.unit };
             let with_unit = |value: Option<f64>| {
-                let number = value.map_or("-".to_owned(), |value| significant(value, 4));
-                format!("{number} {unit}").trim_end().to_owned()
+                value.map_or("-".to_owned(), |value| format!("{} {unit}", significant(value, 4)).trim_end().to_owned())
             };
             vec![line.name.replace('_', " "), with_unit(line.value), with_unit(line.std), line.source.to_string()]
         });
