@@ -70,7 +70,7 @@ fn row(what: &str, fits: &[&Fit], [median, least, most]: [f64; 3]) {
 
 fn main() {
     // Cargo also runs benches to see that they build.
-    if std::env::args().any(|argument| argument == "--test") {
+    if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
     println!("quadrille {}, {} threads", env!("CARGO_PKG_VERSION"), rayon::current_num_threads());
