@@ -62,6 +62,8 @@ struct Step {
 @group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
 @group(0) @binding(6) var<storage, read_write> step: Step;
 
+// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
+const SHARED: f32 = 0.5;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;
 const ELEMENT: u32 = 2u;
@@ -131,7 +133,11 @@ fn main(@builtin(local_invocation_index) thread: u32) {
                 let half = 0.5 * (variance_f - variance_g) / covariance;
                 let root = sqrt(half * half + 1.0);
                 var gain = 0.0;
-                if half > 0.0 {
+                // In quotients, as above.
+                if (covariance / variance_f) * (covariance / variance_g) < SHARED {
+                    // Mostly misfit: the gain of the least residual.
+                    gain = covariance / variance_g;
+                } else if half > 0.0 {
                     gain = half + root;
                 } else {
                     gain = 1.0 / (root - half);

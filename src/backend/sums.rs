@@ -23,6 +23,9 @@ pub struct PixelSums {
     pub rr: f64,
 }
 
+/// Share of the variance of two images that they have to have in common for the rest to be noise.
+const SHARED: f64 = 0.5;
+
 impl PixelSums {
     /// Adds the sums of another set.
     pub fn add(&mut self, other: &Self) {
@@ -62,7 +65,8 @@ impl PixelSums {
     ///
     /// Both images are noisy alike. The gain that leaves the least residual would be too small by the share that noise
     /// has in the variance of g, so the line is the one closest to the pairs (f, g) in both directions (Deming 1943),
-    /// whose slope noise does not change.
+    /// whose slope noise does not change. Where the two share less than half of their variance the rest is misfit, far from the
+    /// solution, and that line would blow it up: there the gain is the one that leaves the least residual.
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
         self.transfer_for(1.0)
     }
@@ -76,6 +80,10 @@ impl PixelSums {
         let (vf, vg, c) = self.covariances();
         if !(vg > 0.0 && c > 0.0) {
             return None;
+        }
+        if c * c < SHARED * vf * vg {
+            let gain = c / vg;
+            return Some(super::GreyTransfer { gain, offset: (self.f - gain * self.g) / self.n });
         }
         // Without cancellation, whichever of the two varies more.
         let half = 0.5 * (vf - ratio * vg);
@@ -180,5 +188,27 @@ impl ElementMoments {
             }
         }
         matrix
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums over 100 pixels about zero with these variances and this correlation coefficient.
+    fn sums(vf: f64, vg: f64, correlation: f64) -> PixelSums {
+        let n = 100.0;
+        let fg = n * correlation * (vf * vg).sqrt();
+        PixelSums { n, n_all: n, ff: n * vf, gg: n * vg, fg, ..PixelSums::default() }
+    }
+
+    #[test]
+    fn the_gain_is_free_of_noise_and_does_not_blow_up_far_from_the_solution() {
+        // Texture of variance 3 and noise of variance 1 in both: least squares would say 3/4.
+        assert_eq!(sums(4.0, 4.0, 0.75).transfer().unwrap().gain, 1.0);
+        // Hardly alike: the line closest in both directions would have a gain of 15 and more.
+        let gain = sums(16.0, 4.0, 0.2).transfer().unwrap().gain;
+        assert!((gain - 0.4).abs() < 1e-12, "{gain}");
+        assert!(sums(4.0, 4.0, -0.5).transfer().is_none());
     }
 }
