@@ -248,7 +248,7 @@ fn coverage(known: &Known, sigma_px: f64, options: &FitOptions, n: u64) -> Cover
                     let said = found.verdict.sentences.join(". ");
                     let wanted = format!("{} is not determined: its 95 % interval has", p.parameter.name);
                     assert!(!found.verdict.determined() && said.contains(&wanted), "{p:?} {said}");
-                    assert_eq!(Fit::relative_std(p), f64::INFINITY);
+                    assert_eq!(p.relative_std(), f64::INFINITY);
                 }
                 if found.status == FitStatus::Converged {
                     kept = Some((

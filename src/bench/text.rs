@@ -18,8 +18,8 @@ impl fmt::Display for Record {
             writeln!(f)?;
             writeln!(f, "{} [{}]", device.device, device.kind)?;
             writeln!(f, "  times by     {}", device.clock.describe())?;
-            let of = if device.clock == Clock::Processor { "one core copies" } else { "it copies" };
-            writeln!(f, "  memory       {of} {:.1} GB/s (read and written)", device.copy_gb_per_s)?;
+            let who = if device.clock == Clock::Processor { "one core copies" } else { "it copies" };
+            writeln!(f, "  memory       {who} {:.1} GB/s (read and written)", device.copy_gb_per_s)?;
             if let Some(start) = &device.start_up {
                 writeln!(
                     f,

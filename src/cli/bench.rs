@@ -1,7 +1,7 @@
 //! `quadrille bench`: what correlation costs on the devices of this machine.
 
-use super::args::{BenchArgs, BenchWhat};
-use super::{Outcome, Result, bench_series, plural, pool, without_doubles};
+use super::args::BenchArgs;
+use super::{Outcome, Result, plural, pool, without_doubles};
 use crate::backend::choice::choose;
 use crate::backend::gpu::{GpuAdapter, adapters};
 use crate::bench::{Device, Plan, Record, SizeCost};
@@ -10,9 +10,6 @@ use crate::run::RunFolder;
 
 /// Runs the command.
 pub(super) fn run(args: &BenchArgs) -> Result<Outcome> {
-    if let Some(BenchWhat::Series(args)) = &args.what {
-        return bench_series::run(args);
-    }
     let plan = plan(args)?;
     let pool = pool(args.threads)?;
     let devices = devices(args)?;

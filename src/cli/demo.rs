@@ -1,13 +1,12 @@
 //! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
-use super::args::{DemoArgs, Quiet, RunArgs};
-use super::{Outcome, Result, run, virtual_test};
-use crate::backend::choice::DeviceChoice;
+use super::args::DemoArgs;
+use super::{Outcome, Result, devices, run, virtual_test};
 use crate::field::{Measurement, Status};
 use crate::io::store::Store;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::report::fit::FitRecord;
-use crate::run::{RunFolder, correlation_in, read_json};
+use crate::run::{CaseRun, RunFolder, correlation_in, read_json};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
 use serde::{Deserialize, Serialize};
@@ -83,14 +82,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
-    let outcome = run::run(&RunArgs {
-        case: test_folder.join("case.toml"),
-        output: run_folder.clone(),
-        overwrite: true,
-        device: DeviceChoice::Auto,
-        threads: args.threads,
-        talk: Quiet::default(),
-    })?;
+    let asked =
+        CaseRun { overwrite: true, gpu: devices::options(), ..CaseRun::new(test_folder.join("case.toml"), &run_folder) };
+    // The page is named with the other results, at the end.
+    let outcome = run::of_case(&asked, args.threads, false, |_| ())?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
     let Truth { images } = read_json(&test_folder.join("truth.json"))?;
     let store = Store::open(correlation_in(&run_folder))?;

@@ -118,8 +118,8 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
         joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
         case.implausible.iter().for_each(|value| eprintln!("warning: {}", value.text));
         for row in &rows {
-            let of = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
-            let values: Vec<String> = row.fit.parameters.iter().map(of).collect();
+            let in_words = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
+            let values: Vec<String> = row.fit.parameters.iter().map(in_words).collect();
             eprintln!(
                 "{name} = {}: {}, omega = {:.6e} ({})",
                 row.value,

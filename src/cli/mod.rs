@@ -24,6 +24,7 @@ mod synth;
 mod virtual_test;
 mod watch;
 
+use args::{BenchArgs, BenchWhat};
 use crate::run::Outcome;
 use crate::run::text::{absolute, chain, plural};
 use clap::Parser;
@@ -60,6 +61,7 @@ pub fn main() -> ExitCode {
         args::Command::Demo(args) => demo::run(&args),
         args::Command::Metrology(args) => metrology::run(&args),
         args::Command::Devices(args) => devices::run(&args),
+        args::Command::Bench(BenchArgs { what: Some(BenchWhat::Series(args)), .. }) => bench_series::run(&args),
         args::Command::Bench(args) => bench::run(&args),
         args::Command::Simulate(args) => simulate::run(&args),
         args::Command::Identify(args) => identify::run(&args),

@@ -47,17 +47,17 @@ fn first_table(text: &mut String, table_1: &[(u64, LevelFits)]) {
     for (r, level) in table_1 {
         let LevelSummary { n, inside, mean, spread, evaluations } = summary(level);
         let s = level.s_px;
-        let of = |k: usize, scale: f64| match n {
+        let entry = |k: usize, scale: f64| match n {
             1 => format!("{:.4}", scale * mean[k]),
             _ => format!("{:.3} +- {:.3}", scale * mean[k], scale * spread[k]),
         };
-        let omega = if s > 0.0 { of(3, 1.0) } else { format!("{:.1e}", mean[3]) };
+        let omega = if s > 0.0 { entry(3, 1.0) } else { format!("{:.1e}", mean[3]) };
         let _ = writeln!(
             text,
             "| {r} | {s} | quadrille | {} | {} | {} | {omega} | {inside} of {n} | {evaluations} |",
-            of(0, 1.0),
-            of(1, 1e3),
-            of(2, 1e3)
+            entry(0, 1.0),
+            entry(1, 1e3),
+            entry(2, 1e3)
         );
         if s == 0.0 {
             let error = (0..3).map(|k| (mean[k] / REFERENCE_LAW[k] - 1.0).abs()).fold(0.0, f64::max);
@@ -88,8 +88,8 @@ fn second_table(
     );
     for (SweepSummary { r, mean, spread }, clean) in rows.iter().zip(&clean_rows) {
         let scales = [1.0, 1.0, 1e3, 1e3, 1e-3, 1e-3, 1.0];
-        let of = |k: usize| format!("{:.3} +- {:.3}", scales[k] * mean[k], scales[k] * spread[k]);
-        let cells: Vec<String> = (0..7).map(of).collect();
+        let entry = |k: usize| format!("{:.3} +- {:.3}", scales[k] * mean[k], scales[k] * spread[k]);
+        let cells: Vec<String> = (0..7).map(entry).collect();
         let _ = writeln!(text, "| {r} | quadrille | {} |", cells.join(" | "));
         let cells: Vec<String> = (0..6).map(|k| format!("{:.3}", scales[k] * clean.mean[k])).collect();
         let _ = writeln!(text, "| {r} | without noise | {} | {:.1e} |", cells.join(" | "), clean.mean[6]);

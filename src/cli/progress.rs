@@ -130,9 +130,9 @@ impl Progress {
             });
             eprintln!("{line}");
         } else if self.talk != Talk::Quiet && !self.terminal {
-            let of = self.total.map_or(String::new(), |total| format!(" of {total}"));
+            let of_total = self.total.map_or(String::new(), |total| format!(" of {total}"));
             let left = left.map_or(String::new(), |left| format!(", {left:.0} s left"));
-            eprintln!("{now}{of} frames, {rate:.1} frames/s{left}");
+            eprintln!("{now}{of_total} frames, {rate:.1} frames/s{left}");
         }
     }
 

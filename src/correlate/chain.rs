@@ -2,16 +2,16 @@
 
 use super::correlation::{Correlation, ZoneResult, rigid};
 use super::correlator::{Correlator, LEFT_SHARE};
-use super::error::CorrelationError;
+use super::error::{CorrelationError, UpdateRefused};
 use super::options::Options;
-use super::series::{History, Start};
+use super::series::History;
+use super::start::Start;
 use crate::backend::{Backend, GreyTransfer};
 use crate::field::{Measurement, ModelError, Status, UpdateReference};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// A frame has degraded when the residual of a zone exceeds this many times that of the first frame after the last
 /// update. Three quarters of its power are then misfit, and the standard uncertainty, which is made with it, has
@@ -66,44 +66,6 @@ impl ChainState {
         let mut frames: Vec<usize> = self.reference.iter().chain(last).map(|key| key.frame).collect();
         frames.dedup();
         frames
-    }
-}
-
-/// Why a frame did not become the reference. The frames go on with the old one.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum UpdateRefused {
-    /// Too much of a zone cannot be seen in it.
-    #[error(
-        "frame {frame} is no new reference: it shows {left} of {of} elements of zone '{zone}'; the rest has moved out of the image or was not measured"
-    )]
-    LeftImage {
-        /// The frame.
-        frame: usize,
-        /// Zone's name.
-        zone: String,
-        /// Elements that it shows whole.
-        left: usize,
-        /// Elements of the zone in the reference given.
-        of: usize,
-    },
-    /// It cannot be prepared: an element is folded there, or its nodes see no texture.
-    #[error("frame {frame} is no new reference")]
-    Unfit {
-        /// The frame.
-        frame: usize,
-        /// What is wrong with it.
-        #[source]
-        source: CorrelationError,
-    },
-}
-
-impl UpdateRefused {
-    /// The frame that was refused.
-    pub fn frame(&self) -> usize {
-        match self {
-            Self::LeftImage { frame, .. } | Self::Unfit { frame, .. } => *frame,
-        }
     }
 }
 
@@ -356,10 +318,10 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         let shown = |element: usize| mesh.elements()[element].iter().all(|&node| inside(moved[node as usize]));
         let kept: Vec<bool> = (0..mesh.n_elements()).map(|element| key.elements[element] && shown(element)).collect();
         for (zone, name) in mesh.zones().iter().enumerate() {
-            let of = mesh.zone_elements(zone).filter(|&element| original.in_use(element)).count();
+            let n_elements = mesh.zone_elements(zone).filter(|&element| original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| kept[element]).count();
-            if left == 0 || (left as f64) < (1.0 - LEFT_SHARE) * of as f64 {
-                return Ok(Err(UpdateRefused::LeftImage { frame: key.frame, zone: name.clone(), left, of }));
+            if left == 0 || (left as f64) < (1.0 - LEFT_SHARE) * n_elements as f64 {
+                return Ok(Err(UpdateRefused::LeftImage { frame: key.frame, zone: name.clone(), left, of: n_elements }));
             }
         }
         let frame = key.frame;
@@ -498,9 +460,9 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     fn has_left(&self, counted: &[bool]) -> bool {
         let mesh = self.original.mesh();
         (0..mesh.zones().len()).any(|zone| {
-            let of = mesh.zone_elements(zone).filter(|&element| self.original.in_use(element)).count();
+            let n_elements = mesh.zone_elements(zone).filter(|&element| self.original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| counted[element]).count();
-            ((of - left.min(of)) as f64) > LEFT_SHARE * of as f64
+            ((n_elements - left.min(n_elements)) as f64) > LEFT_SHARE * n_elements as f64
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::border::{BareBorder, bare_borders};
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
-use super::error::CorrelationError;
+use super::error::{CorrelationError, TextureFault};
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate, nothing};
@@ -10,12 +10,12 @@ use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
 use super::misfit::{MisfitTest, Residuals};
 use super::model_error::{self, MeshLines, model_error};
-use super::noise_correlation::{NoiseProbe, Prepared};
-use super::noise_model::{Elements, factors};
+use super::noise_correlation::{NoiseProbe, Prepared, factors};
+use super::noise_model::Elements;
 use super::options::Options;
+use super::reference_noise::{high_frequency, rounding};
 use super::search::{Motion, motions};
-use super::series::Start;
-use super::texture::{TextureFault, high_frequency, rounding};
+use super::start::Start;
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
@@ -118,8 +118,8 @@ impl<B: Backend> Correlator<B> {
         let sigma: Vec<f64> = {
             let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
-            let of = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
-            (0..level.keep.len()).map(|node| of(node, 0).min(of(node, 1))).collect()
+            let sigma_at = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
+            (0..level.keep.len()).map(|node| sigma_at(node, 0).min(sigma_at(node, 1))).collect()
         };
         let kept = level.keep.iter().zip(&sigma).filter(|(keep, _)| **keep);
         let smallest = kept.map(|(_, sigma)| *sigma).fold(f64::INFINITY, f64::min);
@@ -133,8 +133,8 @@ impl<B: Backend> Correlator<B> {
             true => sigma.iter().map(|sigma| ENOUGH_BY_SIGMA * sigma).collect(),
             false => Vec::new(),
         };
-        let of = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
-        let probe = (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&of)).flatten();
+        let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
+        let probe = (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
         let mut levels = vec![level];
         for level in 1..=search_level(&laid.mesh) {
             let size = size.map(|n| n >> level);
@@ -634,13 +634,13 @@ impl<B: Backend> Correlator<B> {
     /// How well each zone matches: its correlation coefficient, or what stands for it.
     fn zone_matches(&self, zones: &[PixelSums], elements: &[ElementMatch]) -> Vec<f64> {
         let mesh = self.mesh();
-        let of = |(zone, sums): (usize, &PixelSums)| match self.options.brightness {
+        let match_of = |(zone, sums): (usize, &PixelSums)| match self.options.brightness {
             Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
             // Without a transfer a change of light is misfit, although it correlates.
             Brightness::Off => sums.explained(),
             Brightness::Auto | Brightness::Zone | Brightness::Smooth => sums.correlation(),
         };
-        zones.iter().enumerate().map(of).collect()
+        zones.iter().enumerate().map(match_of).collect()
     }
 
     /// Nodes beside an element that counted and with a finite displacement, and the number of those that lost all their elements.

@@ -1,6 +1,5 @@
 //! What keeps a correlation from being tried.
 
-use super::texture::TextureFault;
 use crate::backend::BackendError;
 use crate::mesh::MeshError;
 use thiserror::Error;
@@ -75,7 +74,7 @@ pub enum CorrelationError {
     },
     /// The reference frame of a kept state is none with the image given.
     #[error("the kept state does not go with the image given for its reference")]
-    Kept(#[source] Box<super::UpdateRefused>),
+    Kept(#[source] Box<UpdateRefused>),
     /// The device failed.
     #[error("the device failed")]
     Backend(#[from] BackendError),
@@ -85,6 +84,102 @@ impl CorrelationError {
     /// Whether the fault is one of the deformed image alone, so that the series can go on.
     pub fn is_of_the_frame(&self) -> bool {
         matches!(self, Self::Size { .. } | Self::Constant { .. })
+    }
+}
+
+/// A node that cannot be measured, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TextureFault {
+    /// Number of the node in the mesh.
+    pub node: usize,
+    /// Its place, px.
+    pub at: [f64; 2],
+    /// What is missing there.
+    pub lack: Lack,
+}
+
+/// What a node lacks to be measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Lack {
+    /// Texture, in all directions or along stripes.
+    Texture {
+        /// Root mean square of the gradient in the weakest direction, grey levels per px.
+        weakest: f64,
+        /// What is needed: the noise's share times a margin.
+        needed: f64,
+        /// Whether there is texture across stripes, but none along them.
+        striped: bool,
+    },
+    /// Enough texture together with its neighbours: the displacement would be this uncertain, px
+    /// (infinite: not determined at all).
+    Precision {
+        /// Standard uncertainty, px.
+        sigma_px: f64,
+    },
+}
+
+impl Lack {
+    /// In a few words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Lack::Texture { striped: false, .. } => "no texture",
+            Lack::Texture { striped: true, .. } => "stripes: no texture along them",
+            Lack::Precision { .. } => "too little texture",
+        }
+    }
+}
+
+impl std::fmt::Display for TextureFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "node {} at ({}, {}) px: {} ", self.node, self.at[0], self.at[1], self.lack.name())?;
+        match self.lack {
+            Lack::Texture { weakest, needed, .. } => {
+                write!(f, "(gradient {weakest:.3} of {needed:.3} grey levels/px needed)")
+            }
+            Lack::Precision { sigma_px } if sigma_px.is_finite() => {
+                write!(f, "(the displacement there would be uncertain by {sigma_px:.2} px)")
+            }
+            Lack::Precision { .. } => write!(f, "(the displacement there is not determined)"),
+        }
+    }
+}
+
+/// Why a frame did not become the reference. The frames go on with the old one.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum UpdateRefused {
+    /// Too much of a zone cannot be seen in it.
+    #[error(
+        "frame {frame} is no new reference: it shows {left} of {of} elements of zone '{zone}'; the rest has moved out of the image or was not measured"
+    )]
+    LeftImage {
+        /// The frame.
+        frame: usize,
+        /// Zone's name.
+        zone: String,
+        /// Elements that it shows whole.
+        left: usize,
+        /// Elements of the zone in the reference given.
+        of: usize,
+    },
+    /// It cannot be prepared: an element is folded there, or its nodes see no texture.
+    #[error("frame {frame} is no new reference")]
+    Unfit {
+        /// The frame.
+        frame: usize,
+        /// What is wrong with it.
+        #[source]
+        source: CorrelationError,
+    },
+}
+
+impl UpdateRefused {
+    /// The frame that was refused.
+    pub fn frame(&self) -> usize {
+        match self {
+            Self::LeftImage { frame, .. } | Self::Unfit { frame, .. } => *frame,
+        }
     }
 }
 

@@ -1,11 +1,11 @@
 //! The finest level of a reference, with its texture check.
 
-use super::error::CorrelationError;
+use super::error::{CorrelationError, TextureFault};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
 use super::level::{Level, elimination_order, support};
 use super::options::Options;
 use super::regularisation::{Regularisation, Regulariser, Texture};
-use super::texture::{TextureFault, faults, least_determined, undetermined};
+use super::texture::{faults, least_determined, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, KernelOptions};
 use crate::linalg::{BlockMatrix, Pattern, Solver};

@@ -2,7 +2,7 @@
 //! `E[M] = M0 + lambda P`, `lambda = sigma^2 G / k`.
 
 use super::options::Options;
-use super::texture::assumed_noise;
+use super::reference_noise::assumed_noise;
 use crate::backend::{ElementMoments, KernelOptions};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
@@ -58,18 +58,18 @@ impl AssumedNoise {
 
 /// Normal matrices of the elements, that of the transfer eliminated where each element has its own.
 pub(super) fn element_matrices(moments: &[ElementMoments], options: &KernelOptions) -> Vec<ElementMatrix> {
-    let of = |m: &ElementMoments| match options.brightness {
+    let matrix = |m: &ElementMoments| match options.brightness {
         Brightness::Element => m.matrix_without_transfer(),
         _ => m.matrix(),
     };
-    moments.iter().map(of).collect()
+    moments.iter().map(matrix).collect()
 }
 
 /// `sum psi_i psi_j` over the pixels of each element. Of an element that is cut by the border of its zone only the number
 /// of pixels counts, as if they lay evenly.
 pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<ElementMatrix> {
-    let of = |(element, m): (usize, &ElementMoments)| alike(mean_products(mesh.corners(element)), m.n);
-    moments.par_iter().enumerate().with_min_len(256).map(of).collect()
+    let mass = |(element, m): (usize, &ElementMoments)| alike(mean_products(mesh.corners(element)), m.n);
+    moments.par_iter().enumerate().with_min_len(256).map(mass).collect()
 }
 
 /// What is taken off each element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
@@ -77,7 +77,7 @@ pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<
 pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix], lambda: f64) -> Vec<f64> {
     /// Less than this part of it is not worth taking off.
     const LEAST: f64 = 0.02;
-    let of = |(matrix, mass): (&ElementMatrix, &ElementMatrix)| {
+    let share = |(matrix, mass): (&ElementMatrix, &ElementMatrix)| {
         let mut taken = lambda;
         while taken > LEAST * lambda {
             if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]))
@@ -91,7 +91,7 @@ pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix
     if lambda <= 0.0 {
         return vec![0.0; matrices.len()];
     }
-    matrices.par_iter().zip(masses).with_min_len(64).map(of).collect()
+    matrices.par_iter().zip(masses).with_min_len(64).map(share).collect()
 }
 
 /// Whether a symmetric matrix has a Cholesky factor.
@@ -119,10 +119,10 @@ pub(super) fn without_noise(
     masses: &[ElementMatrix],
     lambda: &[f64],
 ) -> BlockMatrix {
-    let of = |((matrix, mass), lambda): ((&ElementMatrix, &ElementMatrix), &f64)| -> ElementMatrix {
+    let without = |((matrix, mass), lambda): ((&ElementMatrix, &ElementMatrix), &f64)| -> ElementMatrix {
         std::array::from_fn(|k| matrix[k] - lambda * mass[k])
     };
-    let less: Vec<ElementMatrix> = matrices.iter().zip(masses).zip(lambda).map(of).collect();
+    let less: Vec<ElementMatrix> = matrices.iter().zip(masses).zip(lambda).map(without).collect();
     BlockMatrix::assemble(pattern, mesh.elements(), &less)
 }
 

@@ -85,11 +85,11 @@ impl Grid {
 
     fn elements(&self) -> Vec<[u32; 4]> {
         let across = self.cells[0] + 1;
-        let of = |cell: usize| {
+        let corners = |cell: usize| {
             let first = cell / self.cells[0] * across + cell % self.cells[0];
             [first, first + 1, first + across + 1, first + across].map(|node| node as u32)
         };
-        (0..self.cells[0] * self.cells[1]).map(of).collect()
+        (0..self.cells[0] * self.cells[1]).map(corners).collect()
     }
 
     /// The cell of a place and the weights of its nodes.
@@ -216,8 +216,8 @@ impl Zone {
         if determinant > 0.0 {
             let change = [(a[2] * b[0] - a[1] * b[1]) / determinant, (a[0] * b[1] - a[1] * b[0]) / determinant];
             self.said.iter_mut().for_each(|said| {
-                let of = said.of(change);
-                said.residual = [0, 1].map(|k| said.residual[k] - of[k]);
+                let by_light = said.of(change);
+                said.residual = [0, 1].map(|k| said.residual[k] - by_light[k]);
             });
         }
     }
@@ -272,8 +272,8 @@ impl Zone {
         let (scaled, _) = BlockJacobi::new(&matrix).solve(&matrix, &rhs, 1e-6, 1000);
         let values: Vec<[f64; 2]> = scaled.into_iter().map(|[gamma, delta]| [gamma / unit, delta]).collect();
         let left = self.said.iter().map(|said| {
-            let of = said.of(interpolated(&grid, &cells, &values, said.at));
-            Said { residual: [0, 1].map(|k| said.residual[k] - of[k]), ..*said }.squares()
+            let by_light = said.of(interpolated(&grid, &cells, &values, said.at));
+            Said { residual: [0, 1].map(|k| said.residual[k] - by_light[k]), ..*said }.squares()
         });
         let left = left.sum();
         let seen = share.iter().filter(|&&share| share > 0.05).count();

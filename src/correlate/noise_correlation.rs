@@ -12,7 +12,7 @@ use super::noise_model::Elements;
 use super::options::Options;
 use super::patch::Patch;
 use crate::backend::{Backend, ElementMoments, GreyTransfer, KernelOptions};
-use crate::field::Brightness;
+use crate::field::{Brightness, NoiseCorrelation};
 use crate::imaging::{Image, Interpolation};
 use crate::linalg::Solver;
 use crate::mesh::{Mesh, PixelSet, local_coordinates, shape_functions};
@@ -84,6 +84,15 @@ impl fmt::Display for NoiseColour {
             "the noise is not white (correlation of neighbouring pixels {along_x:.2} along x, {along_y:.2} along y): standard \
              uncertainties are multiplied by {x:.2} (x) and {y:.2} (y)"
         )
+    }
+}
+
+/// Factors on the standard uncertainties of both components for noise that is not white.
+pub(super) fn factors(asked: NoiseCorrelation, found: Option<&NoiseColour>) -> [f64; 2] {
+    match asked {
+        NoiseCorrelation::Off => [1.0; 2],
+        NoiseCorrelation::Factor(factor) => [factor; 2],
+        NoiseCorrelation::Auto => found.and_then(NoiseColour::to_apply).unwrap_or([1.0; 2]),
     }
 }
 

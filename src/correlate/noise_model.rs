@@ -1,10 +1,9 @@
 //! Noise that rises with the grey level, `sigma^2 = a + b grey`: its two numbers from reference and residual, and what it
 //! makes of the standard uncertainty of each node (docs/correlation.md, section 2.7).
 
-use super::noise_correlation::NoiseColour;
 use super::uncertainty::NoiseGain;
 use crate::backend::{ElementMatch, ElementMoments, GreyTransfer};
-use crate::field::{Noise, NoiseCorrelation};
+use crate::field::Noise;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -112,14 +111,14 @@ impl Elements<'_> {
 
     /// Standard deviation of the noise in a zone: the root of its mean variance over the pixels of the reference.
     pub fn in_zone(&self, zone: usize, noise: PhotonNoise) -> f64 {
-        let of = |element: usize| {
+        let pixels_and_variance = |element: usize| {
             let grey = self.greys(element)?[0];
             Some((self.matched[element].n, noise.at(grey, self.least)))
         };
         let (n, sum) = self
             .mesh
             .zone_elements(zone)
-            .filter_map(of)
+            .filter_map(pixels_and_variance)
             .fold((0.0, 0.0), |(n, sum), (pixels, variance)| (n + pixels, sum + pixels * variance));
         if n > 0.0 { (sum / n).sqrt() } else { self.least.sqrt() }
     }
@@ -154,13 +153,4 @@ impl Elements<'_> {
 /// Place of the diagonal entry `i` in the upper triangle of an 8 x 8 matrix, row by row.
 fn diagonal(i: usize) -> usize {
     (0..i).map(|row| 8 - row).sum()
-}
-
-/// Factors on the standard uncertainties of both components for noise that is not white.
-pub(super) fn factors(asked: NoiseCorrelation, found: Option<&NoiseColour>) -> [f64; 2] {
-    match asked {
-        NoiseCorrelation::Off => [1.0; 2],
-        NoiseCorrelation::Factor(factor) => [factor; 2],
-        NoiseCorrelation::Auto => found.and_then(NoiseColour::to_apply).unwrap_or([1.0; 2]),
-    }
 }

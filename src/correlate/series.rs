@@ -3,19 +3,11 @@
 use super::correlation::Correlation;
 use super::correlator::Correlator;
 use super::error::CorrelationError;
+use super::start::Start;
 use crate::backend::{Backend, GreyTransfer};
 use crate::field::{StartFrom, Status};
 use crate::imaging::Image;
 use std::sync::Arc;
-
-/// Where an iteration begins: a displacement of all nodes, px, and the grey transfer per zone.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Start {
-    /// Per node.
-    pub displacement: Vec<[f64; 2]>,
-    /// Per zone.
-    pub transfer: Vec<GreyTransfer>,
-}
 
 /// The last converged frames of a series, from which the next one is predicted.
 #[derive(Debug, Clone)]

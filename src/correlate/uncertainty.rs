@@ -93,11 +93,11 @@ pub(super) fn spread_of(
                 of_texture.map(|of_texture| if of_texture > 0.0 { of_mass / of_texture } else { 0.0 })
             })
             .collect();
-        let of = |(node, variance): (usize, &[f64; 2])| {
+        let scaled = |(node, variance): (usize, &[f64; 2])| {
             let [x, y] = over_gradient[mesh.node_zone()[node] as usize];
             [variance[0] * x, variance[1] * y]
         };
-        let of_mass = variance.iter().enumerate().map(of).collect();
+        let of_mass = variance.iter().enumerate().map(scaled).collect();
         return NodalSpread { variance, of_mass, freedom, lambda, is_regularised: true };
     }
     let held: Vec<bool> = {

@@ -143,10 +143,10 @@ impl<U: Length> Measurement<U> {
         let corners = self.mesh.corners(worst);
         let middle = [0, 1].map(|c| corners[..sides].iter().map(|p| p[c]).sum::<f64>() / sides as f64);
         // An element that has left the image, or has no texture, has no residual.
-        let of = self.element_residual.iter().filter(|&&residual| residual > 0.0).count();
+        let n_tested = self.element_residual.iter().filter(|&&residual| residual > 0.0).count();
         (elements > 0).then(|| Misfit {
             elements,
-            percent: 100.0 * elements as f64 / of.max(1) as f64,
+            percent: 100.0 * elements as f64 / n_tested.max(1) as f64,
             at: middle,
             displacement: not_followed[worst],
         })

@@ -2,7 +2,8 @@
 
 use super::FitError;
 use super::constants::ConstantEffect;
-use super::fit::{Fit, NORMAL_95};
+use super::fit::Fit;
+use super::statistics::NORMAL_95;
 use super::objective::Problem;
 use super::statistics::Statistics;
 use crate::linalg::Dense;
@@ -166,7 +167,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let covariance = by_noise(statistics, fit);
     let inverse = covariance.cholesky().ok();
     let draws = Draws::new(problem, fit, &covariance);
-    let of = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
+    let band_at = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
         let jumps = model.jumps(&fit.solution().instants[observed.index].displacement);
         let errors = jump_errors(problem, fit, statistics, &covariance, i, &*law)?;
         let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
@@ -273,7 +274,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
         }
         Ok(band)
     };
-    problem.observation.instants.par_iter().enumerate().map(of).collect()
+    problem.observation.instants.par_iter().enumerate().map(band_at).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -305,8 +306,8 @@ fn jump_errors(
     let by_unknown: Vec<Vec<Jump>> =
         (problem.unknowns.list().iter()).map(|unknown| model.jumps(&instant.sensitivities[unknown.index])).collect();
     let n_pairs = model.mesh().pairs().len();
-    let of = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
-    let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * of(by_unknown[k][at / 2], at % 2));
+    let component = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
+    let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * component(by_unknown[k][at / 2], at % 2));
     let mut cross = Dense::zeros(n, 2 * n_pairs);
     if observation.prescribed.is_empty() {
         return Ok(JumpErrors { by_z, cross, own: vec![[[0.0; 2]; 2]; n_pairs] });
@@ -323,7 +324,7 @@ fn jump_errors(
         let mut h = Dense::zeros(observation.n_rows(), 2 * n_pairs);
         for (k, moved) in by_boundary.iter().enumerate() {
             let row = 2 * observation.prescribed[k / 2] + k % 2;
-            (0..2 * n_pairs).for_each(|at| h[(row, at)] = of(moved[at / 2], at % 2));
+            (0..2 * n_pairs).for_each(|at| h[(row, at)] = component(moved[at / 2], at % 2));
         }
         let ch = noise.precision.inverse_times(&h);
         let mut all = Dense::zeros(observation.n_rows(), n);
@@ -337,7 +338,7 @@ fn jump_errors(
     }
     // The boundary was estimated with the parameters: `d_i = N^-1 T^T M (r - J z - e)` follows z, and what is left is the
     // uncertainty of the boundary given the parameters, with that of the common error e, which is good to sigma^2 common.
-    let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| of(by_boundary[k][at / 2], at % 2));
+    let h = Dense::from_fn(by_boundary.len(), 2 * n_pairs, |k, at| component(by_boundary[k][at / 2], at % 2));
     let t = &statistics.by_boundary[i];
     let mt = noise.precision.times(t);
     let Ok(factor) = t.transposed_times(&mt).cholesky() else {
@@ -402,12 +403,12 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
             law.by_parameters(jump, &mut by);
             let g: Vec<f64> = list.iter().zip(&slopes).map(|(u, slope)| slope * pick(by[u.index])).collect();
             let variance = |covariance: &Dense| {
-                let of = |r: usize| (0..g.len()).map(|c| g[r] * covariance[(r, c)] * g[c]).sum::<f64>();
-                (0..g.len()).map(of).sum::<f64>().max(0.0)
+                let row_of = |r: usize| (0..g.len()).map(|c| g[r] * covariance[(r, c)] * g[c]).sum::<f64>();
+                (0..g.len()).map(row_of).sum::<f64>().max(0.0)
             };
             // Parameters of the law that are fitted, and those that are prescribed, moved by each constant.
-            let of = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
-            let by_constant: Vec<f64> = fit.constants.iter().map(of).collect();
+            let shift = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
+            let by_constant: Vec<f64> = fit.constants.iter().map(shift).collect();
             let std = (covariance.as_ref().map_or(0.0, variance) + dot(&by_constant, &by_constant)).sqrt();
             let mut sides = [NORMAL_95 * std; 2];
             if let Some(draws) = &draws {

@@ -1,7 +1,7 @@
 //! Parametric bootstrap: what fits of data simulated from the fitted model do, noise of border and common reference included.
 //! It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory sees.
 
-use super::fit::run;
+use super::stage::run;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{FitStatus, TrustRegionOptions};
@@ -158,8 +158,8 @@ impl Base<'_> {
             let places: Vec<usize> =
                 joint.measured.prescribed.iter().map(|node| place.get(node).copied()).collect::<Option<_>>()?;
             let moved = |(values, e): (&Vec<[f64; 2]>, &Vec<f64>)| {
-                let of = |(&at, &row): (&usize, &usize)| [0, 1].map(|c| values[at][c] + sign * e[2 * row + c]);
-                places.iter().zip(&observation.prescribed).map(of).collect()
+                let moved_node = |(&at, &row): (&usize, &usize)| [0, 1].map(|c| values[at][c] + sign * e[2 * row + c]);
+                places.iter().zip(&observation.prescribed).map(moved_node).collect()
             };
             joint.measured.boundary(self.boundary.instants().iter().zip(noise).map(moved).collect()).ok()?
         };

@@ -2,10 +2,9 @@
 
 use super::constants::{Constant, ConstantEffect, ConstantKind, Source};
 use super::derived::{Derived, derived};
-use super::discretisation::Discretisation;
-use super::fit::NORMAL_95;
+use super::options::Discretisation;
 use super::objective::Problem;
-use super::statistics::Statistics;
+use super::statistics::{NORMAL_95, Statistics};
 use crate::linalg::Dense;
 
 /// Name of the line of the measurement's noise.
@@ -127,7 +126,7 @@ pub fn interval95(value: f64, noise: [Option<f64>; 2], bias: f64, others: f64) -
 fn slopes(problem: &Problem<'_>, x: &[f64]) -> Vec<Vec<f64>> {
     let Ok(law) = problem.unknowns.law_at(x) else { return Vec::new() };
     let values = law.values();
-    let of = |k: usize| {
+    let slopes_by = |k: usize| {
         let h = 1e-6 * values[k].abs().max(1e-12);
         let moved = |h: f64| {
             let mut values = values.clone();
@@ -136,7 +135,7 @@ fn slopes(problem: &Problem<'_>, x: &[f64]) -> Vec<Vec<f64>> {
         };
         moved(h).iter().zip(moved(-h)).map(|(more, less)| (more.value - less.value) / (2.0 * h)).collect()
     };
-    (0..values.len()).map(of).collect()
+    (0..values.len()).map(slopes_by).collect()
 }
 
 /// What a budget is made of.
@@ -210,7 +209,7 @@ pub(super) fn budget(problem: &Problem<'_>, of: &Ingredients<'_>) -> (Budget, Ve
         });
     }
     if let Some(change) = by_refinement {
-        let of = |q: usize| change.iter().zip(list).map(|(by, unknown)| slope(unknown.index, q) * by).sum();
+        let moved = |q: usize| change.iter().zip(list).map(|(by, unknown)| slope(unknown.index, q) * by).sum();
         lines.push(BudgetLine {
             name: ELEMENT_SIZE.to_owned(),
             source: Source::Computed,
@@ -219,7 +218,7 @@ pub(super) fn budget(problem: &Problem<'_>, of: &Ingredients<'_>) -> (Budget, Ve
             std: None,
             included: discretisation == Discretisation::Included,
             parameters: change.to_vec(),
-            derived: (0..quantities.len()).map(of).collect(),
+            derived: (0..quantities.len()).map(moved).collect(),
         });
     }
     (Budget { lines }, quantities, Some(covariance))

@@ -1,12 +1,10 @@
 //! An identification as its case file describes it.
 
-use super::discretisation::Discretisation;
 use super::error::FitError;
-use super::fit::FitOptions;
-use super::intervals::Intervals;
-use super::noise::{Noise, Precision};
+use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
+use super::options::{Discretisation, FitOptions, Intervals};
 use super::plausibility::{Implausible, implausible_joint};
 use super::starts::latin_hypercube;
 use super::trust_region::TrustRegionOptions;
@@ -18,7 +16,6 @@ use crate::io::joint::{
     CaseFit, CaseMeasurement, CaseNodes, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable,
     MeshInput, RunMatrix,
 };
-use crate::linalg::{Dense, ElementMatrix};
 use crate::mechanics::Joint;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -579,29 +576,4 @@ fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64
     let sum: f64 = observation.instants.iter().map(|instant| of(&run.sigma[instant.index])).sum();
     let mean = sum / (observation.instants.len() * observation.n_rows()) as f64;
     (mean > 0.0).then_some(mean)
-}
-
-/// The normal matrix of a texture that is the same everywhere: the integrals of the products of the shape functions.
-pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
-    let share = (1.0 / 3.0_f64).sqrt();
-    let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
-    let of = |corners: &[u32; 4]| -> ElementMatrix {
-        let at = corners.map(|node| nodes[node as usize]);
-        let area: f64 =
-            0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
-        let mut full = Dense::zeros(8, 8);
-        for point in points {
-            let psi = crate::mesh::shape_functions(0.5 + 0.5 * point[0], 0.5 + 0.5 * point[1]);
-            for a in 0..4 {
-                for b in 0..4 {
-                    for c in 0..2 {
-                        full[(2 * a + c, 2 * b + c)] += 0.25 * area * psi[a] * psi[b];
-                    }
-                }
-            }
-        }
-        let mut places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
-        std::array::from_fn(|_| places.next().map_or(0.0, |at| full[at]))
-    };
-    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(of).collect(), of_noise: Vec::new() }
 }

@@ -150,11 +150,11 @@ impl Moved {
         let mut nodes = tangent.by_force(&[force]).swap_remove(0);
         nodes.iter_mut().zip(&lead).for_each(|(u, lead)| *u = [0, 1].map(|c| u[c] + lead[c]));
         let (after, jumps) = (self.model.jumps(&along(&nodes)), base.jumps(u));
-        let of = |(a, b): (&Jump, &Jump)| Jump {
+        let rate = |(a, b): (&Jump, &Jump)| Jump {
             normal: (a.normal - b.normal) / self.by,
             tangential: (a.tangential - b.tangential) / self.by,
         };
-        let jumps = after.iter().zip(&jumps).map(of).collect();
+        let jumps = after.iter().zip(&jumps).map(rate).collect();
         nodes.iter_mut().zip(&slope).for_each(|(u, slope)| *u = [0, 1].map(|c| u[c] - slope[c]));
         Change { nodes, jumps }
     }

@@ -1,35 +1,12 @@
 //! What the size of the elements does to the parameters: the model once more with elements half as large.
 
-use super::case::even_texture;
-use super::noise::Precision;
+use super::noise::{Precision, even_texture};
 use super::objective::{Evaluation, Problem};
 use crate::io::joint::RunMatrix;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, Instant, JointMesh, Model};
 use std::collections::HashMap;
-
-/// What becomes of the effect of the element size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Discretisation {
-    /// It is not computed.
-    Off,
-    /// It is stated beside the result.
-    Stated,
-    /// It is stated and taken into the 95 % intervals as one more standard uncertainty.
-    Included,
-}
-
-impl Discretisation {
-    /// Its name in case files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Stated => "stated",
-            Self::Included => "included",
-        }
-    }
-}
 
 /// What elements half as large would change.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,7 +49,7 @@ impl Problem<'_> {
             true => Some(Projection::new(model.mesh(), fine.mesh(), &carry)?),
             false => None,
         };
-        let of = |observed: &super::observation::ObservedInstant| {
+        let difference = |observed: &super::observation::ObservedInstant| {
             let seen = &solution.instants[observed.index].displacement;
             // Nodes keep their numbers in the finer mesh.
             let seen = projection.as_ref().map_or_else(|| seen.clone(), |projection| projection.of(seen));
@@ -92,7 +69,7 @@ impl Problem<'_> {
             }
             false => Vec::new(),
         };
-        let change = observation.instants.iter().map(of).collect();
+        let change = observation.instants.iter().map(difference).collect();
         Some(Refined { change, jumps: solution.instants.iter().map(jumps).collect() })
     }
 }

@@ -3,7 +3,8 @@
 
 use super::FitError;
 use super::cone_step::{StepRegion, cone_step, room};
-use super::fit::{FitOptions, Stage, at, full_weights, no_texture};
+use super::options::FitOptions;
+use super::stage::{Stage, at, full_weights, no_texture};
 use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
 use super::trust_region::{FitStatus, Iteration};
@@ -159,8 +160,8 @@ impl Search<'_> {
         let [lower, upper] = &self.bounds;
         let mut length = 1.0;
         while length > SHORTEST {
-            let of = |k: usize| (from.z[k] + length * step[k]).clamp(lower[k], upper[k]);
-            let z: Vec<f64> = (0..step.len()).map(of).collect();
+            let moved_unknown = |k: usize| (from.z[k] + length * step[k]).clamp(lower[k], upper[k]);
+            let z: Vec<f64> = (0..step.len()).map(moved_unknown).collect();
             let moved = |(c, m): (&Vec<f64>, &Vec<f64>)| c.iter().zip(m).map(|(c, m)| c + length * m).collect();
             let corrections: Corrections = from.corrections.iter().zip(more).map(moved).collect();
             let boundary = self.boundary(&corrections)?;

@@ -2,155 +2,25 @@
 
 use super::bootstrap::Base;
 use super::budget::{Budget, Ingredients, budget};
-use super::constants::{Constant, ConstantEffect};
-use super::derived::Derived;
-use super::discretisation::{Discretisation, Refinement};
-use super::intervals::{IntervalBasis, Intervals, settle};
+use super::constants::ConstantEffect;
+use super::discretisation::Refinement;
+use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
+use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
+use super::options::{Discretisation, FitOptions};
 use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
+use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
 use super::statistics::Statistics;
-use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
+use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
 use super::unknowns::Unknowns;
 use super::verdict::{Grounds, Verdict};
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
-use crate::linalg::{Dense, NotPositiveDefinite};
-use crate::mechanics::cohesive::Parameter;
+use crate::linalg::Dense;
 use crate::mechanics::{BoundaryHistory, Solution};
 use rayon::prelude::*;
-
-/// 97.5 % of a normal distribution lie below this many standard deviations.
-pub const NORMAL_95: f64 = 1.959963984540054;
-
-/// How to fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FitOptions {
-    /// The weights.
-    pub weights: WeightKind,
-    /// Whether the prescribed displacements are unknowns too, with their covariance; for covariance weights.
-    pub estimate_boundary: bool,
-    /// Further starts beside that of the unknowns.
-    pub starts: Vec<Vec<f64>>,
-    /// The iteration.
-    pub region: TrustRegionOptions,
-    /// Model constants; those that are not named are exact.
-    pub constants: Vec<Constant>,
-    /// What becomes of the effect of the element size.
-    pub discretisation: Discretisation,
-    /// Which intervals are wanted.
-    pub intervals: Intervals,
-    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as are good.
-    pub bootstrap: Option<usize>,
-    /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
-    /// something larger (rows of a sweep, draws) do without.
-    pub doubt: bool,
-}
-
-impl Default for FitOptions {
-    fn default() -> Self {
-        let region = TrustRegionOptions::default();
-        Self {
-            weights: WeightKind::Paper,
-            estimate_boundary: false,
-            starts: Vec::new(),
-            region,
-            constants: Vec::new(),
-            discretisation: Discretisation::Stated,
-            intervals: Intervals::Auto,
-            bootstrap: None,
-            doubt: true,
-        }
-    }
-}
-
-/// One parameter that was fitted.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedParameter {
-    /// The parameter.
-    pub parameter: Parameter,
-    /// Its value.
-    pub value: f64,
-    /// Its standard uncertainty, from noise and uncertain constants; `None` when the data do not give one.
-    pub std: Option<f64>,
-    /// The part of the noise alone.
-    pub std_noise: Option<f64>,
-    /// Its change if the elements were half as large.
-    pub discretisation: Option<f64>,
-    /// 95 % interval: the root of the sum of all lines of the budget, extended by the bias, see [`super::interval95`]; `None`
-    /// where it has not two ends.
-    pub interval95: Option<[f64; 2]>,
-    /// Its ends, each for itself: `None` where the data do not bound the parameter on that side.
-    pub ends95: [Option<f64>; 2],
-    /// What noise shifts the value by on the average (found less true), through kinks and plasticity; the interval is extended
-    /// by it, the value is not moved. `None` where it was not looked for.
-    pub bias: Option<f64>,
-    /// Standard uncertainty of the bias; `None` where one pair of draws told it.
-    pub bias_std: Option<f64>,
-    /// Standard deviation of the bootstrap, to be held against `std`; `None` without one.
-    pub std_bootstrap: Option<f64>,
-    /// Where the fit started.
-    pub start: f64,
-    /// The bounds.
-    pub bounds: [f64; 2],
-    /// Whether it ended on one of them.
-    pub at_bound: bool,
-}
-
-/// A quantity with its standard uncertainty.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedQuantity {
-    /// The quantity.
-    pub quantity: Derived,
-    /// Its standard uncertainty, from noise and uncertain constants.
-    pub std: Option<f64>,
-    /// The part of the noise alone.
-    pub std_noise: Option<f64>,
-    /// Its change if the elements were half as large.
-    pub discretisation: Option<f64>,
-    /// 95 % interval, as that of a parameter.
-    pub interval95: Option<[f64; 2]>,
-    /// Its ends, each for itself.
-    pub ends95: [Option<f64>; 2],
-    /// What noise shifts it by on the average, as of a parameter.
-    pub bias: Option<f64>,
-}
-
-impl FittedParameter {
-    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
-        (self.ends95, self.interval95) = (ends, both(ends));
-    }
-}
-
-impl FittedQuantity {
-    pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
-        (self.ends95, self.interval95) = (ends, both(ends));
-    }
-}
-
-fn both(ends: [Option<f64>; 2]) -> Option<[f64; 2]> {
-    Some([ends[0]?, ends[1]?])
-}
-
-/// Where one start led.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StartEnd {
-    /// The start.
-    pub start: Vec<f64>,
-    /// The end.
-    pub end: Vec<f64>,
-    /// The objective there, under the weights of the first stage.
-    pub omega: Option<f64>,
-    /// How it ended.
-    pub status: FitStatus,
-    /// Evaluations.
-    pub evaluations: usize,
-    /// Evaluations in which the forward run was rescued.
-    pub rescued: usize,
-    /// Largest distance of a scaled unknown from the best end.
-    pub distance: f64,
-}
 
 /// The result.
 #[derive(Debug)]
@@ -213,64 +83,12 @@ impl Fit {
         &self.evaluation.solution
     }
 
-    /// 95 % interval of a value with this standard uncertainty.
-    pub fn interval95(value: f64, std: f64) -> [f64; 2] {
-        [value - NORMAL_95 * std, value + NORMAL_95 * std]
-    }
-
-    /// Standard uncertainty of a parameter relative to its value, with everything that its interval holds; infinite where that
-    /// has not two ends.
-    pub fn relative_std(parameter: &FittedParameter) -> f64 {
-        let std = parameter.interval95.map_or(f64::INFINITY, |[low, high]| (high - low) / (2.0 * NORMAL_95));
-        if parameter.value == 0.0 && std > 0.0 {
-            f64::INFINITY
-        } else {
-            std / parameter.value.abs().max(f64::MIN_POSITIVE)
-        }
-    }
-
     /// Condition number of the scaled Jacobian.
     pub fn condition(&self) -> f64 {
         match (self.singular_values.first(), self.singular_values.last()) {
             (Some(most), Some(least)) if *least > 0.0 => most / least,
             _ => f64::INFINITY,
         }
-    }
-}
-
-/// Most fits under weights that are made anew. What new weights change falls by a factor of 100 from one to the next.
-const REWEIGHTINGS: usize = 5;
-/// Scaled step at which a fit ends whose weights are made anew afterwards; when new weights change less, the next are the last.
-const COARSE: f64 = 1e-4;
-
-/// What a stage hands to the next.
-pub(super) struct Stage {
-    pub z: Vec<f64>,
-    pub status: FitStatus,
-    pub reason: String,
-    pub evaluations: usize,
-    pub rescued: usize,
-    pub history: Vec<Iteration>,
-}
-
-impl Stage {
-    fn of(end: End) -> Self {
-        let (rescued, End { z, status, reason, evaluations, history, .. }) = (end.rescued(), end);
-        Self { z, status, reason, evaluations, rescued, history }
-    }
-
-    /// Number of the stage that comes after those in the history.
-    pub fn next_number(&self) -> usize {
-        self.history.last().map_or(1, |iteration| iteration.stage + 1)
-    }
-
-    fn add(&mut self, mut end: End) {
-        let number = self.next_number();
-        end.history.iter_mut().for_each(|iteration| iteration.stage = number);
-        self.rescued += end.rescued();
-        self.evaluations += end.evaluations;
-        (self.z, self.status, self.reason) = (end.z, end.status, end.reason);
-        self.history.extend(end.history);
     }
 }
 
@@ -313,7 +131,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             (boundary, weights) = (end.boundary, end.weights);
             (largest_correction, known) = (Some(end.largest_correction), Some(end.evaluation));
         } else {
-            weights = reweight(problem, &mut stage, options)?;
+            weights = reweight(problem, &mut stage, &options.region)?;
         }
     }
 
@@ -473,37 +291,9 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
     Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
 }
 
-pub(super) fn no_texture(fault: NotPositiveDefinite) -> FitError {
-    FitError::Covariance { row: fault.node }
-}
-
 fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
-    let of = |(unknown, x): (&super::unknowns::Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
-    unknowns.list().iter().zip(x).map(of).collect::<Vec<_>>().join(", ")
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
-}
-
-/// One start under fixed weights; `known` is what is known there.
-pub(super) fn run(
-    problem: &Problem<'_>,
-    boundary: &BoundaryHistory,
-    weights: &Weights,
-    start: &[f64],
-    mut known: Option<Evaluation>,
-    region: &TrustRegionOptions,
-) -> End {
-    let unknowns = &problem.unknowns;
-    let [lower, upper] = unknowns.scaled_bounds();
-    minimise(&unknowns.scaled(start), [&lower, &upper], region, |z| {
-        let evaluation = match known.take() {
-            Some(evaluation) => evaluation,
-            None => problem.evaluate(&unknowns.unscaled(z), boundary).ok().flatten()?,
-        };
-        Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
-    })
+    let named = |(unknown, x): (&super::unknowns::Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
+    unknowns.list().iter().zip(x).map(named).collect::<Vec<_>>().join(", ")
 }
 
 /// The end to go on from: the lowest objective, converged ones first; and how the others compare with it.
@@ -516,7 +306,7 @@ fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Ve
         !same && key(b) < key(a)
     };
     let best = (1..ends.len()).fold(0, |best, k| if better(best, k) { k } else { best });
-    let of = |(start, end): (&Vec<f64>, &End)| StartEnd {
+    let end_of = |(start, end): (&Vec<f64>, &End)| StartEnd {
         start: start.clone(),
         end: unknowns.unscaled(&end.z),
         omega: end.local.as_ref().map(|local| local.omega),
@@ -525,50 +315,19 @@ fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Ve
         rescued: end.rescued(),
         distance: distance(&end.z, &ends[best].z),
     };
-    (best, starts.iter().zip(ends).map(of).collect())
-}
-
-/// The ingredients at `z`, where there must be a solution: it was reached before.
-pub(super) fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -> Result<Evaluation, FitError> {
-    problem.evaluate(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
-}
-
-pub(super) fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {
-    let by_boundary = problem.by_boundary(evaluation)?;
-    let n = problem.observation.instants.len();
-    Ok(Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?))
-}
-
-/// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
-fn reweight(problem: &Problem<'_>, stage: &mut Stage, options: &FitOptions) -> Result<Weights, FitError> {
-    let measured = &problem.joint.boundary;
-    let (mut coarse, mut round) = (true, 0);
-    loop {
-        round += 1;
-        let evaluation = at(problem, &stage.z, measured)?;
-        let weights = full_weights(problem, &evaluation)?;
-        let step_tolerance = if coarse { COARSE } else { options.region.step_tolerance };
-        let region = TrustRegionOptions { first_radius: 0.1, step_tolerance, ..options.region };
-        let before = stage.z.clone();
-        let start = evaluation.x.clone();
-        stage.add(run(problem, measured, &weights, &start, Some(evaluation), &region));
-        if !coarse || stage.status != FitStatus::Converged {
-            return Ok(weights);
-        }
-        coarse = round < REWEIGHTINGS && distance(&before, &stage.z) > COARSE;
-    }
+    (best, starts.iter().zip(ends).map(end_of).collect())
 }
 
 /// Correlation of the parameters. Without any noise (no variance at all) that which noise would give.
 fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense {
     let n = covariance.n_rows();
     let silent = (0..n).any(|k| covariance[(k, k)] <= 0.0 || covariance[(k, k)].is_nan());
-    let of = match statistics {
+    let matrix = match statistics {
         Some(statistics) if silent => &statistics.a,
         _ => covariance,
     };
     let entry = |r: usize, c: usize| {
-        let value = of[(r, c)] / (of[(r, r)] * of[(c, c)]).sqrt();
+        let value = matrix[(r, c)] / (matrix[(r, r)] * matrix[(c, c)]).sqrt();
         if r == c { 1.0 } else { value.clamp(-1.0, 1.0) }
     };
     Dense::from_fn(n, n, entry)

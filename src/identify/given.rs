@@ -17,10 +17,10 @@ impl Problem<'_> {
         let model = &self.joint.model;
         let materials: Vec<Vec<String>> = (model.materials().iter())
             .map(|law| {
-                let of = |(p, v): (&crate::mechanics::cohesive::Parameter, f64)| {
+                let named = |(p, v): (&crate::mechanics::cohesive::Parameter, f64)| {
                     format!("{} = {}", p.name, quantity(v, p.unit))
                 };
-                law.parameters().iter().zip(law.values()).map(of).collect()
+                law.parameters().iter().zip(law.values()).map(named).collect()
             })
             .collect();
         let alike = materials.windows(2).all(|pair| pair[0] == pair[1]);
@@ -38,12 +38,12 @@ impl Problem<'_> {
     /// Standard uncertainty of each released parameter as a prescribed one; zero where it is exact.
     pub(super) fn prescribed_std(&self, released: &Released, constants: &[Constant]) -> Vec<f64> {
         let parameters = self.unknowns.law().parameters();
-        let of = |p: &ReleasedParameter| {
+        let std_of = |p: &ReleasedParameter| {
             let same =
                 |kind: &ConstantKind| matches!(kind, ConstantKind::Law { index } if parameters[*index].name == p.name);
             constants.iter().find(|constant| same(&constant.kind)).map_or(0.0, |constant| constant.std)
         };
-        released.parameters.iter().map(of).collect()
+        released.parameters.iter().map(std_of).collect()
     }
 }
 

@@ -3,20 +3,10 @@
 use super::bootstrap::{Base, Bootstrap};
 use super::budget::{Budget, Parts, interval95};
 use super::derived::derived;
-use super::fit::{FittedParameter, FittedQuantity, NORMAL_95};
-use super::profile::ProfileEnds;
-
-/// Which intervals are wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Intervals {
-    /// Of the profile likelihood where linear theory is in doubt, else linear.
-    #[default]
-    Auto,
-    /// Linear, whatever they are worth.
-    Linear,
-    /// Of the profile likelihood, with the bias of a bootstrap.
-    Profile,
-}
+use super::fitted::{FittedParameter, FittedQuantity};
+use super::statistics::NORMAL_95;
+use super::options::Intervals;
+use super::profile_ends::ProfileEnds;
 
 /// Which intervals a fit has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -215,11 +205,11 @@ pub(super) fn settle(
         // In logarithms, as the parameters.
         let noise = [0, 1].map(|side| value(end(n + k, side)?, k).map(|there| (there / here).ln().abs()));
         let errors = basis.bootstrap.as_ref().map(|b| {
-            let of = |error: &Vec<f64>| {
+            let relative = |error: &Vec<f64>| {
                 let there: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
                 value(&there, k).map_or(0.0, |there| (there / here).ln())
             };
-            b.errors.iter().map(of).sum::<f64>() / b.errors.len().max(1) as f64
+            b.errors.iter().map(relative).sum::<f64>() / b.errors.len().max(1) as f64
         });
         q.bias = errors.map(|bias| bias * here);
         let ends = interval95(0.0, noise, errors.unwrap_or(0.0), budget.quantity(k).others / here);

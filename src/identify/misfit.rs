@@ -3,7 +3,7 @@
 
 use super::FitError;
 use super::constants::ConstantEffect;
-use super::fit::full_weights;
+use super::stage::full_weights;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::weights::Weights;
@@ -79,7 +79,7 @@ impl Misfit {
     /// The groups that contradict the model, the worst first: those of region and time together where there are any, else
     /// those of one kind.
     pub fn significant(&self) -> Vec<&MisfitGroup> {
-        let of = |groups: &[MisfitGroup]| -> Vec<usize> {
+        let worst_first = |groups: &[MisfitGroup]| -> Vec<usize> {
             let mut places: Vec<usize> = (0..groups.len())
                 .filter(|&k| groups[k].z > self.group_limit && groups[k].ratio > LEAST_RATIO)
                 .collect();
@@ -87,7 +87,7 @@ impl Misfit {
             places
         };
         for groups in [&self.by_both, &self.by_region, &self.by_instant] {
-            let places = of(groups);
+            let places = worst_first(groups);
             if !places.is_empty() {
                 return places.into_iter().map(|k| &groups[k]).collect();
             }
@@ -97,8 +97,8 @@ impl Misfit {
 
     /// The worst groups in words, as `instants 15 to 19, upper strip, first 200 um beside the adhesive: 3.2 times expected`.
     pub fn worst(&self) -> Vec<String> {
-        let of = |group: &&MisfitGroup| format!("{}: {:.1} times expected", group.name, group.ratio);
-        self.significant().iter().take(NAMED).map(of).collect()
+        let in_words = |group: &&MisfitGroup| format!("{}: {:.1} times expected", group.name, group.ratio);
+        self.significant().iter().take(NAMED).map(in_words).collect()
     }
 }
 
@@ -241,11 +241,11 @@ impl Groups {
         // C_ff - C_fD S^T - S C_Df + S C_DD S^T (THEORY 7); T holds S, and the identity on the border.
         let variance = |t: &Dense| -> Vec<f64> {
             let through = t.times(&of_border);
-            let of = |r: usize| {
+            let expected = |r: usize| {
                 let sum = (0..border.len()).map(|k| t[(r, k)] * (through[(r, k)] - 2.0 * to_border[(r, k)]));
                 covariance[(r, r)] + sum.sum::<f64>()
             };
-            (0..n).map(|r| of(r).max(0.0)).collect()
+            (0..n).map(|r| expected(r).max(0.0)).collect()
         };
         let full = |t: Option<&Dense>| match t {
             None => covariance.clone(),
@@ -389,9 +389,9 @@ fn regions(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
 
 /// The name of a strip: that of its group of elements where it has one to itself, else its number.
 fn strip_name(mesh: &JointMesh, strip: u32) -> String {
-    let of = |element: &[u32; 4]| mesh.strip()[element[0] as usize];
-    let mut own = (mesh.elements().iter().zip(mesh.element_group())).filter(|(e, _)| of(e) == strip).map(|(_, g)| *g);
+    let strip_of = |element: &[u32; 4]| mesh.strip()[element[0] as usize];
+    let mut own = (mesh.elements().iter().zip(mesh.element_group())).filter(|(e, _)| strip_of(e) == strip).map(|(_, g)| *g);
     let Some(first) = own.next() else { return format!("{}.", strip + 1) };
-    let shared = (mesh.elements().iter().zip(mesh.element_group())).any(|(e, g)| of(e) != strip && *g == first);
+    let shared = (mesh.elements().iter().zip(mesh.element_group())).any(|(e, g)| strip_of(e) != strip && *g == first);
     if shared || own.any(|g| g != first) { format!("{}.", strip + 1) } else { mesh.groups()[first as usize].clone() }
 }

@@ -1,5 +1,6 @@
 //! The noise of measured displacements, in space and time (THEORY 7).
 
+use crate::io::joint::RunMatrix;
 use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, dissection};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -171,7 +172,32 @@ impl Noise {
         let coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
         let (sigma, tied) = (self.sigma.unwrap_or(1.0), self.common.sqrt());
         let row = |(e, c): (&f64, &f64)| sigma * (e + tied * c);
-        let of = |k: usize| coloured.column(k).iter().zip(coloured.column(n_instants)).map(row).collect();
-        (0..n_instants).map(of).collect()
+        let at_instant = |k: usize| coloured.column(k).iter().zip(coloured.column(n_instants)).map(row).collect();
+        (0..n_instants).map(at_instant).collect()
     }
+}
+
+/// The normal matrix of a texture that is the same everywhere: the integrals of the products of the shape functions.
+pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
+    let share = (1.0 / 3.0_f64).sqrt();
+    let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
+    let element_matrix = |corners: &[u32; 4]| -> ElementMatrix {
+        let at = corners.map(|node| nodes[node as usize]);
+        let area: f64 =
+            0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
+        let mut full = Dense::zeros(8, 8);
+        for point in points {
+            let psi = crate::mesh::shape_functions(0.5 + 0.5 * point[0], 0.5 + 0.5 * point[1]);
+            for a in 0..4 {
+                for b in 0..4 {
+                    for c in 0..2 {
+                        full[(2 * a + c, 2 * b + c)] += 0.25 * area * psi[a] * psi[b];
+                    }
+                }
+            }
+        }
+        let mut places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
+        std::array::from_fn(|_| places.next().map_or(0.0, |at| full[at]))
+    };
+    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(element_matrix).collect(), of_noise: Vec::new() }
 }

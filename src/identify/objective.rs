@@ -69,8 +69,8 @@ impl Evaluation {
 
     /// The derivatives alone: one block of columns for each instant.
     pub fn jacobian(&self) -> Vec<Dense> {
-        let of = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
-        self.blocks.iter().map(of).collect()
+        let derivatives = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
+        self.blocks.iter().map(derivatives).collect()
     }
 }
 
@@ -119,7 +119,7 @@ impl Problem<'_> {
 
     /// The paper's weights, or those that are all one, each with the factor of its instant.
     pub fn diagonal_weights(&self, kind: WeightKind) -> Weights {
-        let of = |row: usize, largest: [f64; 2], factor: f64| match kind {
+        let weight = |row: usize, largest: [f64; 2], factor: f64| match kind {
             _ if !self.observation.compares(row) => 0.0,
             WeightKind::Paper if largest[row % 2] > 0.0 => factor / (largest[row % 2] * largest[row % 2]),
             WeightKind::Paper => 0.0,
@@ -127,7 +127,7 @@ impl Problem<'_> {
         };
         let rows = self.observation.n_rows();
         let instants = self.observation.instants.iter();
-        Weights::Diagonal(instants.map(|i| (0..rows).map(|row| of(row, i.largest, i.factor)).collect()).collect())
+        Weights::Diagonal(instants.map(|i| (0..rows).map(|row| weight(row, i.largest, i.factor)).collect()).collect())
     }
 
     /// `T_i`: derivatives of all rows by the prescribed components of the measured mesh at each instant compared; empty
@@ -142,12 +142,12 @@ impl Problem<'_> {
         }
         let law = self.unknowns.law_at(&evaluation.x)?;
         let columns = self.unit_motions();
-        let of = |observed: &ObservedInstant| {
+        let by_boundary = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
             let fields = self.joint.model.linearise(&*law, u)?.by_boundary(columns.instants());
             Ok(Dense::from_fn(2 * nodes.len(), fields.len(), |r, c| fields[c][nodes[r / 2] as usize][r % 2]))
         };
-        instants.par_iter().map(of).collect()
+        instants.par_iter().map(by_boundary).collect()
     }
 
     /// A unit motion of each prescribed component of the measured mesh, as if they were instants.

@@ -1,6 +1,6 @@
 //! The prescribed parameters of the law, tried once as unknowns: does the objective want them elsewhere? (THEORY 11)
 
-use super::fit::run;
+use super::stage::run;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use super::trust_region::{FitStatus, TrustRegionOptions};

@@ -6,6 +6,9 @@ use super::weights::Weights;
 use crate::linalg::Dense;
 use rayon::prelude::*;
 
+/// 97.5 % of a normal distribution lie below this many standard deviations.
+pub const NORMAL_95: f64 = 1.959963984540054;
+
 /// The estimate as a linear function of the noise: `dz = A sum_i v_i^T e_i`, `e_i` the noise of the rows at instant `i`.
 #[derive(Debug)]
 pub struct Statistics {

@@ -2,8 +2,8 @@
 
 use super::FitError;
 use super::constants::ConstantKind;
-use super::fit::{Fit, FitOptions, fit};
-use super::intervals::Intervals;
+use super::fit::{Fit, fit};
+use super::options::{FitOptions, Intervals};
 use super::objective::Problem;
 use rayon::prelude::*;
 

@@ -141,7 +141,7 @@ impl Unknowns {
 
     /// The parameters, never outside their bounds, and exactly on a bound where `z` is.
     pub fn unscaled(&self, z: &[f64]) -> Vec<f64> {
-        let of = |(unknown, &z): (&Unknown, &f64)| {
+        let value = |(unknown, &z): (&Unknown, &f64)| {
             let [lower, upper] = unknown.bounds;
             match () {
                 () if z <= unknown.scale.scaled(lower) => lower,
@@ -149,7 +149,7 @@ impl Unknowns {
                 () => unknown.scale.unscaled(z).clamp(lower, upper),
             }
         };
-        self.list.iter().zip(z).map(of).collect()
+        self.list.iter().zip(z).map(value).collect()
     }
 
     /// `dx/dz` of each.

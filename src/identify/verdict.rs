@@ -1,6 +1,6 @@
 //! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
-use super::fit::{Fit, FittedParameter};
+use super::fitted::FittedParameter;
 use super::intervals::IntervalBasis;
 use super::misfit::Misfit;
 use super::released::Released;
@@ -204,7 +204,7 @@ fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
 fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
     let correlation = grounds.correlation;
     let mut sentences = Vec::new();
-    let relative: Vec<f64> = parameters.iter().map(Fit::relative_std).collect();
+    let relative: Vec<f64> = parameters.iter().map(FittedParameter::relative_std).collect();
     for (k, p) in parameters.iter().enumerate() {
         let name = p.parameter.name;
         if p.at_bound {

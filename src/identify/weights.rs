@@ -61,13 +61,13 @@ impl InverseCovariance {
     /// A matrix without inverse.
     pub fn new(noise: &Noise, n_instants: usize, by_boundary: Vec<Dense>) -> Result<Self, NotPositiveDefinite> {
         let m = &noise.precision;
-        let of = |t: Dense| {
+        let part = |t: Dense| {
             let mt = m.times(&t);
             let factor = t.transposed_times(&mt).cholesky()?;
             Ok((factor.half_solve_right(&mt), (t, factor)))
         };
         let parts: Vec<(Dense, (Dense, DenseCholesky))> =
-            by_boundary.into_par_iter().map(of).collect::<Result<_, NotPositiveDefinite>>()?;
+            by_boundary.into_par_iter().map(part).collect::<Result<_, NotPositiveDefinite>>()?;
         let (q, boundary): (Vec<Dense>, Vec<_>) = parts.into_iter().unzip();
         let g = if noise.common > 0.0 && !q.is_empty() {
             let dense = m.dense();
@@ -92,7 +92,7 @@ impl InverseCovariance {
 
     /// `D_i x_i` and the sum over the instants, without `1/sigma^2`.
     fn by_instant(&self, precision: &Precision, x: &[Dense]) -> (Vec<Dense>, Dense) {
-        let of = |(i, x): (usize, &Dense)| {
+        let weighted = |(i, x): (usize, &Dense)| {
             let mut y = precision.times(x);
             if let Some(q) = self.q.get(i) {
                 let part = q.times(&q.transposed_times(x));
@@ -100,7 +100,7 @@ impl InverseCovariance {
             }
             y
         };
-        let y: Vec<Dense> = x.par_iter().enumerate().map(of).collect();
+        let y: Vec<Dense> = x.par_iter().enumerate().map(weighted).collect();
         let mut sum = Dense::zeros(x[0].n_rows(), x[0].n_columns());
         y.iter().for_each(|y| sum.add(1.0, y));
         (y, sum)
@@ -112,14 +112,14 @@ impl InverseCovariance {
     /// When the boundary has no noise.
     pub fn boundary_corrections(&self, precision: &Precision, x: &[Dense]) -> Vec<Vec<f64>> {
         let common = self.g.as_ref().map(|g| g.solve(&self.by_instant(precision, x).1));
-        let of = |(i, (t, factor)): (usize, &(Dense, DenseCholesky))| {
+        let correction = |(i, (t, factor)): (usize, &(Dense, DenseCholesky))| {
             let mut rest = x[i].clone();
             if let Some(common) = &common {
                 rest.add(-1.0, common);
             }
             factor.solve(&t.transposed_times(&precision.times(&rest))).column(0).to_vec()
         };
-        self.boundary.par_iter().enumerate().map(of).collect()
+        self.boundary.par_iter().enumerate().map(correction).collect()
     }
 
     fn times(&self, precision: &Precision, x: &[Dense]) -> Vec<Dense> {
@@ -151,10 +151,10 @@ impl Weights {
     pub fn times(&self, noise: &Noise, x: &[Dense]) -> Vec<Dense> {
         match self {
             Self::Diagonal(weights) => {
-                let of = |(x, weights): (&Dense, &Vec<f64>)| {
+                let weighted = |(x, weights): (&Dense, &Vec<f64>)| {
                     Dense::from_fn(x.n_rows(), x.n_columns(), |r, c| weights[r] * x[(r, c)])
                 };
-                x.iter().zip(weights).map(of).collect()
+                x.iter().zip(weights).map(weighted).collect()
             }
             Self::Inverse(inverse) => inverse.times(&noise.precision, x),
         }

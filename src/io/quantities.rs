@@ -369,16 +369,16 @@ fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
 }
 
 fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
-    let of = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
+    let cell = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
     let strain = values.and_then(|v| v.strain);
     let (strain, sigma) = (strain.map(|s| s.0.0), strain.map(|s| s.1));
     [
         Some(at[0]),
         Some(at[1]),
-        of(|v| v.displacement[0]),
-        of(|v| v.displacement[1]),
-        of(|v| v.sigma[0]),
-        of(|v| v.sigma[1]),
+        cell(|v| v.displacement[0]),
+        cell(|v| v.displacement[1]),
+        cell(|v| v.sigma[0]),
+        cell(|v| v.sigma[1]),
         strain.map(|e| e[0]),
         strain.map(|e| e[1]),
         strain.map(|e| e[2]),

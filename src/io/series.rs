@@ -165,12 +165,12 @@ impl Frame {
     /// assert_eq!(names, ["a.tif[0]", "a.tif[2]", "b.tif"]);
     /// ```
     pub fn pages(files: &[PathBuf], pages: impl Fn(&Path) -> Vec<usize>) -> Vec<Self> {
-        let of = |path: &PathBuf| {
+        let frames_of = |path: &PathBuf| {
             let pages = pages(path);
             let is_page = pages.len() > 1;
             pages.into_iter().map(move |page| Self { path: path.clone(), page, is_page }).collect::<Vec<_>>()
         };
-        files.iter().flat_map(of).collect()
+        files.iter().flat_map(frames_of).collect()
     }
 }
 

@@ -9,7 +9,7 @@
 
 mod samples;
 
-use super::images::{Channels, Problem, Raw, check_size};
+use super::images::raw::{Channels, Problem, Raw, check_size};
 use crate::imaging::Pixels;
 use samples::{apply_map, invert, native, split_bits, stretch};
 use std::collections::HashSet;

@@ -1,6 +1,6 @@
 //! LU factor of a banded matrix, with row exchanges: the fastest there is for long strips.
 
-use super::lu::{PivotSigns, Singular};
+use super::pivots::{PivotSigns, Singular};
 use super::sparse::SparseMatrix;
 use crate::isa::{Isa, multiversioned};
 

@@ -44,8 +44,8 @@ pub fn nested_dissection(columns: usize, rows: usize) -> Vec<usize> {
 pub fn dissection(pattern: &Pattern, points: &[[f64; 2]], nodes: Range<usize>) -> Vec<usize> {
     fn cut(mut set: Vec<usize>, pattern: &Pattern, points: &[[f64; 2]], half: &mut [u8], order: &mut Vec<usize>) {
         let extent = |k: usize| {
-            let of = |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&n| points[n][k]).fold(start, pick);
-            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
+            let bound = |pick: fn(f64, f64) -> f64, start: f64| set.iter().map(|&n| points[n][k]).fold(start, pick);
+            bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
         };
         if set.len() <= LEAF {
             order.extend(set);

@@ -98,17 +98,17 @@ fn probed(
 /// `x . B x` for the column in one lane, summed over the rows of a node and its neighbours.
 fn form_nearby(b: &BlockMatrix, node: usize, x: &[[Lanes; 2]], lane: usize) -> f64 {
     let pattern = b.pattern();
-    let of = |node: u32| x[node as usize].map(|x| f64::from(x[lane]));
+    let value = |node: u32| x[node as usize].map(|x| f64::from(x[lane]));
     let mut sum = 0.0;
     for &near in pattern.neighbours(node) {
         let mut image = [0.0; 2];
         let row = pattern.row(near as usize);
         for (b, &column) in b.blocks()[row.clone()].iter().zip(&pattern.columns()[row]) {
-            let x = of(column);
+            let x = value(column);
             image[0] += b[0] * x[0] + b[1] * x[1];
             image[1] += b[2] * x[0] + b[3] * x[1];
         }
-        let own = of(near);
+        let own = value(near);
         sum += own[0] * image[0] + own[1] * image[1];
     }
     sum

@@ -3,6 +3,7 @@
 
 use super::banded_lu::BandedLu;
 use super::nested_lu::{Fronts, NestedLu};
+use super::pivots::{PivotSigns, Singular};
 use super::sparse::{SparseMatrix, SparsePattern};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::LuError;
@@ -10,36 +11,6 @@ use faer::sparse::linalg::lu::{LuRef, LuSymbolicParams, NumericLu, SymbolicLu, f
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
 use std::sync::Arc;
-use thiserror::Error;
-
-/// The matrix has no inverse.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("the matrix is singular at unknown {unknown}")]
-pub struct Singular {
-    /// Unknown whose column has no pivot.
-    pub unknown: usize,
-}
-
-/// Signs of the pivots of a factor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PivotSigns {
-    /// Pivots below zero.
-    pub negative: usize,
-    /// Rows that were exchanged.
-    pub exchanged: usize,
-}
-
-impl PivotSigns {
-    /// Whether the determinant is positive.
-    pub fn positive_determinant(self) -> bool {
-        (self.negative + self.exchanged).is_multiple_of(2)
-    }
-
-    /// Whether all leading minors are positive, as of any matrix with a positive definite symmetric part.
-    pub fn all_positive(self) -> bool {
-        self.negative == 0 && self.exchanged == 0
-    }
-}
 
 /// Which factor to make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -5,7 +5,7 @@
 //! unknowns that a front eliminates, and only where a pivot is small: a tangent that is positive definite but for a
 //! softening interface hardly needs it. The pattern must be symmetric, the values need not be.
 
-use super::lu::{PivotSigns, Singular};
+use super::pivots::{PivotSigns, Singular};
 use super::sparse::{SparseMatrix, SparsePattern};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{

@@ -84,8 +84,8 @@ impl SparsePattern {
 
     /// Largest distance of an entry from the diagonal.
     pub fn half_bandwidth(&self) -> usize {
-        let of = |k: usize| self.column(k).iter().map(|&row| (row as usize).abs_diff(k)).max().unwrap_or(0);
-        (0..self.n()).map(of).max().unwrap_or(0)
+        let reach = |k: usize| self.column(k).iter().map(|&row| (row as usize).abs_diff(k)).max().unwrap_or(0);
+        (0..self.n()).map(reach).max().unwrap_or(0)
     }
 
     pub(super) fn parts(&self) -> (&[u32], &[u32]) {

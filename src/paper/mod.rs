@@ -159,8 +159,8 @@ impl Experiment {
             ratio: None,
         };
         let law = self.law();
-        let of = |k: usize| (k, START[k] * law[k], Some(law[k] / BOUND), Some(law[k] * BOUND));
-        let unknowns = Unknowns::new(&*self.joint.law, &[of(0), of(1), of(2)])?;
+        let unknown = |k: usize| (k, START[k] * law[k], Some(law[k] / BOUND), Some(law[k] * BOUND));
+        let unknowns = Unknowns::new(&*self.joint.law, &[unknown(0), unknown(1), unknown(2)])?;
         Ok(Problem { joint: &self.joint, observation: Arc::new(observation), noise: Arc::new(noise), unknowns })
     }
 

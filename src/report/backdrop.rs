@@ -1,11 +1,13 @@
 //! The image that a field is drawn over.
 
-use super::over_image::LONGER_SIDE;
 use super::picture::LARGEST_RATIO;
 use crate::imaging::Image;
 use image::codecs::png::{CompressionType, FilterType as Filter, PngEncoder};
 use image::imageops::{self, FilterType};
 use image::{ExtendedColorType, ImageBuffer, ImageEncoder, Luma};
+
+/// Longer side of the image in the picture.
+pub(super) const LONGER_SIDE: f64 = 900.0;
 
 /// An image made ready to draw over: in the size of a picture, stretched from black to white, with the
 /// darkest and brightest 0.2 % of the pixels cut off. Made once, it serves any number of figures.

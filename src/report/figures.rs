@@ -1,211 +1,14 @@
 //! The figures of one frame, as files.
 
+use super::figure::{Figure, FigureOptions, Values};
 use super::map::{MapOptions, element_map_on, nodal_map_on};
 use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 use super::profile::{Profiled, profile_plot};
 use super::scale::{LARGEST, Palette, written};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{Measurement, RemoveRigid, Status, StrainDefinition, StrainField, UnknownChoice};
-use crate::units::{PixelSize, Px};
-use std::fmt;
+use crate::field::{Measurement, Status, StrainField};
+use crate::units::Px;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-
-/// A figure that can be drawn of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Figure {
-    /// Displacement along x, px.
-    Ux,
-    /// Displacement along y, px.
-    Uy,
-    /// Strain along x.
-    Exx,
-    /// Strain along y.
-    Eyy,
-    /// Shear strain, that of the tensor.
-    Exy,
-    /// Root mean square of the residual of each element, grey levels.
-    Residual,
-    /// The same in per cent of the reference's range of grey levels.
-    ResidualPercent,
-    /// Standard uncertainty of the displacement, px: root mean square of both components.
-    Sigma,
-    /// What the displacement may be off beyond noise, px: root mean square of both components.
-    ModelError,
-    /// Displacement that the elements do not follow, px.
-    Misfit,
-    /// The mesh on the reference image.
-    Mesh,
-    /// The deformed mesh.
-    Deformed,
-    /// The zones without their rigid motion.
-    Register,
-}
-
-impl Figure {
-    /// All there are.
-    pub const ALL: [Figure; 13] = [
-        Figure::Ux,
-        Figure::Uy,
-        Figure::Exx,
-        Figure::Eyy,
-        Figure::Exy,
-        Figure::Residual,
-        Figure::ResidualPercent,
-        Figure::Sigma,
-        Figure::ModelError,
-        Figure::Misfit,
-        Figure::Mesh,
-        Figure::Deformed,
-        Figure::Register,
-    ];
-
-    /// Name used in options and files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Figure::Ux => "ux",
-            Figure::Uy => "uy",
-            Figure::Exx => "exx",
-            Figure::Eyy => "eyy",
-            Figure::Exy => "exy",
-            Figure::Residual => "residual",
-            Figure::ResidualPercent => "residual-percent",
-            Figure::Sigma => "sigma",
-            Figure::ModelError => "model-error",
-            Figure::Misfit => "misfit",
-            Figure::Mesh => "mesh",
-            Figure::Deformed => "deformed",
-            Figure::Register => "register",
-        }
-    }
-
-    /// What its values are called, and their unit; `None` when it has no values of its own.
-    pub(super) fn quantity(self) -> Option<(&'static str, &'static str)> {
-        Some(match self {
-            Figure::Ux => ("Displacement ux", "px"),
-            Figure::Uy => ("Displacement uy", "px"),
-            Figure::Exx => ("Strain exx", "-"),
-            Figure::Eyy => ("Strain eyy", "-"),
-            Figure::Exy => ("Shear strain exy", "-"),
-            Figure::Residual => ("Residual, rms per element", "grey levels"),
-            Figure::ResidualPercent => ("Residual, rms per element", "% of the grey range"),
-            Figure::Sigma => ("Standard uncertainty of the displacement", "px"),
-            Figure::ModelError => ("Model error of the displacement", "px"),
-            Figure::Misfit => ("Displacement not followed, rms per element", "px"),
-            Figure::Mesh | Figure::Deformed | Figure::Register => return None,
-        })
-    }
-
-    /// Which component of the strain it shows.
-    fn strain(self) -> Option<usize> {
-        [Figure::Exx, Figure::Eyy, Figure::Exy].iter().position(|&figure| figure == self)
-    }
-}
-
-impl fmt::Display for Figure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Figure {
-    type Err = UnknownChoice;
-
-    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        Figure::ALL.into_iter().find(|figure| figure.name() == word).ok_or_else(|| UnknownChoice {
-            option: "quantity",
-            given: word.to_owned(),
-            expected: "ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh, deformed or register",
-        })
-    }
-}
-
-/// A kind of picture file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Format {
-    /// Pixels.
-    Png,
-    /// Lines and letters as such, with the image inside.
-    Svg,
-}
-
-impl Format {
-    /// Ending of the file's name, also the name used in options.
-    pub fn name(self) -> &'static str {
-        match self {
-            Format::Png => "png",
-            Format::Svg => "svg",
-        }
-    }
-}
-
-impl FromStr for Format {
-    type Err = UnknownChoice;
-
-    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        [Format::Png, Format::Svg].into_iter().find(|format| format.name() == word).ok_or_else(|| UnknownChoice {
-            option: "format",
-            given: word.to_owned(),
-            expected: "png or svg",
-        })
-    }
-}
-
-/// Which figures are drawn, and how.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FigureOptions {
-    /// The figures.
-    pub figures: Vec<Figure>,
-    /// The kinds of file; each figure is written in all of them.
-    pub formats: Vec<Format>,
-    /// A line (x0, y0, x1, y1, px): shown in the maps, and each quantity drawn along it.
-    pub line: Option<[f64; 4]>,
-    /// Factor on displacements in `deformed` and `register`; `None` for one that makes them visible.
-    pub magnify: Option<f64>,
-    /// Ends of the colour bars; `None` for the values of each figure.
-    pub range: Option<(f64, f64)>,
-    /// How strains are made.
-    pub strain: StrainDefinition,
-    /// Whether strains are shown as interpolated between nodes (over twice the element size) instead of one value
-    /// per element.
-    pub strain_on_nodes: bool,
-    /// The rigid motion that `register` takes off.
-    pub rigid: RemoveRigid,
-    /// The scale, for axes in mm beside those in px.
-    pub pixel_size: Option<PixelSize>,
-    /// Largest less smallest grey level of the reference: 100 % of the residual.
-    pub range_grey: Option<f64>,
-    /// Whether the noise of neighbouring nodes is correlated as that of an unregularised correlation; otherwise
-    /// the bands of profiles are upper bounds.
-    pub known_noise: bool,
-    /// Width of the guard band of each zone, px, for `mesh`.
-    pub guard_px: Vec<f64>,
-    /// Lines of text below every figure: files, program.
-    pub notes: Vec<String>,
-}
-
-impl Default for FigureOptions {
-    /// Displacements, strains and residual as PNG.
-    fn default() -> Self {
-        use Figure::{Exx, Exy, Eyy, Residual, Ux, Uy};
-        Self {
-            figures: vec![Ux, Uy, Exx, Eyy, Exy, Residual],
-            formats: vec![Format::Png],
-            line: None,
-            magnify: None,
-            range: None,
-            strain: StrainDefinition::default(),
-            strain_on_nodes: false,
-            rigid: RemoveRigid::Zone,
-            pixel_size: None,
-            range_grey: None,
-            known_noise: true,
-            guard_px: Vec::new(),
-            notes: Vec::new(),
-        }
-    }
-}
 
 /// Draws the figures of frame `number` into `folder` (made when it is not there), as `000012-exx.png`, and those
 /// along a line as `000012-exx-profile.png`; gives the files. `reference` and `deformed` are the images, the
@@ -256,12 +59,6 @@ struct Frame<'a> {
     deformed: Option<&'a Backdrop>,
     options: &'a FigureOptions,
     strain: Option<StrainField>,
-}
-
-/// Values at nodes or on elements; what is unknown is NaN.
-pub(super) enum Values {
-    Nodes(Vec<f64>),
-    Elements(Vec<f64>),
 }
 
 impl<'a> Frame<'a> {
@@ -328,13 +125,13 @@ impl<'a> Frame<'a> {
                 let (Some(strain), Some(c)) = (&self.strain, figure.strain()) else {
                     return Ok(Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]));
                 };
-                let of = |strains: &[Option<crate::field::Strain>]| -> Vec<f64> {
+                let component = |strains: &[Option<crate::field::Strain>]| -> Vec<f64> {
                     strains.iter().map(|strain| strain.map_or(f64::NAN, |strain| strain.0[c])).collect()
                 };
                 if self.options.strain_on_nodes {
-                    Values::Nodes(of(&strain.nodes))
+                    Values::Nodes(component(&strain.nodes))
                 } else {
-                    Values::Elements(of(&strain.elements))
+                    Values::Elements(component(&strain.elements))
                 }
             }
         })

@@ -3,6 +3,7 @@
 mod axes;
 mod backdrop;
 mod edges;
+mod figure;
 mod figures;
 pub mod fit;
 pub mod identification;
@@ -21,7 +22,8 @@ mod scene;
 pub mod summary;
 
 pub use backdrop::Backdrop;
-pub use figures::{Figure, FigureOptions, Format, draw_frame};
+pub use figure::{Figure, FigureOptions, Format};
+pub use figures::draw_frame;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};

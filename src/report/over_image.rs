@@ -2,15 +2,13 @@
 
 use super::Picture;
 use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
-use super::backdrop::{Backdrop, png};
+use super::backdrop::{Backdrop, LONGER_SIDE, png};
 use super::raster::Layer;
 use super::scale::{Palette, Range, ticks};
 use super::scene::{Anchor, BLACK, Path, Rect, Rgb, SOFT, Scene, Stroke, WARNING};
 use crate::units::PixelSize;
 use image::ExtendedColorType;
 
-/// Longer side of the image in the picture.
-pub(super) const LONGER_SIDE: f64 = 900.0;
 const BAR_WIDTH: i32 = 20;
 /// Tips of the bar where values lie beyond its range.
 const TIP: i32 = 10;
@@ -112,10 +110,10 @@ impl<'a> Layout<'a> {
         // Beside a wide image a standing bar would be squashed.
         let flat = f64::from(map_width) > 1.5 * f64::from(map_height);
         let sides = sides(&letters, view, [map_width, map_height], scale, pixel_size);
-        let of = |side: Side| sides.iter().find(|axis| axis.side == side);
-        let thickness = |side: Side| of(side).map_or(0, |axis| axis.thickness(&letters));
+        let axis_at = |side: Side| sides.iter().find(|axis| axis.side == side);
+        let thickness = |side: Side| axis_at(side).map_or(0, |axis| axis.thickness(&letters));
         let overhang = |at: [Side; 2], length: i32| {
-            at.into_iter().filter_map(of).map(|axis| axis.overhang(&letters, length)).max().unwrap_or(0)
+            at.into_iter().filter_map(axis_at).map(|axis| axis.overhang(&letters, length)).max().unwrap_or(0)
         };
         let beside = overhang([Side::Bottom, Side::Top], map_width);
         let over = overhang([Side::Left, Side::Right], map_height);

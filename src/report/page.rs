@@ -150,7 +150,7 @@ impl Curves {
 
 /// The numbers that `plot` draws, as JSON: of each series `name`, `x`, `y` and, where it has a band, `low` and `high`.
 fn numbers_of(plot: &Plot) -> String {
-    let of = |series: &super::Series| {
+    let numbers_of = |series: &super::Series| {
         let mut numbers = serde_json::json!({ "name": series.name, "x": series.x, "y": series.y });
         if let Some([below, above]) = &series.band {
             let edge = |reach: &[f64], sign: f64| -> Vec<f64> {
@@ -161,7 +161,7 @@ fn numbers_of(plot: &Plot) -> String {
         }
         numbers
     };
-    serde_json::Value::from(plot.series.iter().map(of).collect::<Vec<_>>()).to_string()
+    serde_json::Value::from(plot.series.iter().map(numbers_of).collect::<Vec<_>>()).to_string()
 }
 
 /// A field over an image: the picture without letters, and its bar.

@@ -1,6 +1,6 @@
 //! A quantity along a line.
 
-use super::figures::{FigureOptions, Values};
+use super::figure::{FigureOptions, Values};
 use super::map::warnings;
 use super::{Axis, Plot, ReportError, Series, Style};
 use crate::field::{Measurement, NodalNoise, Segment, at_point};

@@ -1,19 +1,12 @@
 //! A camera that writes images into a folder while they are correlated.
 
 use super::error::Result;
-use super::event::{Event, Watcher};
-use super::folder::RunFolder;
-use super::lock::Lock;
-use super::overlay::Overlay;
-use super::plan::{self, Images, Plan};
-use super::series::carry_out;
-use super::session::{Existing, Ran, Session};
+use super::plan::Images;
 use super::text::{chain, plural};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::series::{Frame, natural_order};
-use crate::io::store::{STORE, Store, StoreHeader};
+use crate::io::store::{STORE, StoreHeader};
 use crate::io::watch::{WatchedFolder, read_whole};
-use rayon::ThreadPool;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,77 +15,6 @@ use std::time::{Duration, Instant};
 const LOOK_SHARE: u32 = 20;
 /// How soon the wish to stop is noticed.
 const ATTENTION: Duration = Duration::from_millis(50);
-
-/// How a folder is watched.
-#[derive(Debug, Clone)]
-pub struct Watching {
-    /// Which files are frames: a glob of their names; all images where there is none.
-    pub pattern: Option<String>,
-    /// How long a file must have been the same.
-    pub settle: Duration,
-    /// After how long without anything new the series is over; none to wait for ever.
-    pub timeout: Option<Duration>,
-}
-
-/// Correlates the images that come into the folder that stands in the place of the deformed images. `None` where it was asked to stop
-/// before an image came. `output` is the folder of the results.
-///
-/// # Errors
-/// As [`super::run_series`]; a share of the series, and files whose pages are frames, are refused.
-pub fn watch(
-    asked: &Overlay,
-    case: &CaseFile,
-    watching: &Watching,
-    output: &Path,
-    pool: &ThreadPool,
-    session: Session,
-    watcher: Watcher<'_>,
-) -> Result<Option<Ran>> {
-    let Watching { pattern, settle, timeout } = watching;
-    if asked.shard.is_some() {
-        return Err("--shard cannot be given: a camera has no end, of which to take a share".into());
-    }
-    if asked.pages.or(case.images.pages).is_some() {
-        return Err("pages = \"all\" cannot be: each file of a watched folder is one frame".into());
-    }
-    if let Some(timeout) = timeout.filter(|timeout| timeout <= settle) {
-        let [timeout, settle] = [timeout, *settle].map(|time| time.as_secs_f64());
-        return Err(format!(
-            "--timeout is {timeout} s, in which no file can settle; give more than --settle, {settle} s"
-        )
-        .into());
-    }
-    let page = plan::page(asked, case).unwrap_or(0);
-    let watched = asked.deformed.first().map_or("", String::as_str);
-    let watched = WatchedFolder::new(Path::new(watched), pattern.as_deref(), *settle)?;
-    let references = plan::references(asked, case)?;
-    let mut camera = Camera::new(watched, page, *timeout);
-    let mut images = Images {
-        reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
-        deformed: Vec::new(),
-        grows: true,
-    };
-    let folder = &RunFolder::writable(output)?;
-    // Who works on the folder is told at once, not when the first image has come.
-    drop(Lock::take(&folder.locks(), None, Some(camera.folder()))?);
-    if session.existing == Existing::Continue && folder.holds_run() {
-        let another = |why: String| folder.holds_another(Some(why));
-        let store = Store::open(folder.path().join(STORE)).map_err(|error| another(chain(&error)))?;
-        camera.go_on(store.header(), &mut images).map_err(another)?;
-    }
-    if images.reference.is_empty() {
-        let line = format!("waiting in {} for the first image, which is the reference", camera.folder().display());
-        watcher(Event::Note(&line));
-        let Some(first) = camera.first(&|| !session.stop.is_asked())? else {
-            watcher(Event::Note("stopped before an image came"));
-            return Ok(None);
-        };
-        images.reference.push(first);
-    }
-    images.reference.iter().chain(&images.deformed).for_each(|frame| camera.watched.leave_out(&frame.path));
-    let plan = Plan::with(asked, case, images)?;
-    carry_out(&plan, folder, pool, session, Some(camera), watcher).map(Some)
-}
 
 /// A camera at work: the frames that it writes.
 #[derive(Debug)]
@@ -113,7 +35,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    fn new(watched: WatchedFolder, page: usize, timeout: Option<Duration>) -> Self {
+    pub fn new(watched: WatchedFolder, page: usize, timeout: Option<Duration>) -> Self {
         let (come, notes, next_look) = (VecDeque::new(), Vec::new(), Instant::now());
         Self { watched, page, timeout, come, last: None, next_look, fault: None, notes }
     }
@@ -123,13 +45,18 @@ impl Camera {
         self.watched.path()
     }
 
+    /// Takes no file of this path: it is part of the series already.
+    pub fn leave_out(&mut self, path: &Path) {
+        self.watched.leave_out(path);
+    }
+
     /// How long a file must have been the same.
     pub fn settle(&self) -> Duration {
         self.watched.settle()
     }
 
     /// What is to be known of a run that goes on: the frames that have their numbers, and the reference where none is named.
-    fn go_on(&mut self, store: &StoreHeader, images: &mut Images) -> std::result::Result<(), String> {
+    pub fn go_on(&mut self, store: &StoreHeader, images: &mut Images) -> std::result::Result<(), String> {
         let CaseFile { images: there, .. } =
             parse_case(&store.case, Path::new(STORE)).map_err(|error| error.to_string())?;
         let frames = |files: Option<Vec<String>>| -> Vec<Frame> {
@@ -148,7 +75,7 @@ impl Camera {
     }
 
     /// The first image, once its file is whole; none when it is not `wanted` any more.
-    fn first(&mut self, wanted: &dyn Fn() -> bool) -> Result<Option<Frame>> {
+    pub fn first(&mut self, wanted: &dyn Fn() -> bool) -> Result<Option<Frame>> {
         self.come = self.take(true, wanted).into();
         let Some(first) = self.come.pop_front() else {
             return match self.timeout.filter(|_| wanted()) {

@@ -2,7 +2,7 @@
 
 use super::error::{Result, RunError};
 use super::event::{Event, Watcher};
-use super::folder::RunFolder;
+use super::folder::{CORRELATION, RIGID_MOTION, RunFolder, correlation_in};
 use super::identification::{FIT, identify};
 use super::overlay::Overlay;
 use super::page::page;
@@ -30,11 +30,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Folder of the correlation in that of the run.
-pub(super) const CORRELATION: &str = "correlation";
 const REPORT: &str = "report.html";
-/// What the parameters are when the rigid motion is treated the other way.
-pub(super) const RIGID_MOTION: &str = "rigid-motion.json";
 
 /// What a run from images to the report is given.
 #[derive(Debug, Clone)]
@@ -67,13 +63,7 @@ impl CaseRun {
     }
 }
 
-/// The correlation of the run in `folder`.
-pub fn correlation_in(folder: &Path) -> PathBuf {
-    folder.join(CORRELATION)
-}
-
-/// Everything from the images of a case to its report.
-/// Steps that were done before with the same inputs are taken from there.
+/// Everything from the images of a case to its report. Steps that were done before with the same inputs are taken from there.
 ///
 /// # Errors
 /// See [`RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.

@@ -11,6 +11,10 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 const CASE: &str = "run.toml";
+/// Folder of the correlation in that of the run.
+pub(super) const CORRELATION: &str = "correlation";
+/// What the parameters are when the rigid motion is treated the other way.
+pub(super) const RIGID_MOTION: &str = "rigid-motion.json";
 /// Results of an identification, and of a sweep.
 const FITS: [&str; 2] = ["fit.json", "sweep.json"];
 /// Folder of the pictures in that of a run.
@@ -21,6 +25,11 @@ const RESTART: &str = "restart";
 const TRIAL: &str = ".quadrille-trial-";
 const SERIES: &str = "series.pvd";
 const INTERFACE_SERIES: &str = "interface.pvd";
+
+/// The correlation of the run in `folder`.
+pub fn correlation_in(folder: &Path) -> PathBuf {
+    folder.join(CORRELATION)
+}
 
 /// The output folder of a run.
 #[derive(Debug, Clone)]

@@ -144,9 +144,9 @@ pub(crate) fn holders(folder: &Path) -> Vec<Holder> {
 /// The locks of shards in `folder`, each with the number of shares.
 fn shards(folder: &Path) -> Vec<(PathBuf, usize)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let of = |name: &str| name.strip_prefix(Shard::LOCK)?.split_once("-of-")?.1.parse().ok();
+    let shares = |name: &str| name.strip_prefix(Shard::LOCK)?.split_once("-of-")?.1.parse().ok();
     let mut found: Vec<_> =
-        entries.filter_map(|entry| Some((entry.path(), of(&entry.file_name().to_string_lossy())?))).collect();
+        entries.filter_map(|entry| Some((entry.path(), shares(&entry.file_name().to_string_lossy())?))).collect();
     found.sort();
     found
 }

@@ -35,14 +35,14 @@ mod steps;
 mod stop;
 mod tally;
 pub(crate) mod text;
+mod watching;
 mod zones;
 
 pub use busy::Busy;
-pub use camera::{Watching, watch};
-pub use case::{CaseRun, correlation_in, run_case};
+pub use case::{CaseRun, run_case};
 pub use error::{Result, RunError};
 pub use event::{Event, Watcher};
-pub use folder::RunFolder;
+pub use folder::{RunFolder, correlation_in};
 pub use identification::identify;
 pub use overlay::{Export, Overlay};
 pub use plan::{Images, Plan};
@@ -51,6 +51,7 @@ pub use session::{Existing, Outcome, Ran, Session};
 pub use shard::Shard;
 pub use simulation::simulate;
 pub use stop::Stop;
+pub use watching::{Watching, watch};
 
 pub(crate) use folder::{About, FIGURES, frame_in_words, locks_in};
 pub(crate) use lock::{Holder, holders};

@@ -1,7 +1,7 @@
 //! The report of a run, from what its steps have written.
 
-use super::case::{CORRELATION, RIGID_MOTION};
 use super::error::{Result, RunError};
+use super::folder::{RIGID_MOTION, correlation_in};
 use super::identification::FIT;
 use super::record::Record;
 use super::steps::Steps;
@@ -38,10 +38,10 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 
 /// The report, as HTML, from what the steps have written.
 pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path, steps: &Steps) -> Result<String> {
-    let store = Store::open(folder.join(CORRELATION))?;
+    let store = Store::open(correlation_in(folder))?;
     let header = store.header();
     let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
-    let correlation: Summary = read_json(&folder.join(CORRELATION).join("summary.json"))?;
+    let correlation: Summary = read_json(&correlation_in(folder).join("summary.json"))?;
     let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
         let field = store.frame(number)?.map(|frame| frame.measurement);

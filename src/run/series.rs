@@ -38,8 +38,8 @@ const SUMMARY_EVERY: Duration = Duration::from_secs(10);
 /// Share of the time that this may take: that of a long series grows with it.
 const SUMMARY_SHARE: u32 = 50;
 
-/// Correlates the series of `plan` into `folder`: what is missing of it, or all; and what the camera of the session adds. What is
-/// done stays done, however this ends: the same call goes on from there.
+/// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this ends: the same
+/// call goes on from there.
 ///
 /// # Errors
 /// See [`RunError`]. A frame that cannot be read or does not converge is a result.

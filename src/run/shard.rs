@@ -87,17 +87,17 @@ mod tests {
 
     #[test]
     fn a_task_of_a_slurm_array_has_the_share_of_its_place_in_the_array() {
-        let of = |set: &[(&str, &str)]| {
+        let task = |set: &[(&str, &str)]| {
             Shard::of_slurm(|name| set.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned()))
         };
         let [id, count, min, step] =
             ["SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_STEP"];
-        assert_eq!(of(&[(id, "1"), (count, "4")]), Ok(Shard { i: 1, n: 4 }));
-        assert_eq!(of(&[(id, "3"), (count, "4"), (min, "0")]), Ok(Shard { i: 4, n: 4 }));
-        assert_eq!(of(&[(id, "5"), (count, "3"), (min, "1"), (step, "2")]), Ok(Shard { i: 3, n: 3 }));
-        assert!(of(&[]).unwrap_err().contains("sbatch --array"));
-        assert!(of(&[(id, "x"), (count, "4")]).unwrap_err().contains("no number"));
-        assert!(of(&[(id, "1,9"), (count, "2")]).is_err());
-        assert!(of(&[(id, "9"), (count, "2"), (min, "1")]).unwrap_err().contains("--shard I/N"));
+        assert_eq!(task(&[(id, "1"), (count, "4")]), Ok(Shard { i: 1, n: 4 }));
+        assert_eq!(task(&[(id, "3"), (count, "4"), (min, "0")]), Ok(Shard { i: 4, n: 4 }));
+        assert_eq!(task(&[(id, "5"), (count, "3"), (min, "1"), (step, "2")]), Ok(Shard { i: 3, n: 3 }));
+        assert!(task(&[]).unwrap_err().contains("sbatch --array"));
+        assert!(task(&[(id, "x"), (count, "4")]).unwrap_err().contains("no number"));
+        assert!(task(&[(id, "1,9"), (count, "2")]).is_err());
+        assert!(task(&[(id, "9"), (count, "2"), (min, "1")]).unwrap_err().contains("--shard I/N"));
     }
 }

@@ -144,7 +144,7 @@ impl VirtualTest {
         let step = ELEMENT_PX / FINER as f64;
         let per_strip = (columns + 1) * (rows + 1);
         let strip = |first_node: usize, top: f64| {
-            let of = |row: usize, column: usize| match k.checked_sub(1) {
+            let displacement = |row: usize, column: usize| match k.checked_sub(1) {
                 None => [0.0; 2],
                 Some(instant) => {
                     // Rows of the mesh are counted from the bottom, those of the image from the top.
@@ -155,7 +155,7 @@ impl VirtualTest {
             };
             let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
             let place = |row: usize, column: usize| [LEFT_PX + step * column as f64, top + step * row as f64];
-            let displacement = nodes.map(|(row, column)| change(place(row, column), of(row, column))).collect();
+            let displacement = nodes.map(|(row, column)| change(place(row, column), displacement(row, column))).collect();
             GridField::new([LEFT_PX, top], step, JOINT, displacement).expect("a grid with all its nodes")
         };
         let [upper_face, lower_face] = faces_px();
@@ -218,13 +218,13 @@ impl VirtualTest {
     /// The largest rotation (rad) of a strip over the test: that of the rigid motion of either strip of the computed joint.
     pub fn largest_rotation(&self) -> f64 {
         let mesh = self.model.mesh();
-        let of = |u: &Vec<[f64; 2]>, strip: u32| {
+        let rotation = |u: &Vec<[f64; 2]>, strip: u32| {
             let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] == strip);
             let pairs = nodes().map(|node| (mesh.nodes()[node], u[node]));
             RigidMotion::fit(pairs).map_or(0.0, |motion| motion.rotation_rad.abs())
         };
         let fields = self.solution.instants.iter().map(|instant| &instant.displacement);
-        fields.flat_map(|u| [of(u, 0), of(u, 1)]).fold(0.0, f64::max)
+        fields.flat_map(|u| [rotation(u, 0), rotation(u, 1)]).fold(0.0, f64::max)
     }
 }
 
@@ -280,14 +280,14 @@ fn remote_boundary(mesh: &JointMesh, n_instants: usize) -> BoundaryHistory {
             let (theta, front) = (between(remote::THETA), between(remote::FRONT_PX) * PIXEL_MM);
             let slide = between(remote::SLIDE_MM);
             let [drift_x, drift_y] = remote::DRIFT_PX.map(|px| share * px * PIXEL_MM);
-            let of = |&node: &u32| {
+            let displacement = |&node: &u32| {
                 let s = (mesh.nodes()[node as usize][0] - front) / lambda;
                 let closed = remote::DIP * (-0.5 * (s + 2.0).powi(2)).exp();
                 let opening = theta * lambda * (s.max(0.0) + (-s.abs()).exp().ln_1p() - closed);
                 let side = if node >= top_row { 0.5 } else { -0.5 };
                 [drift_x + side * slide, drift_y + side * opening]
             };
-            nodes.iter().map(of).collect()
+            nodes.iter().map(displacement).collect()
         })
         .collect();
     BoundaryHistory::new(nodes, instants).expect("finite displacements of nodes that differ")

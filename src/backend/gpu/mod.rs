@@ -13,6 +13,7 @@ mod plane;
 mod profile;
 mod shader;
 mod solver;
+mod timed;
 
 pub use device::{AdapterKind, Adapters, GpuAdapter, GpuOptions, adapters};
 pub use field::GpuField;

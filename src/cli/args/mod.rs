@@ -13,8 +13,7 @@ pub use machine::*;
 pub use series::*;
 pub use shared::*;
 
-use clap::Parser;
-use clap::Subcommand;
+use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 
 /// Displacement fields of tested materials from image series, by global Q4 image correlation.

@@ -271,8 +271,8 @@ impl Content {
             let groups = tags(file)?;
             tags(file)?; // its boundary
             if let Some(group) = groups {
-                let of = if k < curves { &mut self.curve_groups } else { &mut self.groups };
-                of.insert(number, group);
+                let of_kind = if k < curves { &mut self.curve_groups } else { &mut self.groups };
+                of_kind.insert(number, group);
             }
         }
         Ok(())
@@ -382,7 +382,7 @@ impl Content {
         let place = |element: u64, node: u64| {
             places.get(&node).copied().ok_or(Problem::NodeMissing { element, node: node as i64 })
         };
-        let of = |group: Group, groups: &HashMap<i64, i64>| match group {
+        let group_of = |group: Group, groups: &HashMap<i64, i64>| match group {
             Group::OfEntity(entity) => groups.get(&entity).copied(),
             Group::Is(group) => group,
         };
@@ -394,10 +394,10 @@ impl Content {
             if names.len() == 3 {
                 corners[3] = corners[2];
             }
-            parsed.elements.push(FileElement { nodes: corners, group: of(group, &groups) });
+            parsed.elements.push(FileElement { nodes: corners, group: group_of(group, &groups) });
         }
         for (number, names, group) in lines {
-            if let Some(name) = of(group, &curve_groups).and_then(|group| curve_names.get(&group)) {
+            if let Some(name) = group_of(group, &curve_groups).and_then(|group| curve_names.get(&group)) {
                 let nodes = names.iter().map(|&node| place(number, node)).collect::<Result<Vec<_>, _>>()?;
                 parsed.curves.entry(name.clone()).or_default().extend(nodes);
             }

@@ -1,7 +1,7 @@
 //! What the samples of a page mean: numbers of every kind as grey levels.
 
 use crate::imaging::Pixels;
-use crate::io::images::{Problem, luminance};
+use crate::io::images::raw::{Problem, luminance};
 use std::borrow::Cow;
 use tiff::decoder::DecodingResult;
 
@@ -116,8 +116,8 @@ pub(super) fn apply_map(
         }
         _ => {
             let scale = step.map_or(1.0, f32::from);
-            let of = |k: usize| luminance(red[k].into(), green[k].into(), blue[k].into()) / scale;
-            let levels: Vec<f32> = (0..n).map(of).collect();
+            let luminance_at = |k: usize| luminance(red[k].into(), green[k].into(), blue[k].into()) / scale;
+            let levels: Vec<f32> = (0..n).map(luminance_at).collect();
             notes.push("the grey levels are the luminance of palette colours, as 32-bit floats".into());
             let white = if step.is_some() { 255.0 } else { 65535.0 };
             Ok((Pixels::F32(index.iter().map(|&i| levels[usize::from(i)]).collect()), white))

@@ -9,7 +9,7 @@ const NAMED: usize = 3;
 
 /// For each parameter the largest parts of its uncertainty, per cent of its value: `phi_n: E 2.6 %, pixel_size 0.5 %, noise 0.5 %`.
 pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
-    let of = |name: &Name| {
+    let largest_of = |name: &Name| {
         let value = fit.parameters.get(name)?.value.abs();
         let effect = |line: &BudgetRecord| Some((line.name.clone(), line.parameters.get(name)?.abs()));
         let mut parts: Vec<(String, f64)> = fit.budget.iter().filter(|line| line.included).filter_map(effect).collect();
@@ -19,7 +19,7 @@ pub fn budget_lines(fit: &FitRecord) -> Vec<String> {
         let named: Vec<String> = named.collect();
         (!named.is_empty()).then(|| format!("{name}: {}", named.join(", ")))
     };
-    fit.parameter_order.iter().filter_map(of).collect()
+    fit.parameter_order.iter().filter_map(largest_of).collect()
 }
 
 /// With three digits behind the point at most.
@@ -29,7 +29,7 @@ fn short(value: f64) -> String {
 
 /// The defaults that were taken for constants without a stated uncertainty, and what no default could be made for, a sentence each.
 pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
-    let of = |line: &BudgetRecord| match (line.std, line.value) {
+    let uncertainty = |line: &BudgetRecord| match (line.std, line.value) {
         (Some(std), Some(value)) if line.name == "nu" || line.name.starts_with("nu_") || value == 0.0 => {
             format!("{} +- {std}", line.name)
         }
@@ -39,7 +39,7 @@ pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
         (None, _) => line.name.clone(),
     };
     let list =
-        |source: &str| fit.budget.iter().filter(|line| line.source == source).map(of).collect::<Vec<_>>().join(", ");
+        |source: &str| fit.budget.iter().filter(|line| line.source == source).map(uncertainty).collect::<Vec<_>>().join(", ");
     let (defaults, unknown) = (list("default"), list("not stated"));
     let mut said = Vec::new();
     if !defaults.is_empty() {
@@ -50,7 +50,7 @@ pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
     }
     if !unknown.is_empty() {
         said.push(format!(
-            "not stated, and without a scale of the images not part of the intervals: the uncertainty of {unknown}"
+            "not stated, and without a scale uncertainty the images not part uncertainty the intervals: the uncertainty uncertainty {unknown}"
         ));
     }
     said

@@ -121,7 +121,7 @@ impl FitReport<'_> {
             }
             series.push(one);
         }
-        let of = |p: &crate::identify::FittedParameter| match p.std {
+        let in_words = |p: &crate::identify::FittedParameter| match p.std {
             Some(std) => format!(
                 "{} = {:.5} \u{b1} {:.2e} {} (standard uncertainty)",
                 p.parameter.name, p.value, std, p.parameter.unit
@@ -133,7 +133,7 @@ impl FitReport<'_> {
             x: Axis::linear("evaluation"),
             y: Axis::linear("value over the value at the end; band: 95 % at the end"),
             series,
-            notes: self.fit.parameters.iter().map(of).collect(),
+            notes: self.fit.parameters.iter().map(in_words).collect(),
         }
         .draw()
     }

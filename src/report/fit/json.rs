@@ -293,14 +293,14 @@ pub struct GroupRecord {
 
 impl GroupRecord {
     fn all(groups: &[MisfitGroup]) -> Vec<Self> {
-        let of = |group: &MisfitGroup| Self {
+        let record = |group: &MisfitGroup| Self {
             name: group.name.clone(),
             instants: group.instants,
             n: group.n,
             times_expected: group.ratio,
             z: group.z,
         };
-        groups.iter().map(of).collect()
+        groups.iter().map(record).collect()
     }
 }
 
@@ -386,7 +386,7 @@ pub struct BudgetRecord {
 
 impl BudgetRecord {
     fn list(fit: &Fit) -> Vec<Self> {
-        let of = |line: &BudgetLine| Self {
+        let record = |line: &BudgetLine| Self {
             name: line.name.clone(),
             source: line.source.name().into(),
             value: line.value,
@@ -401,7 +401,7 @@ impl BudgetRecord {
                 .collect(),
             derived: fit.derived.iter().map(|q| q.quantity.name.into()).zip(line.derived.iter().copied()).collect(),
         };
-        fit.budget.lines.iter().map(of).collect()
+        fit.budget.lines.iter().map(record).collect()
     }
 }
 
@@ -455,7 +455,7 @@ impl SweepRecord {
 }
 
 fn parameters(fit: &Fit) -> BTreeMap<Name, ParameterRecord> {
-    let of = |p: &crate::identify::FittedParameter| {
+    let record = |p: &crate::identify::FittedParameter| {
         let json = ParameterRecord {
             value: p.value,
             unit: p.parameter.unit.into(),
@@ -475,11 +475,11 @@ fn parameters(fit: &Fit) -> BTreeMap<Name, ParameterRecord> {
         };
         (p.parameter.name.into(), json)
     };
-    fit.parameters.iter().map(of).collect()
+    fit.parameters.iter().map(record).collect()
 }
 
 fn quantities(fit: &Fit) -> BTreeMap<Name, QuantityRecord> {
-    let of = |q: &crate::identify::FittedQuantity| {
+    let record = |q: &crate::identify::FittedQuantity| {
         let (value, unit, std, std_noise) = (q.quantity.value, q.quantity.unit, q.std, q.std_noise);
         let (discretisation, interval95) = (q.discretisation, q.interval95);
         let (ends95, bias) = (q.ends95, q.bias);
@@ -488,7 +488,7 @@ fn quantities(fit: &Fit) -> BTreeMap<Name, QuantityRecord> {
             QuantityRecord { value, unit: unit.into(), std, std_noise, discretisation, interval95, ends95, bias },
         )
     };
-    fit.derived.iter().map(of).collect()
+    fit.derived.iter().map(record).collect()
 }
 
 /// What a user should know of the intervals: that linear theory is in doubt, biases, sides without an end, draws that failed.

@@ -50,8 +50,8 @@ impl FitReport<'_> {
             let row = |k: usize| {
                 let [lower, upper] = model.mesh().pairs()[k];
                 let numbers = vec![band.instant as u64, lower.into(), upper.into()];
-                let of = [band.traction[k], band.std[k], band.low[k], band.high[k]];
-                let values = [of.map(|t| t.normal), of.map(|t| t.tangential)];
+                let bands = [band.traction[k], band.std[k], band.low[k], band.high[k]];
+                let values = [bands.map(|t| t.normal), bands.map(|t| t.tangential)];
                 (numbers, [&[along[k]], values.as_flattened()].concat())
             };
             (0..band.traction.len()).map(row).collect::<Vec<_>>()

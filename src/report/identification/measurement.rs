@@ -115,13 +115,13 @@ impl IdentificationReport<'_> {
     fn rigid_motion(&self) -> Block {
         let removed = &self.joint.removed;
         let motions: Vec<RigidMotion> = if removed.is_empty() {
-            let of = |u: &Vec<[f64; 2]>| {
+            let motion = |u: &Vec<[f64; 2]>| {
                 let nodes = self.joint.boundary.nodes();
                 RigidMotion::fit(
                     nodes.iter().zip(u).map(|(&node, &u)| (self.joint.model.mesh().nodes()[node as usize], u)),
                 )
             };
-            self.joint.boundary.instants().iter().filter_map(of).collect()
+            self.joint.boundary.instants().iter().filter_map(motion).collect()
         } else {
             removed.clone()
         };

@@ -113,7 +113,7 @@ impl JointReport<'_> {
     /// One component of the traction along the joint at the `chosen` instants.
     fn profiles(&self, chosen: &[usize], pick: fn(Traction) -> f64, title: &str, label: &str) -> JointProfiles {
         let (model, law) = (&self.joint.model, &*self.joint.law);
-        let of = |&number: &usize| {
+        let curve = |&number: &usize| {
             let u = &self.solution.instants[number - 1].displacement;
             let values = model.tractions(law, u).into_iter().map(pick).collect();
             (format!("instant {number}"), values, model.crack_front(law, u))
@@ -121,7 +121,7 @@ impl JointReport<'_> {
         JointProfiles {
             title: title.into(),
             label: label.into(),
-            instants: chosen.iter().map(of).collect(),
+            instants: chosen.iter().map(curve).collect(),
             along: model.pair_positions().into_iter().map(|(_, along)| along).collect(),
             notes: vec![format!("crack front: where the normal jump reaches {:.3e} mm", law.front_opening())],
         }

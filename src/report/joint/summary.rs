@@ -159,11 +159,11 @@ impl JointReport<'_> {
 /// The rotation of the strip that turns most, radians.
 fn largest_rotation(joint: &Joint, u: &[[f64; 2]]) -> f64 {
     let mesh = joint.model.mesh();
-    let of = |strip: usize| {
+    let rotation = |strip: usize| {
         let nodes = || (0..mesh.nodes().len()).filter(move |&node| mesh.strip()[node] as usize == strip);
         RigidMotion::fit(nodes().map(|node| (mesh.nodes()[node], u[node]))).map_or(0.0, |motion| motion.rotation_rad)
     };
-    (0..mesh.n_strips()).map(of).fold(0.0, |most: f64, w| if w.abs() > most.abs() { w } else { most })
+    (0..mesh.n_strips()).map(rotation).fold(0.0, |most: f64, w| if w.abs() > most.abs() { w } else { most })
 }
 
 /// What is to be said when small strains do not hold under the rotation `w` of a strip.

@@ -60,8 +60,8 @@ impl JointReport<'_> {
         }
         let rows = self.solved().flat_map(|(number, instant)| {
             (0..instant.displacement.len()).map(move |node| {
-                let of = |c: usize| instant.sensitivities.iter().map(move |field| field[node][c]);
-                (vec![number as u64, node as u64], of(0).chain(of(1)).collect())
+                let component = |c: usize| instant.sensitivities.iter().map(move |field| field[node][c]);
+                (vec![number as u64, node as u64], component(0).chain(component(1)).collect())
             })
         });
         self.table(out, "derivative of every displacement (mm) by each parameter", &columns, rows)

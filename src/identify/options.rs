@@ -1,0 +1,80 @@
+//! How to fit.
+
+use super::constants::Constant;
+use super::trust_region::TrustRegionOptions;
+use super::weights::WeightKind;
+
+/// How to fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// The weights.
+    pub weights: WeightKind,
+    /// Whether the prescribed displacements are unknowns too, with their covariance; for covariance weights.
+    pub estimate_boundary: bool,
+    /// Further starts beside that of the unknowns.
+    pub starts: Vec<Vec<f64>>,
+    /// The iteration.
+    pub region: TrustRegionOptions,
+    /// Model constants; those that are not named are exact.
+    pub constants: Vec<Constant>,
+    /// What becomes of the effect of the element size.
+    pub discretisation: Discretisation,
+    /// Which intervals are wanted.
+    pub intervals: Intervals,
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood; 0 for none, `None` for as many as are good.
+    pub bootstrap: Option<usize>,
+    /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
+    /// something larger (rows of a sweep, draws) do without.
+    pub doubt: bool,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        let region = TrustRegionOptions::default();
+        Self {
+            weights: WeightKind::Paper,
+            estimate_boundary: false,
+            starts: Vec::new(),
+            region,
+            constants: Vec::new(),
+            discretisation: Discretisation::Stated,
+            intervals: Intervals::Auto,
+            bootstrap: None,
+            doubt: true,
+        }
+    }
+}
+
+/// Which intervals are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Intervals {
+    /// Of the profile likelihood where linear theory is in doubt, else linear.
+    #[default]
+    Auto,
+    /// Linear, whatever they are worth.
+    Linear,
+    /// Of the profile likelihood, with the bias of a bootstrap.
+    Profile,
+}
+
+/// What becomes of the effect of the element size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Discretisation {
+    /// It is not computed.
+    Off,
+    /// It is stated beside the result.
+    Stated,
+    /// It is stated and taken into the 95 % intervals as one more standard uncertainty.
+    Included,
+}
+
+impl Discretisation {
+    /// Its name in case files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Stated => "stated",
+            Self::Included => "included",
+        }
+    }
+}

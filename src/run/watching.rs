@@ -1,0 +1,90 @@
+//! A series that grows while it is correlated.
+
+use super::camera::Camera;
+use super::error::Result;
+use super::event::{Event, Watcher};
+use super::folder::RunFolder;
+use super::lock::Lock;
+use super::overlay::Overlay;
+use super::plan::{self, Images, Plan};
+use super::series::carry_out;
+use super::session::{Existing, Ran, Session};
+use super::text::chain;
+use crate::io::case::CaseFile;
+use crate::io::series::Frame;
+use crate::io::store::{STORE, Store};
+use crate::io::watch::WatchedFolder;
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Duration;
+
+/// How a folder is watched.
+#[derive(Debug, Clone)]
+pub struct Watching {
+    /// Which files are frames: a glob of their names; all images where there is none.
+    pub pattern: Option<String>,
+    /// How long a file must have been the same.
+    pub settle: Duration,
+    /// After how long without anything new the series is over; none to wait for ever.
+    pub timeout: Option<Duration>,
+}
+
+/// Correlates the images that come into the folder that stands in the place of the deformed images. `None` where it was asked to stop
+/// before an image came. `output` is the folder of the results.
+///
+/// # Errors
+/// As [`super::run_series`]; a share of the series, and files whose pages are frames, are refused.
+pub fn watch(
+    asked: &Overlay,
+    case: &CaseFile,
+    watching: &Watching,
+    output: &Path,
+    pool: &ThreadPool,
+    session: Session,
+    watcher: Watcher<'_>,
+) -> Result<Option<Ran>> {
+    let Watching { pattern, settle, timeout } = watching;
+    if asked.shard.is_some() {
+        return Err("--shard cannot be given: a camera has no end, of which to take a share".into());
+    }
+    if asked.pages.or(case.images.pages).is_some() {
+        return Err("pages = \"all\" cannot be: each file of a watched folder is one frame".into());
+    }
+    if let Some(timeout) = timeout.filter(|timeout| timeout <= settle) {
+        let [timeout, settle] = [timeout, *settle].map(|time| time.as_secs_f64());
+        return Err(format!(
+            "--timeout is {timeout} s, in which no file can settle; give more than --settle, {settle} s"
+        )
+        .into());
+    }
+    let page = plan::page(asked, case).unwrap_or(0);
+    let watched = asked.deformed.first().map_or("", String::as_str);
+    let watched = WatchedFolder::new(Path::new(watched), pattern.as_deref(), *settle)?;
+    let references = plan::references(asked, case)?;
+    let mut camera = Camera::new(watched, page, *timeout);
+    let mut images = Images {
+        reference: references.into_iter().map(|path| Frame::file(path, page)).collect(),
+        deformed: Vec::new(),
+        grows: true,
+    };
+    let folder = &RunFolder::writable(output)?;
+    // Who works on the folder is told at once, not when the first image has come.
+    drop(Lock::take(&folder.locks(), None, Some(camera.folder()))?);
+    if session.existing == Existing::Continue && folder.holds_run() {
+        let another = |why: String| folder.holds_another(Some(why));
+        let store = Store::open(folder.path().join(STORE)).map_err(|error| another(chain(&error)))?;
+        camera.go_on(store.header(), &mut images).map_err(another)?;
+    }
+    if images.reference.is_empty() {
+        let line = format!("waiting in {} for the first image, which is the reference", camera.folder().display());
+        watcher(Event::Note(&line));
+        let Some(first) = camera.first(&|| !session.stop.is_asked())? else {
+            watcher(Event::Note("stopped before an image came"));
+            return Ok(None);
+        };
+        images.reference.push(first);
+    }
+    images.reference.iter().chain(&images.deformed).for_each(|frame| camera.leave_out(&frame.path));
+    let plan = Plan::with(asked, case, images)?;
+    carry_out(&plan, folder, pool, session, Some(camera), watcher).map(Some)
+}
