@@ -135,8 +135,8 @@ fn main(@builtin(local_invocation_index) thread: u32) {
                 var gain = 0.0;
                 // In quotients, as above.
                 if (covariance / variance_f) * (covariance / variance_g) < SHARED {
-                    // Mostly misfit: the gain of the least residual.
-                    gain = covariance / variance_g;
+                    // Mostly misfit: the ratio of the contrasts.
+                    gain = sqrt(variance_f / variance_g);
                 } else if half > 0.0 {
                     gain = half + root;
                 } else {

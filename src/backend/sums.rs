@@ -65,8 +65,8 @@ impl PixelSums {
     ///
     /// Both images are noisy alike. The gain that leaves the least residual would be too small by the share that noise
     /// has in the variance of g, so the line is the one closest to the pairs (f, g) in both directions (Deming 1943),
-    /// whose slope noise does not change. Where the two share less than half of their variance the rest is misfit, far from the
-    /// solution, and that line would blow it up: there the gain is the one that leaves the least residual.
+    /// whose slope noise does not change. Where the two share less than half of their variance most of the rest is misfit, far
+    /// from the solution, and the slope of that line is of any size: there the gain is the ratio of the two contrasts.
     pub fn transfer(&self) -> Option<super::GreyTransfer> {
         self.transfer_for(1.0)
     }
@@ -82,7 +82,7 @@ impl PixelSums {
             return None;
         }
         if c * c < SHARED * vf * vg {
-            let gain = c / vg;
+            let gain = (vf / vg).sqrt();
             return Some(super::GreyTransfer { gain, offset: (self.f - gain * self.g) / self.n });
         }
         // Without cancellation, whichever of the two varies more.
@@ -207,8 +207,7 @@ mod tests {
         // Texture of variance 3 and noise of variance 1 in both: least squares would say 3/4.
         assert_eq!(sums(4.0, 4.0, 0.75).transfer().unwrap().gain, 1.0);
         // Hardly alike: the line closest in both directions would have a gain of 15 and more.
-        let gain = sums(16.0, 4.0, 0.2).transfer().unwrap().gain;
-        assert!((gain - 0.4).abs() < 1e-12, "{gain}");
+        assert_eq!(sums(16.0, 4.0, 0.2).transfer().unwrap().gain, 2.0);
         assert!(sums(4.0, 4.0, -0.5).transfer().is_none());
     }
 }
