@@ -276,6 +276,9 @@ mesh = "{mesh}"
             for zone, places in centres.items():
                 for i, (x, y) in enumerate(places):
                     near = [v for (nx, ny), v in now.nodes[zone].items() if max(abs(nx - x), abs(ny - y)) < 0.51 * size]
+                    if not near:
+                        lost.append(columns[i])
+                        continue
                     u, v = (mean(value[c] for value in near) for c in range(2))
                     total[zone][i] += v
                     places[i] = (x + u, y + v)
@@ -285,6 +288,9 @@ mesh = "{mesh}"
                         worst[i] = max(worst[i], abs(total["lower"][i] - total["upper"][i] - wanted))
         self.say("crack, opening", "steps converged", f"{n_converged} of 19")
         for i, x in enumerate(columns):
+            if x in lost:
+                self.say("crack, opening", f"x = {x}", "left the image", "followed", False)
+                continue
             self.say("crack, opening", f"x = {x}: largest difference from the table, 30 to 570", f"{worst[i]:.2f} px", "<= 0.3 px", worst[i] <= 0.3)
 
     def necking(self):
