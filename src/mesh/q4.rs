@@ -1,6 +1,7 @@
 //! Q4 meshes of one or more zones.
 
-use super::grid::{Grid, local_coordinates, shape_functions};
+use super::element::{ElementGeometry, local_coordinates, shape_functions};
+use super::grid::Grid;
 use super::{MeshError, Roi, ZoneElements};
 use crate::units::Length;
 use std::collections::HashMap;
@@ -292,13 +293,14 @@ impl<U: Length> Mesh<U> {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
 
+    /// The shape of an element.
+    pub fn geometry(&self, element: usize) -> ElementGeometry {
+        ElementGeometry::new(self.corners(element))
+    }
+
     /// Square root of the mean area of the elements.
     pub fn element_size(&self) -> f64 {
-        let area = |element: usize| {
-            let [a, b, c, d] = self.corners(element);
-            0.5 * ((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])).abs()
-        };
-        let all: f64 = (0..self.n_elements()).map(area).sum();
+        let all: f64 = (0..self.n_elements()).map(|element| self.geometry(element).area()).sum();
         (all / self.n_elements().max(1) as f64).sqrt()
     }
 

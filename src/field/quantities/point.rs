@@ -1,7 +1,7 @@
 //! Displacement and strain at points and along lines.
 
 use super::{NodalNoise, QuantityError, Reading, finite, positive};
-use crate::field::strain::ElementGeometry;
+use crate::field::strain::StrainElement;
 use crate::field::{Measurement, Strain, StrainDefinition};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Length;
@@ -78,7 +78,7 @@ fn gradient_weights<U: Length>(
         let mut by_corner = Vec::new();
         let mut area = 0.0;
         for element in noise.around(node) {
-            let geometry = ElementGeometry::new(mesh, element);
+            let geometry = StrainElement::new(mesh, element);
             let Some((_, at)) = geometry.corners().find(|&(corner, _)| geometry.nodes[corner] == node) else {
                 continue;
             };
