@@ -87,10 +87,10 @@ impl StrainDefinition {
     /// ```
     /// use quadrille::field::StrainDefinition;
     /// let stretch = [[0.5, 0.0], [0.0, 0.0]];
-    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().0[0], 0.625); // (1.5^2 - 1)/2
-    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().0[0] - 1.5f64.ln()).abs() < 1e-15);
+    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().xx, 0.625); // (1.5^2 - 1)/2
+    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().xx - 1.5f64.ln()).abs() < 1e-15);
     /// ```
-    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<Strain> {
+    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<TensorStrain> {
         let [[xx, xy], [yx, yy]] = gradient;
         let det = 1.0 + (xx + yy) + (xx * yy - xy * yx);
         // Written so that NaN is refused as well.
@@ -110,7 +110,7 @@ impl StrainDefinition {
             StrainDefinition::GreenLagrange => green(),
             StrainDefinition::Hencky => half_log_of_one_plus_twice(green()),
         };
-        strain.iter().all(|e| e.is_finite()).then_some(Strain(strain))
+        strain.iter().all(|e| e.is_finite()).then(|| TensorStrain::of_components(strain))
     }
 }
 
@@ -146,12 +146,30 @@ impl FromStr for StrainDefinition {
     }
 }
 
-/// A strain: `exx`, `eyy`, `exy`, with the **tensor** shear; no unit. x to the right, y down.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Strain(
-    /// `exx`, `eyy`, `exy`.
-    pub [f64; 3],
-);
+/// A strain with the **tensor** shear, half the change of a right angle; no unit. x to the right, y down.
+///
+/// The laws of the mechanics take an [`EngineeringStrain`](crate::mechanics::substrate::EngineeringStrain).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TensorStrain {
+    /// `exx`, along x.
+    pub xx: f64,
+    /// `eyy`, along y.
+    pub yy: f64,
+    /// `exy`, the shear of the tensor.
+    pub xy: f64,
+}
+
+impl TensorStrain {
+    /// `[exx, eyy, exy]`, as files have it.
+    pub fn components(self) -> [f64; 3] {
+        [self.xx, self.yy, self.xy]
+    }
+
+    /// From `[exx, eyy, exy]`.
+    pub fn of_components([xx, yy, xy]: [f64; 3]) -> Self {
+        Self { xx, yy, xy }
+    }
+}
 
 /// `sigma_exx l / sigma_ux` of an element far from the borders, 0.963: see [`element_strain_sigma`].
 pub const ELEMENT_NOISE: f64 = 0.963_433_044_002_285;
@@ -192,9 +210,9 @@ pub struct StrainField {
     /// How they are made.
     pub definition: StrainDefinition,
     /// At the centre of each element; `None` where one of its nodes is not measured or the field folds.
-    pub elements: Vec<Option<Strain>>,
+    pub elements: Vec<Option<TensorStrain>>,
     /// At each node; `None` where it is not measured, has no element with all nodes measured, or the field folds.
-    pub nodes: Vec<Option<Strain>>,
+    pub nodes: Vec<Option<TensorStrain>>,
     /// Length over which the strain of an element is measured: the root of the mean area of the elements, px
     /// (in the unit of the mesh). The strains of nodes have twice that.
     pub length_px: f64,
@@ -215,7 +233,7 @@ impl StrainField {
     /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
     /// #     element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
     /// let strain = StrainField::of(&measurement, StrainDefinition::GreenLagrange); // stretched by 1 % along x
-    /// assert!((strain.elements[0].unwrap().0[0] - 0.01005).abs() < 1e-12);
+    /// assert!((strain.elements[0].unwrap().xx - 0.01005).abs() < 1e-12);
     /// assert_eq!(strain.length_px, 16.0);
     /// ```
     pub fn of<U: Length>(measurement: &Measurement<U>, definition: StrainDefinition) -> Self {

@@ -5,7 +5,7 @@ use super::folder::{Folder, PART};
 use super::layout::{Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
-use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::field::{Measurement, Status, StrainField, TensorStrain};
 use crate::linalg::ElementMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -388,8 +388,11 @@ fn singles(values: &[f64]) -> Vec<f32> {
     values.iter().map(|&value| value as f32).collect()
 }
 
-fn strain_values(strains: &[Option<Strain>]) -> Vec<f32> {
-    strains.iter().flat_map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect()
+fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
+    strains
+        .iter()
+        .flat_map(|strain| strain.map_or([f32::NAN; 3], |strain| strain.components().map(|e| e as f32)))
+        .collect()
 }
 
 /// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is
