@@ -17,7 +17,7 @@ pub struct Derived {
 pub fn derived(law: &dyn CohesiveLaw) -> Vec<Derived> {
     let values = law.values();
     let of = |name: &str| law.parameters().iter().position(|p| p.name == name).map(|k| values[k]);
-    let (peak, [[normal, _], [_, tangential]]) = (law.peak(), law.response(Jump::default()).tangent);
+    let (peak, tangent) = (law.peak(), law.response(Jump::default()).tangent);
     let mut list = Vec::new();
     if let (Some(phi_n), Some(ratio)) = (of("phi_n"), of("r").or(of("q"))) {
         list.push(Derived { name: "phi_t", unit: "N/mm", value: ratio * phi_n });
@@ -25,8 +25,8 @@ pub fn derived(law: &dyn CohesiveLaw) -> Vec<Derived> {
     list.extend([
         Derived { name: "T_n_max", unit: "MPa", value: peak.normal },
         Derived { name: "T_t_max", unit: "MPa", value: peak.tangential },
-        Derived { name: "initial_normal_stiffness", unit: "MPa/mm", value: normal },
-        Derived { name: "initial_tangential_stiffness", unit: "MPa/mm", value: tangential },
+        Derived { name: "initial_normal_stiffness", unit: "MPa/mm", value: tangent.m11 },
+        Derived { name: "initial_tangential_stiffness", unit: "MPa/mm", value: tangent.m22 },
     ]);
     list
 }
