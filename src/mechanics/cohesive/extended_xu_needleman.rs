@@ -126,6 +126,10 @@ impl CohesiveLaw for ExtendedXuNeedleman {
         }
     }
 
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.phi_t())
+    }
+
     fn front_opening(&self) -> f64 {
         5.0 * self.delta_n
     }

@@ -122,6 +122,11 @@ pub trait CohesiveLaw: Debug + Send + Sync {
     /// Largest tractions in pure opening and in pure sliding, MPa.
     fn peak(&self) -> Traction;
 
+    /// Work of separation in pure sliding, N/mm, where it is no parameter but follows from them; `None` where it is one.
+    fn sliding_work(&self) -> Option<f64> {
+        None
+    }
+
     /// Normal jump at which the joint counts as cracked, mm: the crack front lies where it is reached.
     fn front_opening(&self) -> f64;
 }

@@ -134,6 +134,10 @@ impl CohesiveLaw for XuNeedleman {
         }
     }
 
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.q * self.phi_n)
+    }
+
     fn front_opening(&self) -> f64 {
         5.0 * self.delta_n
     }
