@@ -150,7 +150,7 @@ pub(super) struct Regulariser {
 }
 
 /// What the penalty is scaled to: the normal matrix of the level.
-pub(super) struct Texture<'a> {
+pub(super) struct PenaltyScale<'a> {
     pub matrix: &'a BlockMatrix,
     /// Sum of psi^2 of each node.
     pub support: &'a [f64],
@@ -168,7 +168,7 @@ impl Regulariser {
         mesh: &Mesh<Px>,
         pattern: &Arc<Pattern>,
         active: &[bool],
-        texture: &Texture<'_>,
+        texture: &PenaltyScale<'_>,
     ) -> Option<Self> {
         if regularisation == Regularisation::None {
             return None;
@@ -191,7 +191,7 @@ impl Regulariser {
 }
 
 /// `g^2` of each zone: `sum M_ii / (2 sum psi^2)` over the nodes that see texture, or over all if none does.
-fn mean_square_gradient(mesh: &Mesh<Px>, texture: &Texture<'_>) -> Vec<f64> {
+fn mean_square_gradient(mesh: &Mesh<Px>, texture: &PenaltyScale<'_>) -> Vec<f64> {
     (0..mesh.zones().len())
         .map(|zone| {
             let any = mesh.zone_nodes(zone).any(|node| texture.seen[node]);

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 /// How the elements of a zone are arranged.
 #[derive(Debug, Clone, PartialEq)]
-enum Layout {
+enum ZoneLayout {
     /// A whole grid.
     Whole(Grid),
     /// Some elements of a grid: their number within the zone by column and row, [`NONE`] where there is none.
@@ -67,7 +67,7 @@ impl Bins {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh<U: Length> {
     zones: Vec<String>,
-    layouts: Vec<Layout>,
+    layouts: Vec<ZoneLayout>,
     nodes: Vec<[f64; 2]>,
     elements: Vec<[u32; 4]>,
     node_zone: Vec<u32>,
@@ -243,9 +243,13 @@ impl<U: Length> Mesh<U> {
             let layout = match part.grid {
                 Some((grid, element_at)) => {
                     let grid = Grid { first_node, first_element, ..grid };
-                    if element_at.contains(&NONE) { Layout::Part { grid, element_at } } else { Layout::Whole(grid) }
+                    if element_at.contains(&NONE) {
+                        ZoneLayout::Part { grid, element_at }
+                    } else {
+                        ZoneLayout::Whole(grid)
+                    }
                 }
-                None => Layout::Free(Bins::new(&part.nodes, &part.elements, 0)),
+                None => ZoneLayout::Free(Bins::new(&part.nodes, &part.elements, 0)),
             };
             mesh.nodes.extend(part.nodes);
             mesh.zones.push(part.name);
@@ -266,15 +270,15 @@ impl<U: Length> Mesh<U> {
     /// The grid that the elements of a zone lie on, all of it or part of it; `None` for a zone without.
     pub fn grid(&self, zone: usize) -> Option<&Grid> {
         match &self.layouts[zone] {
-            Layout::Whole(grid) | Layout::Part { grid, .. } => Some(grid),
-            Layout::Free(_) => None,
+            ZoneLayout::Whole(grid) | ZoneLayout::Part { grid, .. } => Some(grid),
+            ZoneLayout::Free(_) => None,
         }
     }
 
     /// The grid of a zone that holds all of its elements: nodes and elements are then numbered row by row.
     pub fn whole_grid(&self, zone: usize) -> Option<&Grid> {
         match &self.layouts[zone] {
-            Layout::Whole(grid) => Some(grid),
+            ZoneLayout::Whole(grid) => Some(grid),
             _ => None,
         }
     }
@@ -359,9 +363,9 @@ impl<U: Length> Mesh<U> {
     pub fn locate(&self, zone: usize, x: f64, y: f64) -> Option<(usize, f64, f64)> {
         let within = |xi: f64, eta: f64| (0.0..=1.0).contains(&xi) && (0.0..=1.0).contains(&eta);
         let (grid, at) = match &self.layouts[zone] {
-            Layout::Whole(grid) => (grid, None),
-            Layout::Part { grid, element_at } => (grid, Some(element_at)),
-            Layout::Free(bins) => {
+            ZoneLayout::Whole(grid) => (grid, None),
+            ZoneLayout::Part { grid, element_at } => (grid, Some(element_at)),
+            ZoneLayout::Free(bins) => {
                 let [column, row] = bins.square([x, y]);
                 // On the border of an element round-off decides: a point there belongs to it.
                 let near = |v: f64| (-1e-9..=1.0 + 1e-9).contains(&v);
@@ -403,7 +407,7 @@ impl<U: Length> Mesh<U> {
         if let Some(found) = self.locate(zone, x, y) {
             return found;
         }
-        if let Layout::Whole(grid) = &self.layouts[zone] {
+        if let ZoneLayout::Whole(grid) = &self.layouts[zone] {
             let ([i, j], [xi, eta]) = grid.cell(x, y);
             return (self.first_element[zone] + j * grid.nx + i, xi, eta);
         }

@@ -46,7 +46,7 @@ const ROOM_AHEAD: usize = 64;
 #[derive(Debug)]
 pub struct StoreWriter {
     folder: Arc<Folder>,
-    series: Mutex<Series>,
+    series: Mutex<ByFrame>,
     mesh: Arc<Mesh<Px>>,
     status: Array<Folder>,
     /// Those that the store has, in the order of [`Variable::ALL`].
@@ -55,7 +55,7 @@ pub struct StoreWriter {
 
 /// What a store says of its frames.
 #[derive(Debug)]
-struct Series {
+struct ByFrame {
     attributes: Attributes,
     /// Length of the arrays by frame: not below the number of frames.
     room: usize,
@@ -117,7 +117,7 @@ impl StoreWriter {
         let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
         let status = Form::status(n_frames).open(&folder)?;
         let room = status.shape()[0] as usize;
-        Ok(Self { folder, series: Mutex::new(Series { attributes, room }), mesh, status, variables })
+        Ok(Self { folder, series: Mutex::new(ByFrame { attributes, room }), mesh, status, variables })
     }
 
     /// Adds frames to the end of the series; `case` is the text of its `run.toml` with them. Only then they can be written:
@@ -144,7 +144,7 @@ impl StoreWriter {
         Ok(())
     }
 
-    fn series(&self) -> MutexGuard<'_, Series> {
+    fn series(&self) -> MutexGuard<'_, ByFrame> {
         self.series.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
