@@ -5,7 +5,7 @@
 
 use quadrille::linalg::{BlockMatrix, Cholesky, LuChoice, LuPlan, Pattern, dissection};
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
-use quadrille::mechanics::element::Q4;
+use quadrille::mechanics::element::{ElementVector, Q4};
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
 use std::sync::Arc;
@@ -161,7 +161,7 @@ fn cholesky(mesh: &JointMesh, prescribed: &[u32], repeats: usize) -> (f64, f64) 
         .iter()
         .map(|corners| {
             let element = Q4::new(corners.map(|node| mesh.nodes()[node as usize])).expect("an element");
-            let full = element.tangent(&*law, &[0.0; 8]).1;
+            let full = element.tangent(&*law, &ElementVector::zeros()).1;
             let mut upper = [0.0; 36];
             let mut at = 0;
             for row in 0..8 {
@@ -170,7 +170,7 @@ fn cholesky(mesh: &JointMesh, prescribed: &[u32], repeats: usize) -> (f64, f64) 
                     upper[at] = match held {
                         true if row == column => 1.0,
                         true => 0.0,
-                        false => full[row][column],
+                        false => full[(row, column)],
                     };
                     at += 1;
                 }

@@ -1,6 +1,6 @@
 //! What quadrille writes for other programs reads back as it was.
 
-use quadrille::field::{Measurement, ModelError, Status, Strain, StrainDefinition, StrainField};
+use quadrille::field::{Measurement, ModelError, Status, StrainDefinition, StrainField, TensorStrain};
 use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
 use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -61,7 +61,7 @@ fn a_table_of_displacements_reads_back_to_the_same_bits() {
             assert_eq!(row.px.position, measurement.mesh.nodes()[row.node]);
             assert_eq!(row.px.displacement, measurement.displacement[row.node]);
             assert_eq!(row.px.sigma.map(|v| v as f32), measurement.sigma[row.node].map(|v| v as f32));
-            let strain = |Strain(e)| e.map(|e: f64| e as f32);
+            let strain = |strain: TensorStrain| strain.components().map(|e| e as f32);
             assert_eq!(row.strain.map(strain), strains().nodes[row.node].map(strain));
             assert_eq!(row.mm.is_some(), pixel_size.is_some());
             if let Some(mm) = row.mm {
@@ -257,8 +257,10 @@ fn a_grid_reads_back_in_meshio_to_the_same_bits() {
     let short_spatial = |pairs: Vec<[f64; 2]>| {
         json!(pairs.iter().map(|v| [v[0], v[1], 0.0].map(|v| (v as f32).to_bits())).collect::<Vec<_>>())
     };
-    let strain_bits = |strains: &[Option<Strain>]| {
-        let of = |strain: &Option<Strain>| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32));
+    let strain_bits = |strains: &[Option<TensorStrain>]| {
+        let of = |strain: &Option<TensorStrain>| {
+            strain.map_or([f32::NAN; 3], |strain| strain.components().map(|e| e as f32))
+        };
         json!(strains.iter().map(|strain| of(strain).map(f32::to_bits)).collect::<Vec<_>>())
     };
     assert_eq!(read["cell_type"], "quad");

@@ -39,8 +39,9 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 19] = [
+const HOMES: [Home; 20] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
+    Home { what: "the crate nalgebra", named_by: |s, at| s.names_crate(at, "nalgebra"), places: &["mechanics/"] },
     Home {
         what: "the crate rustfft",
         named_by: |s, at| s.names_crate(at, "rustfft"),

@@ -80,7 +80,7 @@ fn points_and_lines_are_exact_on_affine_fields() {
                     assert!(there.sigma[c] > 0.003 && there.sigma[c] <= 0.01, "{:?} at {s}", there.sigma);
                 }
                 for k in 0..3 {
-                    assert_near(strain.0[k], want.0[k], 1e-12, "strain");
+                    assert_near(strain.components()[k], want.components()[k], 1e-12, "strain");
                     assert!(sigma[k] > 1e-5 && sigma[k] < 1e-3, "{sigma:?} at {s}");
                 }
             }
@@ -100,7 +100,10 @@ fn a_point_on_a_node_reads_what_the_node_has() {
             let want = strains.nodes[node].unwrap();
             assert!((0..2).all(|c| (there.displacement[c] - field.displacement[node][c]).abs() < 1e-14));
             assert!((0..2).all(|c| (there.sigma[c] - field.sigma[node][c]).abs() < 1e-14));
-            assert!((0..3).all(|k| (there.strain.unwrap().0.0[k] - want.0[k]).abs() < 1e-12), "node {node}");
+            assert!(
+                (0..3).all(|k| (there.strain.unwrap().0.components()[k] - want.components()[k]).abs() < 1e-12),
+                "node {node}"
+            );
         }
     }
 }
@@ -116,7 +119,7 @@ fn outside_and_unmeasured_places_have_no_value() {
         assert!(at(nowhere).is_none(), "{nowhere:?}");
     }
     let next = at([27.0, 15.0]).unwrap(); // the element beside; its strain uses what is measured
-    assert_near(next.strain.unwrap().0.0[0], 1.0, 1e-12, "strain");
+    assert_near(next.strain.unwrap().0.xx, 1.0, 1e-12, "strain");
     let read = |from, to, width| Extensometer::new(from, to, width).unwrap().read(&field, &noise);
     assert!(read([15.0, 15.0], [60.0, 60.0], 0.0).is_none());
     assert!(read([50.0, 50.0], [300.0, 50.0], 0.0).is_none());
@@ -193,7 +196,7 @@ fn rigid_motion_is_removed_exactly_together_and_by_zone() {
     assert_eq!((removed.len(), removed[0].zone), (1, None));
     let [before, after] = [&bent, &left].map(|field| StrainField::of(field, StrainDefinition::GreenLagrange));
     for (a, b) in before.nodes.iter().zip(&after.nodes) {
-        assert!((0..3).all(|k| (a.unwrap().0[k] - b.unwrap().0[k]).abs() < 1e-12));
+        assert!((0..3).all(|k| (a.unwrap().components()[k] - b.unwrap().components()[k]).abs() < 1e-12));
     }
     let [again, _] = [RemoveRigid::All, RemoveRigid::Zone].map(|which| remove_rigid(&left, which).1[0]);
     assert!(again.motion.rotation_rad.abs() < 1e-12 && again.largest < 1e-10, "{again:?}");
@@ -477,7 +480,7 @@ fn printed_uncertainty_of_quantities_is_their_scatter() {
                 let (strain, sigma) = strain.unwrap();
                 // On a border exx and eyy differ: along and across.
                 for (k, name) in ["exx", "eyy", "exy"].into_iter().enumerate() {
-                    found.add(&format!("{name}, {what}"), strain.0[k], sigma[k]);
+                    found.add(&format!("{name}, {what}"), strain.components()[k], sigma[k]);
                 }
             }
             for (width, what) in [(0.0, "extensometer"), (40.0, "extensometer, gauge lines")] {

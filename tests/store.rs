@@ -3,7 +3,7 @@
 mod program;
 
 use program::{Desk, INSIDE, moved};
-use quadrille::field::{Measurement, ModelError, Status, Strain, StrainDefinition, StrainField};
+use quadrille::field::{Measurement, ModelError, Status, StrainDefinition, StrainField, TensorStrain};
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
@@ -149,8 +149,8 @@ fn fields_and_header_read_back_to_the_same_bits() {
             assert_eq!(residual, wanted.element_residual.iter().map(|&v| short(v)).collect::<Vec<_>>());
             let (read, wanted) = (store.strain(number).unwrap().unwrap(), strain(&wanted));
             assert_eq!((read.definition, read.length_px), (wanted.definition, wanted.length_px));
-            let rounded = |all: &[Option<Strain>]| -> Vec<_> {
-                all.iter().map(|strain| strain.map(|Strain(e)| e.map(short))).collect()
+            let rounded = |all: &[Option<TensorStrain>]| -> Vec<_> {
+                all.iter().map(|strain| strain.map(|strain| strain.components().map(short))).collect()
             };
             assert_eq!(rounded(&read.elements), rounded(&wanted.elements));
             assert_eq!(rounded(&read.nodes), rounded(&wanted.nodes));
@@ -715,7 +715,7 @@ fn a_run_writes_the_store_and_exports_from_it_are_those_of_the_run() {
     assert_eq!(made, of_run);
     // The strains are there: the motion is a translation.
     let row = &desk.rows("again/csv/000001.csv")[0];
-    assert!(row.strain.unwrap().0.iter().all(|e| e.abs() < 0.01), "{row:?}");
+    assert!(row.strain.unwrap().components().iter().all(|e| e.abs() < 0.01), "{row:?}");
 }
 
 #[test]

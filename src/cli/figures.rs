@@ -24,7 +24,7 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
-    let series = Series::new(&store, options(args, store.header()), args.scale, args.talk.quiet);
+    let series = RunFigures::new(&store, options(args, store.header()), args.scale, args.talk.quiet);
     series.draw(&numbers, &folder, args.threads.threads)?;
     let complete = n_without == 0 || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
@@ -36,7 +36,7 @@ pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet:
     let (numbers, _) = frames.with_field(&store, quiet)?;
     let header = store.header();
     let options = of_header(header, FigureOptions { strain: header.strain, ..FigureOptions::default() });
-    Series::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
+    RunFigures::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
 }
 
 /// What is drawn, from the arguments and from what the run says.
@@ -69,7 +69,7 @@ fn of_header(header: &StoreHeader, options: FigureOptions) -> FigureOptions {
 }
 
 /// The frames of a run, and what their figures share.
-struct Series<'a> {
+struct RunFigures<'a> {
     store: &'a Store,
     options: FigureOptions,
     reference: Backdrop,
@@ -78,7 +78,7 @@ struct Series<'a> {
     quiet: bool,
 }
 
-impl<'a> Series<'a> {
+impl<'a> RunFigures<'a> {
     fn new(store: &'a Store, options: FigureOptions, ratio: u32, quiet: bool) -> Self {
         let header = store.header();
         let page = Record::of(header).page();

@@ -4,7 +4,7 @@ use super::error::{CorrelationError, TextureFault};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
 use super::level::{Level, elimination_order, support};
 use super::options::Options;
-use super::regularisation::{Regularisation, Regulariser, Texture};
+use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use super::texture::{faults, least_determined, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, KernelOptions};
@@ -64,7 +64,7 @@ pub(super) fn finest_level<B: Backend>(
             let spread_of = |solver: &Solver, regulariser: Option<&Regulariser>| {
                 spread_of(backend.host_isa(), &mesh, solver, regulariser, &masses, &taken_off)
             };
-            let texture = Texture { matrix: &matrix, support: &support, seen: &seen };
+            let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &seen };
             let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &active, &texture);
             let (solver, spread, has_factor) = match &regulariser {
                 Some(regulariser) => match regulariser.solver(matrix.clone()) {

@@ -1,7 +1,7 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its factor.
 
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
-use super::regularisation::{Regularisation, Regulariser, Texture};
+use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place};
 use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
@@ -114,7 +114,7 @@ impl<B: Backend> Level<B> {
         let lambda = noise.lambda(options.interpolation);
         let mut matrix = step_matrix(&mesh, &pattern, &moments, options, lambda);
         let active = vec![true; mesh.n_elements()];
-        let texture = Texture { matrix: &matrix, support: &support, seen: &keep };
+        let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &keep };
         let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
         if let Some(regulariser) = regulariser
             && let Ok(solver) = regulariser.solver(matrix.clone())

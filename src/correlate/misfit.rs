@@ -34,7 +34,7 @@ const OUTLYING: f64 = 3.5;
 
 /// What the test knows of an element before any frame.
 #[derive(Debug, Clone, Copy)]
-struct Texture {
+struct ElementTexture {
     /// Mean square of each component of the gradient, (grey levels per px)^2.
     gradient: [f64; 2],
     /// Mean grey level.
@@ -44,7 +44,7 @@ struct Texture {
 /// The elements of a reference as the test sees them.
 #[derive(Debug)]
 pub(super) struct MisfitTest {
-    texture: Vec<Texture>,
+    texture: Vec<ElementTexture>,
     /// Elements around each node.
     around: Vec<f64>,
     gradient_noise_gain: f64,
@@ -116,7 +116,7 @@ impl MisfitTest {
             .iter()
             .map(|m| {
                 let n = m.n.max(1.0);
-                Texture { gradient: [m.gradient_power(0) / n, m.gradient_power(2) / n], grey: m.f / n }
+                ElementTexture { gradient: [m.gradient_power(0) / n, m.gradient_power(2) / n], grey: m.f / n }
             })
             .collect();
         let mut around = vec![0.0; mesh.n_nodes()];
@@ -193,7 +193,7 @@ impl MisfitTest {
         let transfer = frame.transfer[mesh.element_zone()[element] as usize];
         let gain = gain.of_pair(u, transfer);
         let y = found.residual_rms.powi(2) * found.n / n / gain;
-        let Texture { gradient, grey } = self.texture[element];
+        let ElementTexture { gradient, grey } = self.texture[element];
         let known = n >= 4.0 && y.is_finite() && gain.is_finite() && gain > 0.0;
         known.then(|| Seen { element, n, gain, y, grey, x: 0.5 * (gradient[0] + gradient[1]) / gain })
     }

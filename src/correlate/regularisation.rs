@@ -3,7 +3,7 @@
 use super::error::CorrelationError;
 use crate::field::RegularisationKind;
 use crate::linalg::{BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, Spread, dissection, spread};
-use crate::mesh::Mesh;
+use crate::mesh::{ElementGeometry, GAUSS_POINTS, GAUSS_WEIGHT, Mesh, shape_functions};
 use crate::units::Px;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -150,7 +150,7 @@ pub(super) struct Regulariser {
 }
 
 /// What the penalty is scaled to: the normal matrix of the level.
-pub(super) struct Texture<'a> {
+pub(super) struct PenaltyScale<'a> {
     pub matrix: &'a BlockMatrix,
     /// Sum of psi^2 of each node.
     pub support: &'a [f64],
@@ -168,7 +168,7 @@ impl Regulariser {
         mesh: &Mesh<Px>,
         pattern: &Arc<Pattern>,
         active: &[bool],
-        texture: &Texture<'_>,
+        texture: &PenaltyScale<'_>,
     ) -> Option<Self> {
         if regularisation == Regularisation::None {
             return None;
@@ -191,7 +191,7 @@ impl Regulariser {
 }
 
 /// `g^2` of each zone: `sum M_ii / (2 sum psi^2)` over the nodes that see texture, or over all if none does.
-fn mean_square_gradient(mesh: &Mesh<Px>, texture: &Texture<'_>) -> Vec<f64> {
+fn mean_square_gradient(mesh: &Mesh<Px>, texture: &PenaltyScale<'_>) -> Vec<f64> {
     (0..mesh.zones().len())
         .map(|zone| {
             let any = mesh.zone_nodes(zone).any(|node| texture.seen[node]);
@@ -206,9 +206,6 @@ fn mean_square_gradient(mesh: &Mesh<Px>, texture: &Texture<'_>) -> Vec<f64> {
         .collect()
 }
 
-/// The places of an element's nodes; in a triangle the last two are equal.
-struct Corners([[f64; 2]; 4]);
-
 /// A point of the 2 x 2 Gauss rule.
 struct GaussPoint {
     /// Area that it stands for.
@@ -218,42 +215,23 @@ struct GaussPoint {
     gradient: [[f64; 2]; 4],
 }
 
-impl Corners {
-    /// The points of the 2 x 2 Gauss rule; exact for what is integrated here on parallelograms. In a triangle, where
-    /// two corners fall together, the shape functions of both add up to the third linear one.
-    fn gauss_points(&self) -> impl Iterator<Item = GaussPoint> {
-        let [low, high] = [-1.0, 1.0].map(|sign: f64| 0.5 + sign * (1.0 / 12f64).sqrt());
-        let corners = self.0;
-        [(low, low), (high, low), (high, high), (low, high)].into_iter().filter_map(move |(xi, eta)| {
-            let by_xi = [eta - 1.0, 1.0 - eta, eta, -eta];
-            let by_eta = [xi - 1.0, -xi, xi, 1.0 - xi];
-            let mut map = [[0.0; 2]; 2];
-            for k in 0..4 {
-                for axis in 0..2 {
-                    map[axis][0] += corners[k][axis] * by_xi[k];
-                    map[axis][1] += corners[k][axis] * by_eta[k];
-                }
-            }
-            let determinant = map[0][0] * map[1][1] - map[0][1] * map[1][0];
-            if determinant == 0.0 {
-                return None; // an element without area holds nothing
-            }
-            let gradient = std::array::from_fn(|k| {
-                [
-                    (by_xi[k] * map[1][1] - by_eta[k] * map[1][0]) / determinant,
-                    (by_eta[k] * map[0][0] - by_xi[k] * map[0][1]) / determinant,
-                ]
-            });
-            let shape = crate::mesh::shape_functions(xi, eta);
-            Some(GaussPoint { area: 0.25 * determinant.abs(), shape, gradient })
+/// The points of the 2 x 2 Gauss rule; exact for what is integrated here on parallelograms. An element without area holds
+/// nothing.
+fn gauss_points(element: &ElementGeometry) -> impl Iterator<Item = GaussPoint> {
+    GAUSS_POINTS.into_iter().filter_map(move |at| {
+        let map = element.map_at(at);
+        (map.determinant != 0.0).then(|| GaussPoint {
+            area: GAUSS_WEIGHT * map.determinant.abs(),
+            shape: shape_functions(at[0], at[1]),
+            gradient: map.gradients(),
         })
-    }
+    })
 }
 
 /// An element matrix from its block of every pair of corners, at each Gauss point.
-fn element_matrix(corners: &Corners, block: impl Fn(&GaussPoint, usize, usize) -> [f64; 4]) -> ElementMatrix {
+fn element_matrix(shape: &ElementGeometry, block: impl Fn(&GaussPoint, usize, usize) -> [f64; 4]) -> ElementMatrix {
     let mut matrix = [0.0; 36];
-    for point in corners.gauss_points() {
+    for point in gauss_points(shape) {
         let mut at = 0;
         for i in 0..8 {
             for j in i..8 {
@@ -270,20 +248,19 @@ fn assemble(
     mesh: &Mesh<Px>,
     pattern: &Arc<Pattern>,
     active: &[bool],
-    element: impl Fn(usize, &Corners) -> ElementMatrix,
+    element: impl Fn(usize, &ElementGeometry) -> ElementMatrix,
 ) -> BlockMatrix {
     let elements = mesh.elements();
-    let matrices: Vec<ElementMatrix> = (0..elements.len())
-        .map(|at| if active[at] { element(at, &Corners(mesh.corners(at))) } else { [0.0; 36] })
-        .collect();
+    let matrices: Vec<ElementMatrix> =
+        (0..elements.len()).map(|at| if active[at] { element(at, &mesh.geometry(at)) } else { [0.0; 36] }).collect();
     BlockMatrix::assemble(pattern, elements, &matrices)
 }
 
 /// `w` times the integral of `grad psi_i . grad psi_j`, for both components alike; `weight` per zone.
 fn laplacian(mesh: &Mesh<Px>, pattern: &Arc<Pattern>, active: &[bool], weight: &[f64]) -> BlockMatrix {
-    assemble(mesh, pattern, active, |at, corners| {
+    assemble(mesh, pattern, active, |at, shape| {
         let weight = weight[mesh.element_zone()[at] as usize];
-        element_matrix(corners, |point, i, j| {
+        element_matrix(shape, |point, i, j| {
             let ([ax, ay], [bx, by]) = (point.gradient[i], point.gradient[j]);
             let product = weight * (ax * bx + ay * by);
             [product, 0.0, 0.0, product]
@@ -314,8 +291,8 @@ fn equilibrium_gap(
     // Plane stress over the shear modulus: sigma_xx = c eps_xx + poisson c eps_yy, sigma_xy = 2 eps_xy.
     let normal = 2.0 / (1.0 - poisson);
     let cross = poisson * normal;
-    let stiffness = assemble(mesh, pattern, active, |_, corners| {
-        element_matrix(corners, |point, i, j| {
+    let stiffness = assemble(mesh, pattern, active, |_, shape| {
+        element_matrix(shape, |point, i, j| {
             let ([ax, ay], [bx, by]) = (point.gradient[i], point.gradient[j]);
             [
                 normal * ax * bx + ay * by,
@@ -327,7 +304,7 @@ fn equilibrium_gap(
     });
     let mut area = vec![0.0; mesh.n_nodes()];
     for at in (0..mesh.n_elements()).filter(|&at| active[at]) {
-        for point in Corners(mesh.corners(at)).gauss_points() {
+        for point in gauss_points(&mesh.geometry(at)) {
             for (&node, psi) in mesh.elements()[at].iter().zip(point.shape) {
                 area[node as usize] += point.area * psi;
             }

@@ -1,7 +1,7 @@
 //! A measured displacement field.
 
 use crate::mesh::Mesh;
-use crate::units::Length;
+use crate::units::{Length, Mm, PixelSize, Px, Vector};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
@@ -130,6 +130,30 @@ pub struct Measurement<U: Length> {
     /// What the field may be off beyond noise, in `U`; `None` where nothing made an estimate, as in stores of earlier
     /// versions.
     pub model_error: Option<ModelError>,
+}
+
+impl Measurement<Px> {
+    /// The same field on the specimen, in mm with y up, on `mesh`: this field's own mesh after [`Mesh::to_mm`].
+    ///
+    /// # Panics
+    /// When `mesh` has another number of nodes.
+    pub fn to_mm(&self, mesh: &Arc<Mesh<Mm>>, scale: PixelSize) -> Measurement<Mm> {
+        assert_eq!(mesh.n_nodes(), self.displacement.len(), "the mesh of the field");
+        let size = |px: &f64| scale.mm_from_px(*px);
+        let sizes = |list: &[[f64; 2]]| list.iter().map(|v| v.each_ref().map(size)).collect();
+        Measurement {
+            mesh: Arc::clone(mesh),
+            status: self.status,
+            displacement: self.displacement.iter().map(|&u| scale.to_mm(Vector::new(u)).components()).collect(),
+            sigma: sizes(&self.sigma),
+            measured: self.measured.clone(),
+            element_residual: self.element_residual.clone(),
+            model_error: self.model_error.as_ref().map(|error| ModelError {
+                nodes: sizes(&error.nodes),
+                misfit: error.misfit.iter().map(size).collect(),
+            }),
+        }
+    }
 }
 
 impl<U: Length> Measurement<U> {

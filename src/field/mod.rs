@@ -17,5 +17,5 @@ pub use quantities::{
 };
 pub use rigid::RigidMotion;
 pub use strain::{
-    ELEMENT_NOISE, NODE_NOISE, Strain, StrainDefinition, StrainField, element_strain_sigma, node_strain_sigma,
+    ELEMENT_NOISE, NODE_NOISE, StrainDefinition, StrainField, TensorStrain, element_strain_sigma, node_strain_sigma,
 };

@@ -5,7 +5,7 @@
 //! small strains: half the change of a right angle.
 
 use super::{Measurement, UnknownChoice};
-use crate::mesh::Mesh;
+use crate::mesh::{CORNERS, ElementGeometry, LocalMap, Mesh};
 use crate::units::Length;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -87,10 +87,10 @@ impl StrainDefinition {
     /// ```
     /// use quadrille::field::StrainDefinition;
     /// let stretch = [[0.5, 0.0], [0.0, 0.0]];
-    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().0[0], 0.625); // (1.5^2 - 1)/2
-    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().0[0] - 1.5f64.ln()).abs() < 1e-15);
+    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().xx, 0.625); // (1.5^2 - 1)/2
+    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().xx - 1.5f64.ln()).abs() < 1e-15);
     /// ```
-    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<Strain> {
+    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<TensorStrain> {
         let [[xx, xy], [yx, yy]] = gradient;
         let det = 1.0 + (xx + yy) + (xx * yy - xy * yx);
         // Written so that NaN is refused as well.
@@ -110,7 +110,7 @@ impl StrainDefinition {
             StrainDefinition::GreenLagrange => green(),
             StrainDefinition::Hencky => half_log_of_one_plus_twice(green()),
         };
-        strain.iter().all(|e| e.is_finite()).then_some(Strain(strain))
+        strain.iter().all(|e| e.is_finite()).then(|| TensorStrain::of_components(strain))
     }
 }
 
@@ -146,12 +146,30 @@ impl FromStr for StrainDefinition {
     }
 }
 
-/// A strain: `exx`, `eyy`, `exy`, with the **tensor** shear; no unit. x to the right, y down.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Strain(
-    /// `exx`, `eyy`, `exy`.
-    pub [f64; 3],
-);
+/// A strain with the **tensor** shear, half the change of a right angle; no unit. x to the right, y down.
+///
+/// The laws of the mechanics take an [`EngineeringStrain`](crate::mechanics::substrate::EngineeringStrain).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TensorStrain {
+    /// `exx`, along x.
+    pub xx: f64,
+    /// `eyy`, along y.
+    pub yy: f64,
+    /// `exy`, the shear of the tensor.
+    pub xy: f64,
+}
+
+impl TensorStrain {
+    /// `[exx, eyy, exy]`, as files have it.
+    pub fn components(self) -> [f64; 3] {
+        [self.xx, self.yy, self.xy]
+    }
+
+    /// From `[exx, eyy, exy]`.
+    pub fn of_components([xx, yy, xy]: [f64; 3]) -> Self {
+        Self { xx, yy, xy }
+    }
+}
 
 /// `sigma_exx l / sigma_ux` of an element far from the borders, 0.963: see [`element_strain_sigma`].
 pub const ELEMENT_NOISE: f64 = 0.963_433_044_002_285;
@@ -192,9 +210,9 @@ pub struct StrainField {
     /// How they are made.
     pub definition: StrainDefinition,
     /// At the centre of each element; `None` where one of its nodes is not measured or the field folds.
-    pub elements: Vec<Option<Strain>>,
+    pub elements: Vec<Option<TensorStrain>>,
     /// At each node; `None` where it is not measured, has no element with all nodes measured, or the field folds.
-    pub nodes: Vec<Option<Strain>>,
+    pub nodes: Vec<Option<TensorStrain>>,
     /// Length over which the strain of an element is measured: the root of the mean area of the elements, px
     /// (in the unit of the mesh). The strains of nodes have twice that.
     pub length_px: f64,
@@ -215,7 +233,7 @@ impl StrainField {
     /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
     /// #     element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
     /// let strain = StrainField::of(&measurement, StrainDefinition::GreenLagrange); // stretched by 1 % along x
-    /// assert!((strain.elements[0].unwrap().0[0] - 0.01005).abs() < 1e-12);
+    /// assert!((strain.elements[0].unwrap().xx - 0.01005).abs() < 1e-12);
     /// assert_eq!(strain.length_px, 16.0);
     /// ```
     pub fn of<U: Length>(measurement: &Measurement<U>, definition: StrainDefinition) -> Self {
@@ -223,7 +241,7 @@ impl StrainField {
         let mut elements = vec![None; mesh.n_elements()];
         let mut sums = vec![([[0.0; 2]; 2], 0.0); mesh.n_nodes()];
         for (element, strain) in elements.iter_mut().enumerate() {
-            let geometry = ElementGeometry::new(mesh, element);
+            let geometry = StrainElement::new(mesh, element);
             let nodes = geometry.nodes;
             if !nodes.iter().all(|&node| measurement.measured[node]) {
                 continue;
@@ -249,84 +267,44 @@ impl StrainField {
     }
 }
 
-/// The shape of one element: a quadrilateral, or a triangle whose last two nodes are one.
-pub(super) struct ElementGeometry {
+/// One element of a mesh as gradients are taken in it.
+pub(super) struct StrainElement {
     pub nodes: [usize; 4],
     /// Positive whatever the sense in which the nodes are numbered.
     pub area: f64,
-    at: [[f64; 2]; 4],
+    shape: ElementGeometry,
 }
 
-impl ElementGeometry {
+impl StrainElement {
     pub fn new<U: Length>(mesh: &Mesh<U>, element: usize) -> Self {
-        let nodes = mesh.elements()[element].map(|node| node as usize);
-        let at = mesh.corners(element);
-        let [p, q] = [[0, 2], [1, 3]].map(|[a, b]| [at[b][0] - at[a][0], at[b][1] - at[a][1]]);
-        Self { nodes, at, area: 0.5 * (p[0] * q[1] - p[1] * q[0]).abs() }
-    }
-
-    pub fn is_triangle(&self) -> bool {
-        self.nodes[2] == self.nodes[3]
+        let shape = mesh.geometry(element);
+        Self { nodes: mesh.elements()[element].map(|node| node as usize), area: shape.area(), shape }
     }
 
     /// Its corners, and the local coordinates at which their gradient is taken.
     pub fn corners(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         // A triangle has one gradient; in its doubled corner the map of the quadrilateral is singular.
-        let triangle = self.is_triangle();
-        let places = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        places
-            .into_iter()
-            .enumerate()
-            .take(if triangle { 3 } else { 4 })
-            .map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
+        let triangle = self.nodes[2] == self.nodes[3];
+        let places = CORNERS.into_iter().enumerate().take(if triangle { 3 } else { 4 });
+        places.map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
     }
 
-    /// Derivatives of the shape functions by (xi, eta).
-    fn by_local([xi, eta]: [f64; 2]) -> [[f64; 2]; 4] {
-        [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]]
+    /// The map at local coordinates; `None` where the element is too flat for a gradient. Relative to the area: units do
+    /// not matter. NaN is flat as well.
+    fn map_at(&self, at: [f64; 2]) -> Option<LocalMap> {
+        let map = self.shape.map_at(at);
+        (map.determinant.abs() > 1e-9 * self.area).then_some(map)
     }
 
-    /// Derivatives by (xi, eta) of what has these `values` at the corners.
-    fn derivatives(values: &[[f64; 2]; 4], by_local: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
-        [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| values[i][c] * by_local[i][k]).sum()))
-    }
-
-    /// Derivatives of (x, y) by (xi, eta), and their determinant.
-    fn map(&self, by_local: &[[f64; 2]; 4]) -> ([[f64; 2]; 2], f64) {
-        let by = Self::derivatives(&self.at, by_local);
-        (by, by[0][0] * by[1][1] - by[0][1] * by[1][0])
-    }
-
-    /// Whether a determinant is too small for a gradient. Relative to the area: units do not matter. NaN is flat as
-    /// well.
-    fn is_flat(&self, determinant: f64) -> bool {
-        determinant.is_nan() || determinant.abs() <= 1e-9 * self.area
-    }
-
-    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates (0..1) of the field with the values `u` at the
-    /// corners; `None` where the element is flat.
+    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates of the field with the values `u` at the corners;
+    /// `None` where the element is flat.
     fn gradient_of(&self, u: &[[f64; 2]; 4], at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
-        let by_local = Self::by_local(at);
-        let ([[xx, xe], [yx, ye]], determinant) = self.map(&by_local);
-        if self.is_flat(determinant) {
-            return None;
-        }
-        let inverse = 1.0 / determinant;
-        let u = Self::derivatives(u, &by_local);
-        Some(u.map(|[by_xi, by_eta]| [(by_xi * ye - by_eta * yx) * inverse, (by_eta * xx - by_xi * xe) * inverse]))
+        self.map_at(at).map(|map| map.gradient_of(u))
     }
 
-    /// Determinant of the map from local coordinates (0..1).
-    pub fn jacobian(&self, at: [f64; 2]) -> f64 {
-        self.map(&Self::by_local(at)).1
-    }
-
-    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates (0..1); `None` where the element is flat.
+    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates; `None` where the element is flat.
     pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
-        let by_local = Self::by_local(at);
-        let ([[xx, xe], [yx, ye]], det) = self.map(&by_local);
-        let by = |[by_xi, by_eta]: [f64; 2]| [(by_xi * ye - by_eta * yx) / det, (by_eta * xx - by_xi * xe) / det];
-        (!self.is_flat(det)).then(|| by_local.map(by))
+        self.map_at(at).map(|map| map.gradients())
     }
 }
 

@@ -190,7 +190,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
             let g = Dense::from_fn(n, 2, |k, d| {
                 let direct = at_fixed_jump[problem.unknowns.list()[k].index];
                 slopes[k] * [direct.normal, direct.tangential][d]
-                    + (0..2).map(|c| tangent[d][c] * by_z(c)[k]).sum::<f64>()
+                    + (0..2).map(|c| tangent[(d, c)] * by_z(c)[k]).sum::<f64>()
             });
             let through = covariance.times(&g);
             let own = errors.own[pair];
@@ -199,7 +199,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
                 .map(|effect| {
                     let (moved, change) = (effect.jumps[i][pair], law_change(problem, effect, &at_fixed_jump));
                     [0, 1].map(|d| {
-                        let by_jump = tangent[d][0] * moved.normal + tangent[d][1] * moved.tangential;
+                        let by_jump = tangent[(d, 0)] * moved.normal + tangent[(d, 1)] * moved.tangential;
                         dot(g.column(d), &effect.scaled) + [change.normal, change.tangential][d] + by_jump
                     })
                 })
@@ -208,8 +208,8 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
                 let cross = |c: usize| dot(g.column(d), errors.cross.column(2 * pair + c));
                 let mut variance = dot(g.column(d), through.column(d));
                 for c in 0..2 {
-                    variance += 2.0 * tangent[d][c] * cross(c);
-                    variance += (0..2).map(|e| tangent[d][c] * own[c][e] * tangent[d][e]).sum::<f64>();
+                    variance += 2.0 * tangent[(d, c)] * cross(c);
+                    variance += (0..2).map(|e| tangent[(d, c)] * own[c][e] * tangent[(d, e)]).sum::<f64>();
                 }
                 let of_constants: f64 = by_constant.iter().map(|by| by[d] * by[d]).sum();
                 (variance.max(0.0) + of_constants).sqrt()
@@ -236,7 +236,7 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
                     let t = draws.laws[k].response(there).traction;
                     for (d, error) in [t.normal - here.normal, t.tangential - here.tangential].into_iter().enumerate() {
                         let of_constants: f64 = off.iter().zip(&by_constant).map(|(off, by)| off * by[d]).sum();
-                        let of_noise = dot(g.column(d), e) + tangent[d][0] * w[0] + tangent[d][1] * w[1];
+                        let of_noise = dot(g.column(d), e) + tangent[(d, 0)] * w[0] + tangent[(d, 1)] * w[1];
                         list[2 * d].push(error);
                         list[2 * d + 1].push(of_noise + of_constants);
                     }
@@ -247,8 +247,8 @@ pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
             if let Some(finer) = finer {
                 let there = finer.jumps[observed.index][pair];
                 let moved = |d: usize| {
-                    let by_jump = tangent[d][0] * (there.normal - jump.normal)
-                        + tangent[d][1] * (there.tangential - jump.tangential);
+                    let by_jump = tangent[(d, 0)] * (there.normal - jump.normal)
+                        + tangent[(d, 1)] * (there.tangential - jump.tangential);
                     by_jump + dot(g.column(d), &finer.scaled)
                 };
                 for (d, sides) in reaches.iter_mut().enumerate() {

@@ -13,20 +13,18 @@ pub struct Derived {
     pub value: f64,
 }
 
-/// Peaks and initial stiffnesses of a law; for the laws with `phi_n` also `phi_t`, the work of separation in sliding.
+/// Peaks and initial stiffnesses of a law; `phi_t`, the work of separation in sliding, of laws that it is no parameter of.
 pub fn derived(law: &dyn CohesiveLaw) -> Vec<Derived> {
-    let values = law.values();
-    let of = |name: &str| law.parameters().iter().position(|p| p.name == name).map(|k| values[k]);
-    let (peak, [[normal, _], [_, tangential]]) = (law.peak(), law.response(Jump::default()).tangent);
+    let (peak, tangent) = (law.peak(), law.response(Jump::default()).tangent);
     let mut list = Vec::new();
-    if let (Some(phi_n), Some(ratio)) = (of("phi_n"), of("r").or(of("q"))) {
-        list.push(Derived { name: "phi_t", unit: "N/mm", value: ratio * phi_n });
+    if let Some(value) = law.sliding_work() {
+        list.push(Derived { name: "phi_t", unit: "N/mm", value });
     }
     list.extend([
         Derived { name: "T_n_max", unit: "MPa", value: peak.normal },
         Derived { name: "T_t_max", unit: "MPa", value: peak.tangential },
-        Derived { name: "initial_normal_stiffness", unit: "MPa/mm", value: normal },
-        Derived { name: "initial_tangential_stiffness", unit: "MPa/mm", value: tangential },
+        Derived { name: "initial_normal_stiffness", unit: "MPa/mm", value: tangent.m11 },
+        Derived { name: "initial_tangential_stiffness", unit: "MPa/mm", value: tangent.m22 },
     ]);
     list
 }

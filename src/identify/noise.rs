@@ -1,7 +1,8 @@
 //! The noise of measured displacements, in space and time (THEORY 7).
 
 use crate::io::joint::RunMatrix;
-use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, dissection};
+use crate::linalg::{BlockMatrix, Cholesky, Dense, ElementMatrix, NotPositiveDefinite, Pattern, alike, dissection};
+use crate::mesh::ElementGeometry;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -179,25 +180,8 @@ impl Noise {
 
 /// The normal matrix of a texture that is the same everywhere: the integrals of the products of the shape functions.
 pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatrix {
-    let share = (1.0 / 3.0_f64).sqrt();
-    let points = [[-share, -share], [share, -share], [share, share], [-share, share]];
     let element_matrix = |corners: &[u32; 4]| -> ElementMatrix {
-        let at = corners.map(|node| nodes[node as usize]);
-        let area: f64 =
-            0.5 * ((at[2][0] - at[0][0]) * (at[3][1] - at[1][1]) - (at[3][0] - at[1][0]) * (at[2][1] - at[0][1])).abs();
-        let mut full = Dense::zeros(8, 8);
-        for point in points {
-            let psi = crate::mesh::shape_functions(0.5 + 0.5 * point[0], 0.5 + 0.5 * point[1]);
-            for a in 0..4 {
-                for b in 0..4 {
-                    for c in 0..2 {
-                        full[(2 * a + c, 2 * b + c)] += 0.25 * area * psi[a] * psi[b];
-                    }
-                }
-            }
-        }
-        let mut places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
-        std::array::from_fn(|_| places.next().map_or(0.0, |at| full[at]))
+        alike(ElementGeometry::new(corners.map(|node| nodes[node as usize])).mass_matrix(), 1.0)
     };
     RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(element_matrix).collect(), of_noise: Vec::new() }
 }

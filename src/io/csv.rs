@@ -1,6 +1,6 @@
 //! Displacement fields as tables of comma-separated values.
 
-use crate::field::{Measurement, Strain, StrainField};
+use crate::field::{Measurement, StrainField, TensorStrain};
 use crate::units::{PixelSize, Px};
 use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
 use std::io::{self, Read, Write};
@@ -71,7 +71,7 @@ pub struct DisplacementRow {
     /// The values in pixels.
     pub px: NodeValues,
     /// The strain, when the table has it and it is known at this node.
-    pub strain: Option<Strain>,
+    pub strain: Option<TensorStrain>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
     /// The values in millimetres, when the table was written with a pixel size.
@@ -149,7 +149,7 @@ pub fn write_displacements<W: Write>(
             ([x, y, ux, uy].map(mm), sigma.map(|v| mm(f64::from(v)) as f32))
         });
         let strain = strain.map(|field| match field.nodes[node] {
-            Some(Strain(e)) => e.map(|e| Some(e as f32)),
+            Some(strain) => strain.components().map(|e| Some(e as f32)),
             None => [None; 3],
         });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
@@ -229,11 +229,11 @@ fn values<const N: usize>(columns: &[Column], record: &StringRecord) -> Result<[
 }
 
 /// `None` where all cells are empty.
-fn strain_of(columns: &[Column], record: &StringRecord) -> Result<Option<Strain>, CsvError> {
+fn strain_of(columns: &[Column], record: &StringRecord) -> Result<Option<TensorStrain>, CsvError> {
     if columns.iter().all(|column| column.text(record).is_empty()) {
         return Ok(None);
     }
-    values(columns, record).map(|e| Some(Strain(e)))
+    values(columns, record).map(|e| Some(TensorStrain::of_components(e)))
 }
 
 fn row_error(error: ::csv::Error) -> CsvError {

@@ -6,7 +6,7 @@ mod write;
 pub use write::{WriteError, write_image};
 
 use super::tiff as tiff_pages;
-use raw::{Channels, Problem, Raw, check_size};
+use raw::{Channels, ImageFault, Raw, check_size};
 use crate::imaging::{Image, ImageError, Pixels};
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -212,20 +212,20 @@ impl PagedFile {
         Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white })
     }
 
-    fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, Problem> {
+    fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, ImageFault> {
         if self.pages.is_none() && matches!(self.format, Format::Tiff) {
             self.pages = Some(tiff_pages::PageList::of(&self.bytes)?);
         }
         Ok(self.pages.clone())
     }
 
-    fn decode(&mut self, page: usize) -> Result<(Raw, usize), Problem> {
+    fn decode(&mut self, page: usize) -> Result<(Raw, usize), ImageFault> {
         // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
         self.sha256.get_or_insert_with(|| sha256(&self.bytes));
         match (self.page_list()?, self.format) {
             (Some(list), _) => Ok((list.decode(&mut self.bytes, page)?, list.len())),
             (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format)?, 1)),
-            _ => Err(Problem::NoSuchPage { pages: 1 }),
+            _ => Err(ImageFault::NoSuchPage { pages: 1 }),
         }
     }
 }
@@ -260,14 +260,14 @@ fn unreadable(path: &Path, reason: io::Error) -> ReadError {
     }
 }
 
-fn named(problem: Problem, path: &Path, format: &'static str, page: usize) -> ReadError {
+fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) -> ReadError {
     let path = path.to_owned();
     match problem {
-        Problem::Truncated(what) => ReadError::Truncated { path, format, what },
-        Problem::Corrupt(what) => ReadError::Corrupt { path, format, what },
-        Problem::Unsupported(what) => ReadError::Unsupported { path, format, what },
-        Problem::TooLarge { width, height } => ReadError::TooLarge { path, format, width, height },
-        Problem::NoSuchPage { pages } => ReadError::NoSuchPage { path, page, pages },
+        ImageFault::Truncated(what) => ReadError::Truncated { path, format, what },
+        ImageFault::Corrupt(what) => ReadError::Corrupt { path, format, what },
+        ImageFault::Unsupported(what) => ReadError::Unsupported { path, format, what },
+        ImageFault::TooLarge { width, height } => ReadError::TooLarge { path, format, width, height },
+        ImageFault::NoSuchPage { pages } => ReadError::NoSuchPage { path, page, pages },
     }
 }
 
@@ -326,9 +326,9 @@ pub(super) fn beginning(bytes: &[u8]) -> String {
 }
 
 /// Decodes PNG, BMP, JPEG and PGM/PPM.
-fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
+fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, ImageFault> {
     if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
-        return Err(Problem::Truncated("its end marker is missing".into()));
+        return Err(ImageFault::Truncated("its end marker is missing".into()));
     }
     // The decoder's own limit of 512 MiB is too low for large sensors; `check_size` sets ours.
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -354,7 +354,7 @@ fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
         DynamicImage::ImageRgb16(buffer) => (3, true, Pixels::U16(buffer.into_raw())),
         DynamicImage::ImageRgba8(buffer) => (4, true, Pixels::U8(buffer.into_raw())),
         DynamicImage::ImageRgba16(buffer) => (4, true, Pixels::U16(buffer.into_raw())),
-        other => return Err(Problem::Unsupported(format!("{:?}", other.color()))),
+        other => return Err(ImageFault::Unsupported(format!("{:?}", other.color()))),
     };
     let mut white = pixels.white();
     if format == ImageFormat::Pnm {
@@ -370,13 +370,13 @@ fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, Problem> {
     Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes })
 }
 
-fn problem(error: image::ImageError) -> Problem {
+fn problem(error: image::ImageError) -> ImageFault {
     match error {
         image::ImageError::IoError(reason) if reason.kind() == ErrorKind::UnexpectedEof => {
-            Problem::Truncated("the pixel data end early".into())
+            ImageFault::Truncated("the pixel data end early".into())
         }
-        image::ImageError::Unsupported(reason) => Problem::Unsupported(reason.to_string()),
-        other => Problem::Corrupt(other.to_string()),
+        image::ImageError::Unsupported(reason) => ImageFault::Unsupported(reason.to_string()),
+        other => ImageFault::Corrupt(other.to_string()),
     }
 }
 

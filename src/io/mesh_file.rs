@@ -229,7 +229,7 @@ impl MeshFile {
 
 /// What a reader can find wrong, before the file's name is known.
 #[derive(Debug)]
-enum Problem {
+enum MeshFileFault {
     Unsupported { what: String, remedy: String },
     Truncated(String),
     Invalid { place: String, what: String },
@@ -240,18 +240,20 @@ enum Problem {
     Empty { aside: String },
 }
 
-impl Problem {
+impl MeshFileFault {
     fn of(self, path: &Path) -> MeshFileError {
         let path = path.to_owned();
         match self {
-            Problem::Unsupported { what, remedy } => MeshFileError::Unsupported { path, what, remedy },
-            Problem::Truncated(what) => MeshFileError::Truncated { path, what },
-            Problem::Invalid { place, what } => MeshFileError::Invalid { path, place, what },
-            Problem::ElementKind { element, kind } => MeshFileError::ElementKind { path, element, kind },
-            Problem::NodeMissing { element, node } => MeshFileError::NodeMissing { path, element, node },
-            Problem::NotFinite { node, x, y } => MeshFileError::NotFinite { path, node, x, y },
-            Problem::NotFlat { node, z, other, other_z } => MeshFileError::NotFlat { path, node, z, other, other_z },
-            Problem::Empty { aside } => MeshFileError::Empty { path, aside },
+            MeshFileFault::Unsupported { what, remedy } => MeshFileError::Unsupported { path, what, remedy },
+            MeshFileFault::Truncated(what) => MeshFileError::Truncated { path, what },
+            MeshFileFault::Invalid { place, what } => MeshFileError::Invalid { path, place, what },
+            MeshFileFault::ElementKind { element, kind } => MeshFileError::ElementKind { path, element, kind },
+            MeshFileFault::NodeMissing { element, node } => MeshFileError::NodeMissing { path, element, node },
+            MeshFileFault::NotFinite { node, x, y } => MeshFileError::NotFinite { path, node, x, y },
+            MeshFileFault::NotFlat { node, z, other, other_z } => {
+                MeshFileError::NotFlat { path, node, z, other, other_z }
+            }
+            MeshFileFault::Empty { aside } => MeshFileError::Empty { path, aside },
         }
     }
 }
@@ -288,14 +290,16 @@ struct Parsed {
 
 impl Parsed {
     /// Checks the positions, and gives each group its own nodes.
-    fn finish(self) -> Result<MeshFile, Problem> {
+    fn finish(self) -> Result<MeshFile, MeshFileFault> {
         let aside = match self.n_aside {
             0 => String::new(),
             1 => "1 point or line".to_owned(),
             n => format!("{n} points and lines"),
         };
         if self.elements.is_empty() {
-            return Err(Problem::Empty { aside: if aside.is_empty() { aside } else { format!(" (but {aside})") } });
+            return Err(MeshFileFault::Empty {
+                aside: if aside.is_empty() { aside } else { format!(" (but {aside})") },
+            });
         }
         let mut notes = Vec::new();
         if !aside.is_empty() {
@@ -339,19 +343,19 @@ impl Parsed {
     }
 
     /// Every node of an element is finite, and all have one z. Other nodes do not matter.
-    fn check_positions(&self) -> Result<(), Problem> {
+    fn check_positions(&self) -> Result<(), MeshFileFault> {
         let mut first: Option<FileNode> = None;
         for &place in self.elements.iter().flat_map(|element| &element.nodes) {
             let node = self.nodes[place];
             let [x, y, z] = node.at;
             if !(x.is_finite() && y.is_finite()) {
-                return Err(Problem::NotFinite { node: node.number, x, y });
+                return Err(MeshFileFault::NotFinite { node: node.number, x, y });
             }
             let reference = *first.get_or_insert(node);
             let off = (z - reference.at[2]).abs();
             if off.is_nan() || off > FLAT_PX {
                 let (other, other_z) = (reference.number, reference.at[2]);
-                return Err(Problem::NotFlat { node: node.number, z, other, other_z });
+                return Err(MeshFileFault::NotFlat { node: node.number, z, other, other_z });
             }
         }
         Ok(())

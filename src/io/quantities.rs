@@ -371,7 +371,7 @@ fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
 fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
     let cell = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
     let strain = values.and_then(|v| v.strain);
-    let (strain, sigma) = (strain.map(|s| s.0.0), strain.map(|s| s.1));
+    let (strain, sigma) = (strain.map(|s| s.0.components()), strain.map(|s| s.1));
     [
         Some(at[0]),
         Some(at[1]),

@@ -9,7 +9,7 @@
 
 mod samples;
 
-use super::images::raw::{Channels, Problem, Raw, check_size};
+use super::images::raw::{Channels, ImageFault, Raw, check_size};
 use crate::imaging::Pixels;
 use samples::{apply_map, invert, native, split_bits, stretch};
 use std::collections::HashSet;
@@ -40,7 +40,7 @@ pub(super) fn is_tiff(bytes: &[u8]) -> bool {
 /// Where the pages of a file are.
 #[derive(Debug, Clone)]
 pub(super) struct PageList {
-    file: Layout,
+    file: ByteLayout,
     offsets: Vec<usize>,
     /// Whether the list ends properly.
     complete: bool,
@@ -48,8 +48,8 @@ pub(super) struct PageList {
 
 impl PageList {
     /// The pages of the file `bytes`.
-    pub(super) fn of(bytes: &[u8]) -> Result<Self, Problem> {
-        let file = Layout::of(bytes)?;
+    pub(super) fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
+        let file = ByteLayout::of(bytes)?;
         let (offsets, complete) = file.pages(bytes)?;
         Ok(Self { file, offsets, complete })
     }
@@ -69,10 +69,10 @@ impl PageList {
     }
 
     /// Decodes page `page` of the file `bytes`, which are edited and put right again.
-    pub(super) fn decode(&self, bytes: &mut [u8], page: usize) -> Result<Raw, Problem> {
+    pub(super) fn decode(&self, bytes: &mut [u8], page: usize) -> Result<Raw, ImageFault> {
         let pages = self.len();
         let Some(&offset) = self.offsets.get(page) else {
-            return Err(Problem::NoSuchPage { pages });
+            return Err(ImageFault::NoSuchPage { pages });
         };
         let directory = Directory::read(self.file, bytes, offset)?;
         let entries = offset..directory.next.min(bytes.len());
@@ -89,18 +89,18 @@ impl PageList {
 
 /// Byte order and offset size of a file.
 #[derive(Debug, Clone, Copy)]
-struct Layout {
+struct ByteLayout {
     little: bool,
     big: bool,
 }
 
-impl Layout {
-    fn of(bytes: &[u8]) -> Result<Self, Problem> {
-        let magic = bytes.get(..4).ok_or_else(|| Problem::Truncated("the header is not complete".into()))?;
-        let file = Layout { little: magic[0] == b'I', big: magic.contains(&b'+') };
+impl ByteLayout {
+    fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
+        let magic = bytes.get(..4).ok_or_else(|| ImageFault::Truncated("the header is not complete".into()))?;
+        let file = ByteLayout { little: magic[0] == b'I', big: magic.contains(&b'+') };
         // BigTIFF says its offset size, which is always 8, and a zero.
         if file.big && (file.number(bytes, 4, 2), file.number(bytes, 6, 2)) != (Some(8), Some(0)) {
-            return Err(Problem::Corrupt("the BigTIFF header is not valid".into()));
+            return Err(ImageFault::Corrupt("the BigTIFF header is not valid".into()));
         }
         Ok(file)
     }
@@ -137,8 +137,8 @@ impl Layout {
     }
 
     /// The offsets of the pages, and whether the list ends properly.
-    fn pages(self, bytes: &[u8]) -> Result<(Vec<usize>, bool), Problem> {
-        let missing = || Problem::Truncated("the directory of the first page is missing".into());
+    fn pages(self, bytes: &[u8]) -> Result<(Vec<usize>, bool), ImageFault> {
+        let missing = || ImageFault::Truncated("the directory of the first page is missing".into());
         let (head, size) = self.entry();
         let mut at = self.number(bytes, self.first(), self.word()).ok_or_else(missing)?;
         let (mut pages, mut seen) = (Vec::new(), HashSet::new());
@@ -158,7 +158,7 @@ impl Layout {
                 _ => return Ok((pages, false)),
             }
         }
-        if pages.is_empty() { Err(Problem::Corrupt("the file holds no page".into())) } else { Ok((pages, true)) }
+        if pages.is_empty() { Err(ImageFault::Corrupt("the file holds no page".into())) } else { Ok((pages, true)) }
     }
 }
 
@@ -177,7 +177,7 @@ struct Field {
 
 /// The description of a page.
 struct Directory {
-    file: Layout,
+    file: ByteLayout,
     offset: usize,
     /// Place of the offset of the next page.
     next: usize,
@@ -185,8 +185,8 @@ struct Directory {
 }
 
 impl Directory {
-    fn read(file: Layout, bytes: &[u8], offset: usize) -> Result<Self, Problem> {
-        let cut = || Problem::Truncated("the directory of the page is not complete".into());
+    fn read(file: ByteLayout, bytes: &[u8], offset: usize) -> Result<Self, ImageFault> {
+        let cut = || ImageFault::Truncated("the directory of the page is not complete".into());
         let (head, entry) = file.entry();
         let n = usize::try_from(file.number(bytes, offset, head).ok_or_else(cut)?).map_err(|_| cut())?;
         let mut fields = Vec::new();
@@ -242,7 +242,7 @@ impl Directory {
         }
     }
 
-    fn decode(&self, bytes: &mut [u8]) -> Result<Raw, Problem> {
+    fn decode(&self, bytes: &mut [u8]) -> Result<Raw, ImageFault> {
         let stored = self.storage(bytes)?;
         let Storage { width, height, bits, samples, photometric, .. } = stored;
         self.simplify(&stored, bytes)?;
@@ -253,7 +253,7 @@ impl Directory {
         };
         let wanted = stored.columns * stored.rows * samples;
         if pixels.len() != wanted {
-            return Err(Problem::Corrupt(format!("{} samples where {wanted} are needed", pixels.len())));
+            return Err(ImageFault::Corrupt(format!("{} samples where {wanted} are needed", pixels.len())));
         }
         if stored.tile.is_some() {
             pixels = match pixels {
@@ -286,8 +286,8 @@ impl Directory {
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.
-    fn storage(&self, bytes: &[u8]) -> Result<Storage, Problem> {
-        let missing = |what| Problem::Corrupt(format!("the page does not say its {what}"));
+    fn storage(&self, bytes: &[u8]) -> Result<Storage, ImageFault> {
+        let missing = |what| ImageFault::Corrupt(format!("the page does not say its {what}"));
         let width = self.value(bytes, WIDTH).ok_or_else(|| missing("width"))?;
         let height = self.value(bytes, HEIGHT).ok_or_else(|| missing("height"))?;
         let photometric = self.value(bytes, PHOTOMETRIC).ok_or_else(|| missing("photometric interpretation"))?;
@@ -295,7 +295,7 @@ impl Directory {
         let samples = self.value(bytes, SAMPLES).unwrap_or(1);
         let compression = self.value(bytes, COMPRESSION).unwrap_or(1);
 
-        let unsupported = |what| Err(Problem::Unsupported(what));
+        let unsupported = |what| Err(ImageFault::Unsupported(what));
         // The largest factor by which each method can shrink data.
         let ratio = match compression {
             1 => 1,
@@ -324,7 +324,7 @@ impl Directory {
         }
 
         let tile = match (self.value(bytes, TILE_WIDTH), self.value(bytes, TILE_HEIGHT)) {
-            (Some(0), _) | (_, Some(0)) => return Err(Problem::Corrupt("a tile without pixels".into())),
+            (Some(0), _) | (_, Some(0)) => return Err(ImageFault::Corrupt("a tile without pixels".into())),
             (Some(w), Some(h)) => Some((w, h)),
             _ => None,
         };
@@ -340,7 +340,7 @@ impl Directory {
         check_size(width, height, row.saturating_mul(rows), ratio, bytes.len())?;
         // What remains fits in memory, and so in these types, but for tiles of absurd shape.
         let small = |n: u128| u32::try_from(n).map(|n| n as usize);
-        let odd = |_| Problem::Unsupported("tiles of this shape".into());
+        let odd = |_| ImageFault::Unsupported("tiles of this shape".into());
         Ok(Storage {
             width: small(width.into()).map_err(odd)?,
             height: small(height.into()).map_err(odd)?,
@@ -359,7 +359,7 @@ impl Directory {
 
     /// Edits the file so that the decoder sees this page alone, as grey levels of whole bytes, in strips or in
     /// one column of tiles.
-    fn simplify(&self, stored: &Storage, bytes: &mut [u8]) -> Result<(), Problem> {
+    fn simplify(&self, stored: &Storage, bytes: &mut [u8]) -> Result<(), ImageFault> {
         self.file.set(bytes, self.file.first(), self.file.word(), self.offset as u64);
         self.file.set(bytes, self.next, self.file.word(), 0); // a list that ends here has no loops
         self.replace(bytes, PHOTOMETRIC, 1);
@@ -376,7 +376,7 @@ impl Directory {
             self.replace(bytes, BITS, 8);
             self.replace(bytes, SAMPLE_FORMAT, 1);
         }
-        let side = |n: usize| u32::try_from(n).map_err(|_| Problem::Unsupported("rows of this length".into()));
+        let side = |n: usize| u32::try_from(n).map_err(|_| ImageFault::Unsupported("rows of this length".into()));
         self.declare(bytes, WIDTH, side(columns)?);
         if stored.tile.is_some() {
             self.declare(bytes, TILE_WIDTH, side(columns)?);
@@ -386,13 +386,13 @@ impl Directory {
     }
 
     /// The colours of a palette: all reds, all greens, all blues.
-    fn colour_map(&self, bytes: &[u8]) -> Result<Vec<u16>, Problem> {
-        let field = self.field(COLOUR_MAP).ok_or_else(|| Problem::Corrupt("the palette is missing".into()))?;
+    fn colour_map(&self, bytes: &[u8]) -> Result<Vec<u16>, ImageFault> {
+        let field = self.field(COLOUR_MAP).ok_or_else(|| ImageFault::Corrupt("the palette is missing".into()))?;
         let colour = |k: usize| self.file.number(bytes, field.at.checked_add(k * field.size)?, field.size);
         (0..field.count.min(3 << 16))
             .map(|k| colour(k).map(|value| value.min(u64::from(u16::MAX)) as u16))
             .collect::<Option<_>>()
-            .ok_or_else(|| Problem::Truncated("the palette is not complete".into()))
+            .ok_or_else(|| ImageFault::Truncated("the palette is not complete".into()))
     }
 }
 
@@ -468,7 +468,7 @@ fn photometric_name(code: u64) -> &'static str {
 }
 
 /// All samples of the first page of `bytes`, as stored.
-fn unpack_strips(bytes: &[u8]) -> Result<DecodingResult, Problem> {
+fn unpack_strips(bytes: &[u8]) -> Result<DecodingResult, ImageFault> {
     // The sizes were checked against the file: the decoder's own limits are for smaller images.
     let limits = Limits::unlimited();
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(problem)?.with_limits(limits);
@@ -477,16 +477,16 @@ fn unpack_strips(bytes: &[u8]) -> Result<DecodingResult, Problem> {
     Ok(samples)
 }
 
-fn problem(error: TiffError) -> Problem {
+fn problem(error: TiffError) -> ImageFault {
     match error {
         TiffError::IoError(reason) if reason.kind() == ErrorKind::UnexpectedEof => {
-            Problem::Truncated("the pixel data end early".into())
+            ImageFault::Truncated("the pixel data end early".into())
         }
         TiffError::UnsupportedError(TiffUnsupportedError::UnsupportedSampleFormat(_)) => {
-            Problem::Unsupported("this kind of numbers (complex or mixed)".into())
+            ImageFault::Unsupported("this kind of numbers (complex or mixed)".into())
         }
-        TiffError::UnsupportedError(reason) => Problem::Unsupported(reason.to_string()),
-        TiffError::FormatError(reason) => Problem::Corrupt(reason.to_string()),
-        other => Problem::Corrupt(other.to_string()),
+        TiffError::UnsupportedError(reason) => ImageFault::Unsupported(reason.to_string()),
+        TiffError::FormatError(reason) => ImageFault::Corrupt(reason.to_string()),
+        other => ImageFault::Corrupt(other.to_string()),
     }
 }

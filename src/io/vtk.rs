@@ -1,6 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
-use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::field::{Measurement, Status, StrainField, TensorStrain};
 use crate::units::Px;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -165,9 +165,11 @@ fn vectors<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, values: &[[T; 3
     data_array(xml, name, &[("NumberOfComponents", "3")], values.as_flattened())
 }
 
-fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<Strain>]) -> io::Result<()> {
-    let values: Vec<[f32; 3]> =
-        values.iter().map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect();
+fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<TensorStrain>]) -> io::Result<()> {
+    let values: Vec<[f32; 3]> = values
+        .iter()
+        .map(|strain| strain.map_or([f32::NAN; 3], |strain| strain.components().map(|e| e as f32)))
+        .collect();
     let names = ["exx", "eyy", "exy"];
     let attributes = [
         ("NumberOfComponents", "3"),

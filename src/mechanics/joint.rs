@@ -3,6 +3,7 @@
 use super::boundary::BoundaryHistory;
 use super::element::{Interface, Kinematics, Q4, Quadrature};
 use super::error::MeshFault;
+use crate::mesh::{ElementGeometry, shape_functions};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// A checked mesh of a joint, in mm with y up. Nodes and elements keep the numbers they are given with.
@@ -206,10 +207,8 @@ impl JointMesh {
 
     /// Mean side of the elements, mm: the square root of their mean area.
     pub fn element_size(&self) -> f64 {
-        let area = |corners: &[u32; 4]| {
-            let [a, b, c, d] = corners.map(|node| self.nodes[node as usize]);
-            0.5 * ((c[0] - a[0]) * (d[1] - b[1]) - (d[0] - b[0]) * (c[1] - a[1]))
-        };
+        let area =
+            |corners: &[u32; 4]| ElementGeometry::new(corners.map(|node| self.nodes[node as usize])).signed_area();
         (self.elements.iter().map(area).sum::<f64>() / self.elements.len() as f64).sqrt()
     }
 
@@ -298,7 +297,7 @@ impl JointMesh {
                         (i, _) if i == k => right[j],
                         _ => {
                             let (x, y) = (i as f64 / k as f64, j as f64 / k as f64);
-                            let psi = crate::mesh::shape_functions(x, y);
+                            let psi = shape_functions(x, y);
                             weights.push([a, b, c, d].into_iter().zip(psi).collect());
                             weights.len() as u32 - 1
                         }

@@ -7,6 +7,7 @@ use super::error::ModelError;
 use super::joint::JointMesh;
 use super::substrate::{Stress, SubstrateLaw, SubstrateState};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
+use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
@@ -46,7 +47,7 @@ pub struct Model {
     end_pairs: Vec<[u32; 2]>,
     /// Nodes of all elements: the quadrilaterals, then the interfaces.
     corners: Vec<[u32; 4]>,
-    /// Per element, where the entry (row, column) goes among the values of the matrix.
+    /// Per element, where each entry of its stiffness, column by column, goes among the values of the matrix.
     places: Vec<[u32; 64]>,
     /// Elements that couple free and prescribed nodes.
     coupled: Vec<u32>,
@@ -143,7 +144,7 @@ impl Model {
                     for column in 0..8 {
                         if unknown(row) != NONE && unknown(column) != NONE {
                             let place = pattern.place(unknown(row) as usize, unknown(column) as usize);
-                            places[8 * row + column] = place.expect("an entry of the pattern") as u32;
+                            places[8 * column + row] = place.expect("an entry of the pattern") as u32;
                         }
                     }
                 }
@@ -226,8 +227,8 @@ impl Model {
         Work {
             matrix: SparseMatrix::zero(&self.pattern),
             factor: self.plan.factor(),
-            stiffness: vec![[[0.0; 8]; 8]; self.corners.len()],
-            forces: vec![[0.0; 8]; self.corners.len()],
+            stiffness: vec![ElementStiffness::zeros(); self.corners.len()],
+            forces: vec![ElementVector::zeros(); self.corners.len()],
             force: vec![[0.0; 2]; self.mesh.nodes().len()],
         }
     }
@@ -239,7 +240,7 @@ impl Model {
     /// Displacements of an element's nodes.
     fn gather(&self, element: usize, u: &[[f64; 2]]) -> ElementVector {
         let corners = &self.corners[element];
-        std::array::from_fn(|k| u[corners[k / 2] as usize][k % 2])
+        ElementVector::from_fn(|k, _| u[corners[k / 2] as usize][k % 2])
     }
 
     /// Adds up the nodal forces of all elements, in their order.
@@ -257,11 +258,8 @@ impl Model {
     pub(super) fn assemble(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], kind: Stiffness, work: &mut Work) {
         let n_quads = self.quads.len();
         let viscous = match kind {
-            Stiffness::Viscous(share) => {
-                let [[normal, _], [_, tangential]] = law.response(Jump::default()).tangent;
-                [share * normal, share * tangential]
-            }
-            Stiffness::Tangent | Stiffness::Secant => [0.0; 2],
+            Stiffness::Viscous(share) => law.response(Jump::default()).tangent.diagonal() * share,
+            Stiffness::Tangent | Stiffness::Secant => Vector2::zeros(),
         };
         let evaluate = |(element, (stiffness, force)): (usize, (&mut ElementStiffness, &mut ElementVector))| {
             let u = self.gather(element, u);
@@ -277,7 +275,7 @@ impl Model {
                         true => self.quads[element].secant(self.material(element), &u),
                         false => self.interfaces[element - n_quads].secant(law, &u),
                     };
-                    *force = std::array::from_fn(|row| (0..8).map(|k| stiffness[row][k] * u[k]).sum());
+                    *force = *stiffness * u;
                 }
             }
         };
@@ -288,7 +286,7 @@ impl Model {
         let values = matrix.values_mut();
         values.fill(0.0);
         for (places, stiffness) in self.places.iter().zip(stiffness.iter()) {
-            for (&place, &entry) in places.iter().zip(stiffness.as_flattened()) {
+            for (&place, &entry) in places.iter().zip(stiffness.as_slice()) {
                 if place != NONE {
                     values[place as usize] += entry;
                 }
@@ -315,13 +313,12 @@ impl Model {
     pub(super) fn pull_of_border(&self, du: &[[f64; 2]], work: &Work, pull: &mut [f64]) {
         pull.fill(0.0);
         for &element in &self.coupled {
-            let (stiffness, moved) = (&work.stiffness[element as usize], self.gather(element as usize, du));
+            let force = work.stiffness[element as usize] * self.gather(element as usize, du);
             for (k, &node) in self.corners[element as usize].iter().enumerate() {
                 for c in 0..2 {
                     let unknown = self.unknowns[node as usize][c];
                     if unknown != NONE {
-                        let row = &stiffness[2 * k + c];
-                        pull[unknown as usize] -= row.iter().zip(&moved).map(|(k, u)| k * u).sum::<f64>();
+                        pull[unknown as usize] -= force[2 * k + c];
                     }
                 }
             }

@@ -1,9 +1,10 @@
 //! Zones carried along by the material into a later image.
 
+use super::element::{ElementGeometry, local_coordinates};
 use super::pixel_set::PixelSet;
 use super::pixels::{Owner, around};
 use super::q4::{Mesh, turn};
-use super::{Mask, MeshError, Roi, Zone, ZoneElements, local_coordinates, shape_functions};
+use super::{Mask, MeshError, Roi, Zone, ZoneElements};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -122,9 +123,9 @@ impl Material<'_> {
     fn counts(&self, corners: [[f64; 2]; 4], p: [f64; 2]) -> bool {
         let Self::Part { corners: before, counted } = self else { return true };
         let Some([xi, eta]) = local_coordinates(corners, p) else { return false };
-        let psi = shape_functions(xi.clamp(0.0, 1.0), eta.clamp(0.0, 1.0));
-        let at = |k: usize| before.iter().zip(psi).map(|(corner, psi)| psi * corner[k]).sum::<f64>().round();
-        at(0) >= 0.0 && at(1) >= 0.0 && counted.contains(at(0) as usize, at(1) as usize)
+        let was = ElementGeometry::new(*before).place([xi.clamp(0.0, 1.0), eta.clamp(0.0, 1.0)]);
+        let [x, y] = was.map(f64::round);
+        x >= 0.0 && y >= 0.0 && counted.contains(x as usize, y as usize)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The pixels of each element.
 
-use super::grid::{Grid, local_coordinates};
+use super::element::local_coordinates;
+use super::grid::Grid;
 use super::pixel_set::PixelSet;
 use super::q4::Mesh;
 use crate::units::Px;

@@ -1,15 +1,16 @@
 //! Q4 meshes of one or more zones.
 
-use super::grid::{Grid, local_coordinates, shape_functions};
+use super::element::{ElementGeometry, local_coordinates, shape_functions};
+use super::grid::Grid;
 use super::{MeshError, Roi, ZoneElements};
-use crate::units::Length;
+use crate::units::{Length, Mm, PixelSize, Px, Vector};
 use std::collections::HashMap;
 use std::marker::PhantomData;
 use std::ops::Range;
 
 /// How the elements of a zone are arranged.
 #[derive(Debug, Clone, PartialEq)]
-enum Layout {
+enum ZoneLayout {
     /// A whole grid.
     Whole(Grid),
     /// Some elements of a grid: their number within the zone by column and row, [`NONE`] where there is none.
@@ -61,11 +62,12 @@ impl Bins {
     }
 }
 
-/// A Q4 mesh; no node is shared between zones. A triangle is an element whose last two nodes are the same.
+/// A Q4 mesh: in pixels with y down, or in millimetres on the specimen with y up ([`Mesh::to_mm`]); no node is shared
+/// between zones. A triangle is an element whose last two nodes are the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh<U: Length> {
     zones: Vec<String>,
-    layouts: Vec<Layout>,
+    layouts: Vec<ZoneLayout>,
     nodes: Vec<[f64; 2]>,
     elements: Vec<[u32; 4]>,
     node_zone: Vec<u32>,
@@ -129,6 +131,11 @@ pub(super) fn turn(p: &[[f64; 2]], k: usize) -> f64 {
     (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }
 
+/// The corners of an element gone around the other way; of a triangle the last one twice.
+fn reversed([a, b, c, d]: [u32; 4]) -> [u32; 4] {
+    if c == d { [a, c, b, b] } else { [a, d, c, b] }
+}
+
 /// The elements, each turned so that its corners go from x to y; refused when they are none.
 pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, MeshError> {
     let name = || zone.to_owned();
@@ -145,9 +152,7 @@ pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, M
         let at = |corners: [u32; 4]| corners.map(|node| own.nodes[node as usize]);
         let sides = if corners[2] == corners[3] { 3 } else { 4 };
         let convex = |p: [[f64; 2]; 4]| (0..sides).all(|k| turn(&p[..sides], k) > 0.0);
-        let [a, b, c, d] = *corners;
-        let reversed = if sides == 3 { [a, c, b, b] } else { [a, d, c, b] };
-        let right = [*corners, reversed].into_iter().find(|&corners| convex(at(corners)));
+        let right = [*corners, reversed(*corners)].into_iter().find(|&corners| convex(at(corners)));
         let Some(right) = right else {
             let mean = |k: usize| at(*corners)[..sides].iter().map(|p| p[k]).sum::<f64>() / sides as f64;
             return Err(MeshError::BadElement { zone: name(), element, x: mean(0), y: mean(1) });
@@ -161,6 +166,34 @@ pub(super) fn checked(zone: &str, own: &ZoneElements) -> Result<Vec<[u32; 4]>, M
         return Err(MeshError::BadNode { zone: name(), node, x, y });
     }
     Ok(elements)
+}
+
+impl Mesh<Px> {
+    /// The same mesh on the specimen, in mm with y **up**; nodes, elements and zones keep their numbers, and corners go
+    /// around each element the other way, so that they still lead from x to y: counter-clockwise. No zone has a grid.
+    ///
+    /// ```
+    /// use quadrille::{mesh::{Mesh, Roi, Zone}, units::PixelSize};
+    /// let roi = Roi { x0: 8.0, y0: 8.0, x1: 40.0, y1: 40.0 };
+    /// let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+    /// let on_specimen = mesh.to_mm(PixelSize::new(0.5).unwrap());
+    /// assert_eq!((on_specimen.nodes()[0], on_specimen.nodes()[3]), ([4.0, -4.0], [4.0, -12.0]));
+    /// assert_eq!((mesh.elements()[0], on_specimen.elements()[0]), ([0, 1, 4, 3], [0, 3, 4, 1]));
+    /// ```
+    pub fn to_mm(&self, scale: PixelSize) -> Mesh<Mm> {
+        let on_specimen = |&at: &[f64; 2]| scale.to_mm(Vector::new(at)).components();
+        let part = |zone: usize| {
+            let first = self.first_node[zone] as u32;
+            let elements = &self.elements[self.zone_elements(zone)];
+            Part {
+                name: self.zones[zone].clone(),
+                nodes: self.nodes[self.zone_nodes(zone)].iter().map(on_specimen).collect(),
+                elements: elements.iter().map(|corners| reversed(corners.map(|node| node - first))).collect(),
+                grid: None,
+            }
+        };
+        Mesh::of_parts((0..self.zones.len()).map(part).collect())
+    }
 }
 
 impl<U: Length> Mesh<U> {
@@ -210,9 +243,13 @@ impl<U: Length> Mesh<U> {
             let layout = match part.grid {
                 Some((grid, element_at)) => {
                     let grid = Grid { first_node, first_element, ..grid };
-                    if element_at.contains(&NONE) { Layout::Part { grid, element_at } } else { Layout::Whole(grid) }
+                    if element_at.contains(&NONE) {
+                        ZoneLayout::Part { grid, element_at }
+                    } else {
+                        ZoneLayout::Whole(grid)
+                    }
                 }
-                None => Layout::Free(Bins::new(&part.nodes, &part.elements, 0)),
+                None => ZoneLayout::Free(Bins::new(&part.nodes, &part.elements, 0)),
             };
             mesh.nodes.extend(part.nodes);
             mesh.zones.push(part.name);
@@ -233,15 +270,15 @@ impl<U: Length> Mesh<U> {
     /// The grid that the elements of a zone lie on, all of it or part of it; `None` for a zone without.
     pub fn grid(&self, zone: usize) -> Option<&Grid> {
         match &self.layouts[zone] {
-            Layout::Whole(grid) | Layout::Part { grid, .. } => Some(grid),
-            Layout::Free(_) => None,
+            ZoneLayout::Whole(grid) | ZoneLayout::Part { grid, .. } => Some(grid),
+            ZoneLayout::Free(_) => None,
         }
     }
 
     /// The grid of a zone that holds all of its elements: nodes and elements are then numbered row by row.
     pub fn whole_grid(&self, zone: usize) -> Option<&Grid> {
         match &self.layouts[zone] {
-            Layout::Whole(grid) => Some(grid),
+            ZoneLayout::Whole(grid) => Some(grid),
             _ => None,
         }
     }
@@ -292,13 +329,14 @@ impl<U: Length> Mesh<U> {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
 
+    /// The shape of an element.
+    pub fn geometry(&self, element: usize) -> ElementGeometry {
+        ElementGeometry::new(self.corners(element))
+    }
+
     /// Square root of the mean area of the elements.
     pub fn element_size(&self) -> f64 {
-        let area = |element: usize| {
-            let [a, b, c, d] = self.corners(element);
-            0.5 * ((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])).abs()
-        };
-        let all: f64 = (0..self.n_elements()).map(area).sum();
+        let all: f64 = (0..self.n_elements()).map(|element| self.geometry(element).area()).sum();
         (all / self.n_elements().max(1) as f64).sqrt()
     }
 
@@ -325,9 +363,9 @@ impl<U: Length> Mesh<U> {
     pub fn locate(&self, zone: usize, x: f64, y: f64) -> Option<(usize, f64, f64)> {
         let within = |xi: f64, eta: f64| (0.0..=1.0).contains(&xi) && (0.0..=1.0).contains(&eta);
         let (grid, at) = match &self.layouts[zone] {
-            Layout::Whole(grid) => (grid, None),
-            Layout::Part { grid, element_at } => (grid, Some(element_at)),
-            Layout::Free(bins) => {
+            ZoneLayout::Whole(grid) => (grid, None),
+            ZoneLayout::Part { grid, element_at } => (grid, Some(element_at)),
+            ZoneLayout::Free(bins) => {
                 let [column, row] = bins.square([x, y]);
                 // On the border of an element round-off decides: a point there belongs to it.
                 let near = |v: f64| (-1e-9..=1.0 + 1e-9).contains(&v);
@@ -369,7 +407,7 @@ impl<U: Length> Mesh<U> {
         if let Some(found) = self.locate(zone, x, y) {
             return found;
         }
-        if let Layout::Whole(grid) = &self.layouts[zone] {
+        if let ZoneLayout::Whole(grid) = &self.layouts[zone] {
             let ([i, j], [xi, eta]) = grid.cell(x, y);
             return (self.first_element[zone] + j * grid.nx + i, xi, eta);
         }
@@ -410,5 +448,44 @@ impl<U: Length> Mesh<U> {
             *count.entry([a.min(b), a.max(b)]).or_default() += 1;
         }
         edges().filter(|[a, b]| count[&[*a.min(b), *a.max(b)]] == 1).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn on_the_specimen_y_is_up_and_corners_still_lead_from_x_to_y() {
+        let zone = |name: &str, left: f64| ZoneElements {
+            name: name.to_owned(),
+            nodes: [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [8.0, 2.0]].map(|[x, y]| [left + x, y]).to_vec(),
+            elements: vec![[0, 1, 2, 3], [1, 4, 2, 2]],
+        };
+        let mesh = Mesh::<Px>::from_zones(vec![zone("a", 0.0), zone("b", 20.0)]).unwrap();
+        let on_specimen = mesh.to_mm(PixelSize::new(0.25).unwrap());
+        assert_eq!(on_specimen.zones(), mesh.zones());
+        assert_eq!((on_specimen.node_zone(), on_specimen.element_zone()), (mesh.node_zone(), mesh.element_zone()));
+        for (found, [x, y]) in on_specimen.nodes().iter().zip(mesh.nodes()) {
+            assert_eq!(*found, [0.25 * x, -0.25 * y]);
+        }
+        for element in 0..mesh.n_elements() {
+            let area = on_specimen.geometry(element).signed_area();
+            assert_eq!(area, 0.0625 * mesh.geometry(element).signed_area(), "{:?}", on_specimen.elements()[element]);
+            assert!(area > 0.0);
+            let sorted = |mut nodes: [u32; 4]| {
+                nodes.sort_unstable();
+                nodes
+            };
+            let is_triangle = |nodes: [u32; 4]| nodes[2] == nodes[3];
+            let (own, was) = (on_specimen.elements()[element], mesh.elements()[element]);
+            assert_eq!(is_triangle(own), is_triangle(was));
+            if !is_triangle(was) {
+                assert_eq!(sorted(own), sorted(was));
+            }
+        }
+        // The same place is found in the same element.
+        let [px, mm] = [[26.0, 2.0], [6.5, -0.5]];
+        assert_eq!(on_specimen.locate(1, mm[0], mm[1]).unwrap().0, mesh.locate(1, px[0], px[1]).unwrap().0);
     }
 }

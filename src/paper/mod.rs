@@ -27,7 +27,10 @@ use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
     BoundaryHistory, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
 };
-use crate::virtual_test::{ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, REGION, VirtualOptions, VirtualTest, zones_px};
+use crate::units::Vector;
+use crate::virtual_test::{
+    ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, REGION, SCALE, VirtualOptions, VirtualTest, zones_px,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -185,7 +188,7 @@ fn joint_of(mesh: JointMesh, boundary: BoundaryHistory, law: ExtendedXuNeedleman
 /// What the larger joint of `test` does to the outer nodes of `mesh`, whose left edge is at x = 0 and middle at y = 0.
 fn boundary_of(test: &VirtualTest, mesh: &JointMesh) -> Result<BoundaryHistory, PaperError> {
     let [[x0, _, _, upper_face], [_, lower_face, ..]] = zones_px();
-    let origin = [x0 * PIXEL_MM, -0.5 * (upper_face + lower_face) * PIXEL_MM];
+    let origin = SCALE.to_mm(Vector::new([x0, 0.5 * (upper_face + lower_face)])).components();
     let large = test.model().mesh().nodes();
     let nodes = mesh.outer_nodes();
     let mut of = Vec::with_capacity(nodes.len());

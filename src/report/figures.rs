@@ -125,8 +125,8 @@ impl<'a> Frame<'a> {
                 let (Some(strain), Some(c)) = (&self.strain, figure.strain()) else {
                     return Ok(Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]));
                 };
-                let component = |strains: &[Option<crate::field::Strain>]| -> Vec<f64> {
-                    strains.iter().map(|strain| strain.map_or(f64::NAN, |strain| strain.0[c])).collect()
+                let component = |strains: &[Option<crate::field::TensorStrain>]| -> Vec<f64> {
+                    strains.iter().map(|strain| strain.map_or(f64::NAN, |strain| strain.components()[c])).collect()
                 };
                 if self.options.strain_on_nodes {
                     Values::Nodes(component(&strain.nodes))

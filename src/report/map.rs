@@ -1,6 +1,6 @@
 //! A field in colours over the reference image, with axes and a colour bar.
 
-use super::over_image::{Bar, Layout, View, Words};
+use super::over_image::{Bar, FigureLayout, View, Words};
 use super::scale::{LARGEST, Palette, Range, colour};
 use super::scene::{BLACK, Path, Scene, Stroke, WHITE};
 use super::{Backdrop, Picture, ReportError};
@@ -195,7 +195,7 @@ fn draw(
     let bar = bar_for(cells, options)?;
     let words =
         Words { title: &options.title, warnings: warnings(measurement, bar.is_some()), notes: options.notes.clone() };
-    let layout = Layout::new(backdrop, View::image(backdrop), options.pixel_size, bar.as_ref(), &words);
+    let layout = FigureLayout::new(backdrop, View::image(backdrop), options.pixel_size, bar.as_ref(), &words);
     let mut scene = layout.begin();
     if let Some(bar) = &bar {
         let mesh = &measurement.mesh;
@@ -218,7 +218,7 @@ fn draw(
 }
 
 /// A line from A to B.
-fn draw_line(scene: &mut Scene, layout: &Layout<'_>, [x0, y0, x1, y1]: [f64; 4]) {
+fn draw_line(scene: &mut Scene, layout: &FigureLayout<'_>, [x0, y0, x1, y1]: [f64; 4]) {
     let ends = [[x0, y0], [x1, y1]].map(|end| layout.place(end));
     if !ends.iter().flatten().all(|v| v.abs() < 1e6) {
         return;

@@ -2,7 +2,7 @@
 
 use super::edges::{Edges, lines};
 use super::map::{bar_for, nodal_cells, warnings};
-use super::over_image::{Layout, View, Words};
+use super::over_image::{FigureLayout, View, Words};
 use super::scale::{LARGEST, colour, written};
 use super::scene::{BLACK, COLOURS, Path, Rgb, Scene, Stroke, WHITE};
 use super::{Backdrop, MapOptions, Picture, ReportError};
@@ -67,7 +67,7 @@ pub fn mesh_figure(
     }
     notes.extend(options.notes.iter().cloned());
     let words = Words { title: &options.title, warnings: Vec::new(), notes };
-    let layout = Layout::new(backdrop, View::image(backdrop), options.pixel_size, None, &words);
+    let layout = FigureLayout::new(backdrop, View::image(backdrop), options.pixel_size, None, &words);
     let mut scene = layout.begin();
     let at = |node: u32| mesh.nodes()[node as usize];
     draw_mesh(&mut scene, &layout, mesh, &drawn, &at, &options.guard_px);
@@ -107,7 +107,7 @@ pub fn deformed_mesh(
     let words = Words { title: &options.title, warnings: warnings(measurement, any), notes };
     let at = moved(mesh, &measurement.displacement, factor);
     let positions = elements_of(mesh, &drawn).map(&at);
-    let layout = Layout::new(backdrop, View::image(backdrop).with(positions), options.pixel_size, None, &words);
+    let layout = FigureLayout::new(backdrop, View::image(backdrop).with(positions), options.pixel_size, None, &words);
     let mut scene = layout.begin();
     let choose = |element: usize| drawn[element];
     draw_mesh(&mut scene, &layout, mesh, &choose, &at, &[]);
@@ -172,7 +172,7 @@ pub fn register_figure(
     // The image goes with the elements: there is none behind them.
     let [width, height] = backdrop.size();
     let sheet = Backdrop::blank(width, height, backdrop.ratio());
-    let layout = Layout::new(&sheet, view, options.pixel_size, bar.as_ref(), &words);
+    let layout = FigureLayout::new(&sheet, view, options.pixel_size, bar.as_ref(), &words);
     let mut scene = layout.begin();
     let choose = |element: usize| drawn[element];
     if let Some(bar) = &bar {
@@ -270,7 +270,7 @@ fn plain(factor: f64) -> String {
 }
 
 /// The outline of the undeformed mesh, dashed.
-fn outline(scene: &mut Scene, layout: &Layout<'_>, mesh: &Mesh<Px>, drawn: &impl Fn(usize) -> bool) {
+fn outline(scene: &mut Scene, layout: &FigureLayout<'_>, mesh: &Mesh<Px>, drawn: &impl Fn(usize) -> bool) {
     let at = |node: u32| mesh.nodes()[node as usize];
     let mut path = Path::default();
     for zone in 0..mesh.zones().len() {
@@ -291,7 +291,7 @@ fn zone_colour(zone: usize) -> Rgb {
 
 fn draw_mesh(
     scene: &mut Scene,
-    layout: &Layout<'_>,
+    layout: &FigureLayout<'_>,
     mesh: &Mesh<Px>,
     drawn: &impl Fn(usize) -> bool,
     at: &(impl Fn(u32) -> [f64; 2] + Copy),
@@ -337,7 +337,7 @@ fn mean_edge(mesh: &Mesh<Px>, edges: &[[u32; 2]]) -> f64 {
 /// The name of each zone in its upper left corner, when there are several.
 fn name_zones(
     scene: &mut Scene,
-    layout: &Layout<'_>,
+    layout: &FigureLayout<'_>,
     mesh: &Mesh<Px>,
     drawn: &impl Fn(usize) -> bool,
     at: &impl Fn(u32) -> [f64; 2],

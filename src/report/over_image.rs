@@ -78,7 +78,7 @@ pub(super) struct Words<'a> {
 }
 
 /// Where everything stands.
-pub(super) struct Layout<'a> {
+pub(super) struct FigureLayout<'a> {
     backdrop: &'a Backdrop,
     title: String,
     size: [i32; 2],
@@ -94,7 +94,7 @@ pub(super) struct Layout<'a> {
     pub letters: Letters,
 }
 
-impl<'a> Layout<'a> {
+impl<'a> FigureLayout<'a> {
     pub fn new(
         backdrop: &'a Backdrop,
         view: View,

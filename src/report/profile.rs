@@ -49,7 +49,7 @@ pub(super) fn profile_plot(
             for (k, &(_, at)) in points.iter().enumerate() {
                 let Some(there) = at_point(measurement, &noise, options.strain, at) else { continue };
                 let value = if strain {
-                    there.strain.map(|(strain, sigma)| (strain.0[c], sigma[c]))
+                    there.strain.map(|(strain, sigma)| (strain.components()[c], sigma[c]))
                 } else {
                     Some((there.displacement[c], there.sigma[c]))
                 };

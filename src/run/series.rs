@@ -62,7 +62,7 @@ pub(super) fn carry_out(
     camera: Option<Camera>,
     watcher: Watcher<'_>,
 ) -> Result<Ran> {
-    let mut series = Series::open(plan, folder, pool, session, camera)?;
+    let mut series = PreparedSeries::open(plan, folder, pool, session, camera)?;
     let earlier = series.earlier()?;
     let tally = series.begin(&earlier, watcher)?;
     let (tally, written) = series.correlate(tally, &earlier, watcher);
@@ -70,7 +70,7 @@ pub(super) fn carry_out(
 }
 
 /// A series whose folder is taken and whose reference is prepared.
-struct Series<'a> {
+struct PreparedSeries<'a> {
     begin: Instant,
     plan: Plan,
     folder: &'a RunFolder,
@@ -105,7 +105,7 @@ struct Before {
     to_do: Vec<usize>,
 }
 
-impl<'a> Series<'a> {
+impl<'a> PreparedSeries<'a> {
     /// Takes the folder, prepares the reference, and makes or finds the store.
     fn open(
         plan: &Plan,

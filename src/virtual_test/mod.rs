@@ -17,10 +17,13 @@ use crate::mechanics::{
     BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution,
 };
 use crate::synth::{GridField, RenderOptions, Strips, SynthError, Texture, exact_at, render};
+use crate::units::{PixelSize, Vector};
 use std::sync::Arc;
 
 /// Millimetres per pixel: 30.9 um over 16 px.
 pub const PIXEL_MM: f64 = 30.9e-3 / 16.0;
+/// The same as a scale.
+pub const SCALE: PixelSize = PixelSize::new(PIXEL_MM).unwrap();
 /// Columns and rows of the images.
 pub const SIZE: [usize; 2] = [720, 448];
 /// Side of the identification's elements, px.
@@ -149,8 +152,7 @@ impl VirtualTest {
                 Some(instant) => {
                     // Rows of the mesh are counted from the bottom, those of the image from the top.
                     let node = first_node + (rows - row) * (columns + 1) + column;
-                    let [x, y] = self.solution.instants[instant].displacement[node];
-                    [x / PIXEL_MM, -y / PIXEL_MM]
+                    SCALE.to_px(Vector::new(self.solution.instants[instant].displacement[node])).components()
                 }
             };
             let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
@@ -203,8 +205,10 @@ impl VirtualTest {
     /// nodes is.
     pub fn region(&self) -> (JointMesh, Vec<u32>) {
         let mesh = self.model.mesh();
-        let [upper, lower] =
-            zones_px().map(|[x0, y0, x1, y1]| [x0 * PIXEL_MM, -y1 * PIXEL_MM, x1 * PIXEL_MM, -y0 * PIXEL_MM]);
+        let [upper, lower] = zones_px().map(|[x0, y0, x1, y1]| {
+            let [low, high] = [[x0, y1], [x1, y0]].map(|corner| SCALE.to_mm(Vector::new(corner)));
+            [low.x, low.y, high.x, high.y]
+        });
         let inside = |element: usize| {
             let corners = mesh.elements()[element].map(|node| mesh.nodes()[node as usize]);
             let centre = [0, 1].map(|k| corners.iter().map(|at| at[k]).sum::<f64>() / 4.0);
@@ -251,8 +255,8 @@ fn joint_mesh() -> Result<JointMesh, MeshFault> {
     let [upper, lower] = faces_px();
     let strip = |bottom: f64| {
         (0..=rows).flat_map(move |j| {
-            let y = -((bottom - step * j as f64) * PIXEL_MM);
-            (0..=columns).map(move |i| [(LEFT_PX + step * i as f64) * PIXEL_MM, y])
+            let y = bottom - step * j as f64;
+            (0..=columns).map(move |i| SCALE.to_mm(Vector::new([LEFT_PX + step * i as f64, y])).components())
         })
     };
     JointMesh::new(JointParts {

@@ -1,7 +1,6 @@
 //! How the noise of neighbouring nodes goes together.
 
-use crate::field::strain::ElementGeometry;
-use crate::mesh::{Mesh, shape_functions};
+use crate::mesh::Mesh;
 use crate::units::Length;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -53,12 +52,12 @@ impl NodalNoise {
         let mut noise = Self::unknown(mesh, measured);
         let mut rows = vec![BTreeMap::new(); mesh.n_nodes()];
         for element in (0..mesh.n_elements()).filter(|&element| is_whole(mesh, measured, element)) {
-            let geometry = ElementGeometry::new(mesh, element);
-            let mass = mass_matrix(&geometry);
-            for (i, &row) in geometry.nodes.iter().enumerate() {
-                for (j, &column) in geometry.nodes.iter().enumerate() {
+            let mass = mesh.geometry(element).mass_matrix();
+            let nodes = mesh.elements()[element];
+            for (i, &row) in nodes.iter().enumerate() {
+                for (j, &column) in nodes.iter().enumerate() {
                     if mass[i][j] != 0.0 {
-                        *rows[row].entry(column as u32).or_insert(0.0) += mass[i][j];
+                        *rows[row as usize].entry(column).or_insert(0.0) += mass[i][j];
                     }
                 }
             }
@@ -204,33 +203,6 @@ fn solve_spd(rows: &[Vec<(usize, f64)>], load: Vec<f64>) -> Vec<f64> {
 /// Whether all nodes of an element are measured.
 fn is_whole<U: Length>(mesh: &Mesh<U>, measured: &[bool], element: usize) -> bool {
     mesh.elements()[element].iter().all(|&node| measured[node as usize])
-}
-
-/// Integrals of the products of an element's shape functions.
-fn mass_matrix(geometry: &ElementGeometry) -> [[f64; 4]; 4] {
-    let mut mass = [[0.0; 4]; 4];
-    if geometry.is_triangle() {
-        for i in 0..3 {
-            for j in 0..3 {
-                mass[i][j] = geometry.area / if i == j { 6.0 } else { 12.0 };
-            }
-        }
-        return mass;
-    }
-    // Two Gauss points per axis are exact on parallelograms.
-    let points = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
-    for xi in points {
-        for eta in points {
-            let psi = shape_functions(xi, eta);
-            let weight = 0.25 * geometry.jacobian([xi, eta]).abs();
-            for i in 0..4 {
-                for j in 0..4 {
-                    mass[i][j] += weight * psi[i] * psi[j];
-                }
-            }
-        }
-    }
-    mass
 }
 
 #[cfg(test)]

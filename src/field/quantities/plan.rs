@@ -140,7 +140,7 @@ impl PointValues {
     ];
 
     fn strain_component(&self, k: usize) -> Option<Value> {
-        self.strain.map(|(strain, sigma)| Value { value: strain.0[k], sigma: sigma[k] })
+        self.strain.map(|(strain, sigma)| Value { value: strain.components()[k], sigma: sigma[k] })
     }
 }
 

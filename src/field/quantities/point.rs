@@ -1,8 +1,8 @@
 //! Displacement and strain at points and along lines.
 
 use super::{NodalNoise, QuantityError, Reading, finite, positive};
-use crate::field::strain::ElementGeometry;
-use crate::field::{Measurement, Strain, StrainDefinition};
+use crate::field::strain::StrainElement;
+use crate::field::{Measurement, StrainDefinition, TensorStrain};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Length;
 
@@ -18,7 +18,7 @@ pub struct PointValues {
     pub sigma: [f64; 2],
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
-    pub strain: Option<(Strain, [f64; 3])>,
+    pub strain: Option<(TensorStrain, [f64; 3])>,
 }
 
 /// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
@@ -38,7 +38,7 @@ pub struct PointValues {
 /// let noise = NodalNoise::new(&field.mesh, &field.measured);
 /// let there = at_point(&field, &noise, StrainDefinition::Infinitesimal, [10.0, 7.0]).unwrap();
 /// assert!((there.displacement[0] - 0.1).abs() < 1e-12 && there.sigma[0] < 0.01);
-/// assert!((there.strain.unwrap().0.0[0] - 0.01).abs() < 1e-12);
+/// assert!((there.strain.unwrap().0.xx - 0.01).abs() < 1e-12);
 /// assert!(at_point(&field, &noise, StrainDefinition::Infinitesimal, [40.0, 7.0]).is_none());
 /// ```
 pub fn at_point<U: Length>(
@@ -78,7 +78,7 @@ fn gradient_weights<U: Length>(
         let mut by_corner = Vec::new();
         let mut area = 0.0;
         for element in noise.around(node) {
-            let geometry = ElementGeometry::new(mesh, element);
+            let geometry = StrainElement::new(mesh, element);
             let Some((_, at)) = geometry.corners().find(|&(corner, _)| geometry.nodes[corner] == node) else {
                 continue;
             };
@@ -100,7 +100,7 @@ fn strain_of<U: Length>(
     noise: &NodalNoise,
     definition: StrainDefinition,
     by: &[(usize, [f64; 2])],
-) -> Option<(Strain, [f64; 3])> {
+) -> Option<(TensorStrain, [f64; 3])> {
     let mut gradient = [[0.0; 2]; 2];
     for &(node, d) in by {
         for c in 0..2 {
@@ -120,9 +120,9 @@ fn strain_of<U: Length>(
                 moved[c][k] += step;
                 definition.of_gradient(moved)
             });
-            let (low, high) = (low?, high?);
+            let (low, high) = (low?.components(), high?.components());
             for e in 0..3 {
-                slopes[e][c][k] = (high.0[e] - low.0[e]) / (2.0 * STEP);
+                slopes[e][c][k] = (high[e] - low[e]) / (2.0 * STEP);
             }
         }
     }

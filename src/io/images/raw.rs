@@ -7,7 +7,7 @@ const MAX_PIXELS: u64 = 1 << 31;
 
 /// What a decoder can find wrong, before the file's name is known.
 #[derive(Debug)]
-pub(in crate::io) enum Problem {
+pub(in crate::io) enum ImageFault {
     Truncated(String),
     Corrupt(String),
     Unsupported(String),
@@ -40,15 +40,15 @@ pub(in crate::io) struct Raw {
 /// Refuses a size that cannot be meant, before anything is allocated for it.
 ///
 /// `decoded` are the bytes of the unpacked image; no method of the format shrinks data by more than `ratio`.
-pub(in crate::io) fn check_size(width: u64, height: u64, decoded: u128, ratio: u32, len: usize) -> Result<(), Problem> {
+pub(in crate::io) fn check_size(width: u64, height: u64, decoded: u128, ratio: u32, len: usize) -> Result<(), ImageFault> {
     if width == 0 || height == 0 {
-        return Err(Problem::Corrupt(format!("the image is {width} x {height} px")));
+        return Err(ImageFault::Corrupt(format!("the image is {width} x {height} px")));
     }
     if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
-        return Err(Problem::TooLarge { width, height });
+        return Err(ImageFault::TooLarge { width, height });
     }
     if decoded > len as u128 * u128::from(ratio) {
-        return Err(Problem::Truncated(format!("{len} bytes cannot hold the {width} x {height} px of its header")));
+        return Err(ImageFault::Truncated(format!("{len} bytes cannot hold the {width} x {height} px of its header")));
     }
     Ok(())
 }

@@ -1,12 +1,13 @@
 //! A correlation run as the mechanics sees it: mm, y up.
 
-use super::{JointFileError, JointMeshFile, counter_clockwise};
+use super::{JointFileError, JointMeshFile};
 use crate::field::Status;
 use crate::io::store::Store;
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
-use crate::units::PixelSize;
+use crate::units::TURN;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The summary that a correlation leaves beside its store.
 const SUMMARY: &str = "summary.json";
@@ -84,11 +85,6 @@ impl RunMatrix {
     }
 }
 
-/// Pixels with y down to mm with y up: for positions and displacements alike, and the only place where y turns.
-fn mm_up(scale: PixelSize, [x, y]: [f64; 2]) -> [f64; 2] {
-    [scale.mm_from_px(x), scale.mm_from_px(-y)]
-}
-
 /// Reads the run in the folder `path`, or of the store `path`.
 ///
 /// # Errors
@@ -99,13 +95,13 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
         return Err(JointFileError::NoPixelSize { path: path.to_owned() });
     };
     let measured = store.mesh();
-    let nodes: Vec<[f64; 2]> = measured.nodes().iter().map(|&at| mm_up(scale, at)).collect();
+    let on_specimen = Arc::new(measured.to_mm(scale));
     let mesh = JointMeshFile {
         path: path.to_owned(),
-        elements: measured.elements().iter().map(|&corners| counter_clockwise(corners, &nodes)).collect(),
-        nodes,
-        groups: measured.zones().to_vec(),
-        element_group: measured.element_zone().to_vec(),
+        elements: on_specimen.elements().to_vec(),
+        nodes: on_specimen.nodes().to_vec(),
+        groups: on_specimen.zones().to_vec(),
+        element_group: on_specimen.element_zone().to_vec(),
         mm_per_px: Some(scale.mm_per_px()),
         ..JointMeshFile::default()
     };
@@ -114,11 +110,12 @@ pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     for number in 1..=store.n_frames() {
         match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
             Some(field) => {
-                let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then(|| mm_up(scale, u));
+                let field = field.to_mm(&on_specimen, scale);
+                let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
                 frames.push(number);
                 measured_from.push(store.reference_frame(number)?.unwrap_or(0));
-                sigma.push(field.sigma.iter().map(|s| s.map(|s| scale.mm_from_px(s))).collect());
                 instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
+                sigma.push(field.sigma);
             }
             None => left_out.push(number),
         }
@@ -184,7 +181,7 @@ fn warnings_beside(store: &Path) -> Vec<String> {
 fn turned(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
     let places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
     for (entry, (row, column)) in matrix.iter_mut().zip(places) {
-        *entry *= if row % 2 == column % 2 { factor } else { -factor };
+        *entry *= factor * TURN[row % 2] * TURN[column % 2];
     }
     matrix
 }

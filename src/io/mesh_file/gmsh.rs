@@ -1,6 +1,6 @@
 //! Gmsh `.msh`: version 4.1 as text and binary, version 2.2 as text.
 
-use super::{FileElement, FileNode, Parsed, Problem};
+use super::{FileElement, FileNode, MeshFileFault, Parsed};
 use std::collections::HashMap;
 
 /// Whether `bytes` begin as a `.msh` file does.
@@ -9,7 +9,7 @@ pub(super) fn is_msh(bytes: &[u8]) -> bool {
 }
 
 /// The mesh in `bytes`.
-pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Problem> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     let mut file = Msh { bytes, at: 0, numbers: Numbers::Text };
     let mut content = Content::default();
     let version = file.header()?;
@@ -53,12 +53,12 @@ struct Msh<'a> {
 }
 
 impl<'a> Msh<'a> {
-    fn invalid(&self, at: usize, what: impl Into<String>) -> Problem {
+    fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
         let place = match self.numbers {
             Numbers::Text => format!("line {}", 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count()),
             Numbers::Binary { .. } => format!("byte {at}"),
         };
-        Problem::Invalid { place, what: what.into() }
+        MeshFileFault::Invalid { place, what: what.into() }
     }
 
     fn skip_blanks(&mut self) {
@@ -66,27 +66,27 @@ impl<'a> Msh<'a> {
     }
 
     /// The next word of a text, and where it begins.
-    fn word(&mut self, what: &str) -> Result<(usize, &'a str), Problem> {
+    fn word(&mut self, what: &str) -> Result<(usize, &'a str), MeshFileFault> {
         self.skip_blanks();
         let start = self.at;
         let rest = &self.bytes[start..];
         let word = &rest[..rest.iter().take_while(|b| !b.is_ascii_whitespace()).count()];
         if word.is_empty() {
-            return Err(Problem::Truncated(format!("it ends where {what} should stand")));
+            return Err(MeshFileFault::Truncated(format!("it ends where {what} should stand")));
         }
         self.at += word.len();
         std::str::from_utf8(word).map(|word| (start, word)).map_err(|_| self.invalid(start, format!("no {what}")))
     }
 
-    fn parse<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, Problem> {
+    fn parse<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, MeshFileFault> {
         let (start, word) = self.word(what)?;
         word.parse().map_err(|_| self.invalid(start, format!("'{}' where {what} should stand", shortened(word))))
     }
 
     /// The next `size` bytes, lowest first.
-    fn take(&mut self, size: usize, little: bool, what: &str) -> Result<[u8; 8], Problem> {
+    fn take(&mut self, size: usize, little: bool, what: &str) -> Result<[u8; 8], MeshFileFault> {
         let bytes = self.bytes.get(self.at..self.at + size);
-        let bytes = bytes.ok_or_else(|| Problem::Truncated(format!("it ends where {what} should stand")))?;
+        let bytes = bytes.ok_or_else(|| MeshFileFault::Truncated(format!("it ends where {what} should stand")))?;
         self.at += size;
         let mut low_first = [0; 8];
         low_first[..size].copy_from_slice(bytes);
@@ -97,7 +97,7 @@ impl<'a> Msh<'a> {
     }
 
     /// A count, or the number of a node or an element.
-    fn size(&mut self, what: &str) -> Result<u64, Problem> {
+    fn size(&mut self, what: &str) -> Result<u64, MeshFileFault> {
         match self.numbers {
             Numbers::Text => self.parse(what),
             Numbers::Binary { little, word } => Ok(u64::from_le_bytes(self.take(word, little, what)?)),
@@ -105,7 +105,7 @@ impl<'a> Msh<'a> {
     }
 
     /// A small number: a dimension, a kind, an entity, a group.
-    fn int(&mut self, what: &str) -> Result<i64, Problem> {
+    fn int(&mut self, what: &str) -> Result<i64, MeshFileFault> {
         match self.numbers {
             Numbers::Text => self.parse(what),
             Numbers::Binary { little, .. } => {
@@ -116,7 +116,7 @@ impl<'a> Msh<'a> {
     }
 
     /// A coordinate.
-    fn double(&mut self, what: &str) -> Result<f64, Problem> {
+    fn double(&mut self, what: &str) -> Result<f64, MeshFileFault> {
         match self.numbers {
             Numbers::Text => self.parse(what),
             Numbers::Binary { little, .. } => Ok(f64::from_le_bytes(self.take(8, little, what)?)),
@@ -124,7 +124,7 @@ impl<'a> Msh<'a> {
     }
 
     /// Three coordinates, and `further` that are not needed.
-    fn position(&mut self, further: usize) -> Result<[f64; 3], Problem> {
+    fn position(&mut self, further: usize) -> Result<[f64; 3], MeshFileFault> {
         let at = [self.double("a coordinate")?, self.double("a coordinate")?, self.double("a coordinate")?];
         for _ in 0..further {
             self.double("a parameter of a node")?;
@@ -132,7 +132,7 @@ impl<'a> Msh<'a> {
         Ok(at)
     }
 
-    fn header(&mut self) -> Result<Version, Problem> {
+    fn header(&mut self) -> Result<Version, MeshFileFault> {
         self.word("$MeshFormat")?;
         let (_, version) = self.word("the version of the format")?;
         let (kind_at, kind) = self.word("the kind of the file")?;
@@ -142,7 +142,7 @@ impl<'a> Msh<'a> {
             "4.1" => Version::V41,
             "2.2" | "2.1" | "2" => Version::V22,
             other => {
-                return Err(Problem::Unsupported {
+                return Err(MeshFileFault::Unsupported {
                     what: format!("version {} of .msh files", shortened(other)),
                     remedy,
                 });
@@ -151,7 +151,7 @@ impl<'a> Msh<'a> {
         match kind {
             "0" => {}
             "1" if matches!(read, Version::V22) => {
-                return Err(Problem::Unsupported { what: "a binary .msh file of version 2.2".into(), remedy });
+                return Err(MeshFileFault::Unsupported { what: "a binary .msh file of version 2.2".into(), remedy });
             }
             "1" => {
                 let word = match word {
@@ -177,7 +177,7 @@ impl<'a> Msh<'a> {
     }
 
     /// The name of the next section; `None` at the end of the file.
-    fn section(&mut self) -> Result<Option<String>, Problem> {
+    fn section(&mut self) -> Result<Option<String>, MeshFileFault> {
         self.skip_blanks();
         if self.at == self.bytes.len() {
             return Ok(None);
@@ -197,10 +197,10 @@ impl<'a> Msh<'a> {
     }
 
     /// Goes behind the end of `section`; what remains in it is passed over.
-    fn end(&mut self, section: &str) -> Result<(), Problem> {
+    fn end(&mut self, section: &str) -> Result<(), MeshFileFault> {
         let mark = format!("$End{section}");
         let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark.as_bytes());
-        let found = found.ok_or_else(|| Problem::Truncated(format!("{mark} is missing")))?;
+        let found = found.ok_or_else(|| MeshFileFault::Truncated(format!("{mark} is missing")))?;
         self.at += found + mark.len();
         Ok(())
     }
@@ -232,7 +232,7 @@ enum Group {
 }
 
 impl Content {
-    fn names(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn names(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         // This section is text in binary files as well.
         let n: u64 = file.parse("the number of groups")?;
         for _ in 0..n {
@@ -254,7 +254,7 @@ impl Content {
         Ok(())
     }
 
-    fn entities(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn entities(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         let mut counts = [0; 4];
         for count in &mut counts {
             *count = file.size("the number of entities")?;
@@ -278,7 +278,7 @@ impl Content {
         Ok(())
     }
 
-    fn nodes_41(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn nodes_41(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         let n_blocks = file.size("the number of blocks of nodes")?;
         for what in ["the number of nodes", "the smallest node", "the largest node"] {
             file.size(what)?;
@@ -301,7 +301,7 @@ impl Content {
         Ok(())
     }
 
-    fn elements_41(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn elements_41(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         let n_blocks = file.size("the number of blocks of elements")?;
         for what in ["the number of elements", "the smallest element", "the largest element"] {
             file.size(what)?;
@@ -319,7 +319,7 @@ impl Content {
         Ok(())
     }
 
-    fn nodes_22(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn nodes_22(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         for _ in 0..file.size("the number of nodes")? {
             let number = file.size("the number of a node")?;
             let at = file.position(0)?;
@@ -328,7 +328,7 @@ impl Content {
         Ok(())
     }
 
-    fn elements_22(&mut self, file: &mut Msh<'_>) -> Result<(), Problem> {
+    fn elements_22(&mut self, file: &mut Msh<'_>) -> Result<(), MeshFileFault> {
         for _ in 0..file.size("the number of elements")? {
             let number = file.size("the number of an element")?;
             let kind = file.int("the kind of an element")?;
@@ -346,7 +346,7 @@ impl Content {
     }
 
     /// Reads the nodes of an element.
-    fn element(&mut self, file: &mut Msh<'_>, number: u64, kind: i64, group: Group) -> Result<(), Problem> {
+    fn element(&mut self, file: &mut Msh<'_>, number: u64, kind: i64, group: Group) -> Result<(), MeshFileFault> {
         let n = match kind {
             2 => 3,
             3 => 4,
@@ -355,7 +355,7 @@ impl Content {
             1 => 2,
             8 => 3,
             26..=28 => kind - 22,
-            other => return Err(Problem::ElementKind { element: number, kind: kind_name(other) }),
+            other => return Err(MeshFileFault::ElementKind { element: number, kind: kind_name(other) }),
         };
         let nodes = (0..n).map(|_| file.size("a node of an element")).collect::<Result<Vec<_>, _>>()?;
         if matches!(kind, 2 | 3) {
@@ -370,17 +370,17 @@ impl Content {
     }
 
     /// Finds the nodes and groups that are named by number.
-    fn resolve(self) -> Result<Parsed, Problem> {
+    fn resolve(self) -> Result<Parsed, MeshFileFault> {
         let Content { nodes, elements, lines, groups, curve_groups, curve_names, mut parsed } = self;
         let mut places = HashMap::with_capacity(nodes.len());
         for (place, node) in nodes.iter().enumerate() {
             if places.insert(node.number, place).is_some() {
                 let what = format!("node {} is there twice", node.number);
-                return Err(Problem::Invalid { place: "$Nodes".into(), what });
+                return Err(MeshFileFault::Invalid { place: "$Nodes".into(), what });
             }
         }
         let place = |element: u64, node: u64| {
-            places.get(&node).copied().ok_or(Problem::NodeMissing { element, node: node as i64 })
+            places.get(&node).copied().ok_or(MeshFileFault::NodeMissing { element, node: node as i64 })
         };
         let group_of = |group: Group, groups: &HashMap<i64, i64>| match group {
             Group::OfEntity(entity) => groups.get(&entity).copied(),
@@ -408,7 +408,7 @@ impl Content {
 }
 
 /// The first of a list of tags.
-fn tags(file: &mut Msh<'_>) -> Result<Option<i64>, Problem> {
+fn tags(file: &mut Msh<'_>) -> Result<Option<i64>, MeshFileFault> {
     let n = file.size("the number of tags")?;
     let mut first = None;
     for _ in 0..n {

@@ -1,6 +1,6 @@
 //! VTK unstructured grids (`.vtu`): arrays as text, in base64 or appended, uncompressed or zlib.
 
-use super::{FileElement, FileNode, Parsed, Problem};
+use super::{FileElement, FileNode, MeshFileFault, Parsed};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use flate2::read::ZlibDecoder;
@@ -18,14 +18,14 @@ pub(super) fn is_vtk_xml(bytes: &[u8]) -> bool {
 }
 
 /// The mesh in `bytes`.
-pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Problem> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     // What is appended may be raw bytes, which are no XML: the file is cut there.
     let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
     let appended = if cut < bytes.len() { Some(Appended::of(bytes, cut)?) } else { None };
     let mut file = Vtu { xml: &bytes[..cut], appended, encoding: Encoding::default() };
     let pieces = file.pieces()?;
     if appended.is_none() && find(bytes, b"</VTKFile>").is_none() {
-        return Err(Problem::Truncated("its end, </VTKFile>, is missing".into()));
+        return Err(MeshFileFault::Truncated("its end, </VTKFile>, is missing".into()));
     }
     let mut parsed = Parsed::default();
     for piece in pieces {
@@ -43,12 +43,12 @@ struct Appended<'a> {
 }
 
 impl<'a> Appended<'a> {
-    fn of(bytes: &'a [u8], cut: usize) -> Result<Self, Problem> {
+    fn of(bytes: &'a [u8], cut: usize) -> Result<Self, MeshFileFault> {
         let rest = &bytes[cut..];
-        let head = find(rest, b">").ok_or_else(|| Problem::Truncated("the appended data are missing".into()))?;
+        let head = find(rest, b">").ok_or_else(|| MeshFileFault::Truncated("the appended data are missing".into()))?;
         let base64 = find(&rest[..head], b"\"raw\"").or(find(&rest[..head], b"'raw'")).is_none();
-        let start =
-            find(&rest[head..], b"_").ok_or_else(|| Problem::Truncated("the appended data are missing".into()))?;
+        let start = find(&rest[head..], b"_")
+            .ok_or_else(|| MeshFileFault::Truncated("the appended data are missing".into()))?;
         Ok(Self { base64, bytes: &rest[head + start + 1..] })
     }
 }
@@ -101,14 +101,14 @@ struct Vtu<'a> {
 }
 
 impl Vtu<'_> {
-    fn invalid(&self, at: usize, what: impl Into<String>) -> Problem {
+    fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
         let before = &self.xml[..at.min(self.xml.len())];
         let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
-        Problem::Invalid { place: format!("line {line}"), what: what.into() }
+        MeshFileFault::Invalid { place: format!("line {line}"), what: what.into() }
     }
 
     /// Reads the XML: the encoding and the arrays that make the mesh.
-    fn pieces(&mut self) -> Result<Vec<Piece>, Problem> {
+    fn pieces(&mut self) -> Result<Vec<Piece>, MeshFileFault> {
         let mut reader = Reader::from_reader(self.xml);
         // The file may be cut at the appended data, so that not every element is closed.
         reader.config_mut().check_end_names = false;
@@ -166,25 +166,25 @@ impl Vtu<'_> {
             }
         }
         if !grid {
-            return Err(Problem::Truncated("there is no grid in it".into()));
+            return Err(MeshFileFault::Truncated("there is no grid in it".into()));
         }
         Ok(pieces)
     }
 
-    fn encoding(&self, element: &BytesStart<'_>, at: usize) -> Result<Encoding, Problem> {
+    fn encoding(&self, element: &BytesStart<'_>, at: usize) -> Result<Encoding, MeshFileFault> {
         let remedy = || "save it as an unstructured grid (.vtu), uncompressed or with zlib".to_owned();
         match self.attribute(element, "type", at)?.as_deref() {
             Some("UnstructuredGrid") => {}
             other => {
                 let what = format!("a VTK file of the type {}", other.unwrap_or("unknown"));
-                return Err(Problem::Unsupported { what, remedy: remedy() });
+                return Err(MeshFileFault::Unsupported { what, remedy: remedy() });
             }
         }
         let zlib = match self.attribute(element, "compressor", at)?.as_deref() {
             None | Some("") => false,
             Some("vtkZLibDataCompressor") => true,
             Some(other) => {
-                return Err(Problem::Unsupported { what: format!("the compression {other}"), remedy: remedy() });
+                return Err(MeshFileFault::Unsupported { what: format!("the compression {other}"), remedy: remedy() });
             }
         };
         Ok(Encoding {
@@ -194,19 +194,19 @@ impl Vtu<'_> {
         })
     }
 
-    fn attribute(&self, element: &BytesStart<'_>, key: &str, at: usize) -> Result<Option<String>, Problem> {
+    fn attribute(&self, element: &BytesStart<'_>, key: &str, at: usize) -> Result<Option<String>, MeshFileFault> {
         let attribute = element.try_get_attribute(key);
         let attribute = attribute.map_err(|error| self.invalid(at, format!("no XML: {error}")))?;
         Ok(attribute.map(|attribute| attribute.value.into_owned()))
     }
 
-    fn count(&self, element: &BytesStart<'_>, key: &str, at: usize) -> Result<usize, Problem> {
+    fn count(&self, element: &BytesStart<'_>, key: &str, at: usize) -> Result<usize, MeshFileFault> {
         let value = self.attribute(element, key, at)?.unwrap_or_default();
         value.trim().parse().map_err(|_| self.invalid(at, format!("{key} is '{}', no count", value.escape_debug())))
     }
 
-    fn array(&self, element: &BytesStart<'_>, at: usize) -> Result<Array, Problem> {
-        let text = |key| Ok::<_, Problem>(self.attribute(element, key, at)?.unwrap_or_default());
+    fn array(&self, element: &BytesStart<'_>, at: usize) -> Result<Array, MeshFileFault> {
+        let text = |key| Ok::<_, MeshFileFault>(self.attribute(element, key, at)?.unwrap_or_default());
         let content = match text("format")?.as_str() {
             "ascii" => Stored::Text(String::new()),
             "binary" => Stored::Base64(String::new()),
@@ -221,8 +221,8 @@ impl Vtu<'_> {
     }
 
     /// Adds a piece of the grid to the mesh.
-    fn add(&self, piece: &Piece, parsed: &mut Parsed) -> Result<(), Problem> {
-        let missing = |what: &str| Problem::Truncated(format!("a piece of the grid has no {what}"));
+    fn add(&self, piece: &Piece, parsed: &mut Parsed) -> Result<(), MeshFileFault> {
+        let missing = |what: &str| MeshFileFault::Truncated(format!("a piece of the grid has no {what}"));
         if piece.n_cells == 0 && piece.points.is_none() {
             return Ok(());
         }
@@ -239,7 +239,7 @@ impl Vtu<'_> {
             if wanted.is_some() {
                 self.check_length(array, values.len(), wanted)?;
             }
-            Ok::<_, Problem>(values)
+            Ok::<_, MeshFileFault>(values)
         };
         let connectivity = integers("connectivity", None)?;
         let offsets = integers("offsets", Some(piece.n_cells))?;
@@ -275,7 +275,7 @@ impl Vtu<'_> {
                     parsed.n_aside += 1;
                     continue;
                 }
-                other => return Err(Problem::ElementKind { element: number, kind: kind_name(other) }),
+                other => return Err(MeshFileFault::ElementKind { element: number, kind: kind_name(other) }),
             };
             if nodes.len() != wanted {
                 let what = format!("cell {number} has {} nodes instead of {wanted}", nodes.len());
@@ -284,7 +284,7 @@ impl Vtu<'_> {
             let mut corners = [0; 4];
             for (corner, &node) in corners.iter_mut().zip(nodes) {
                 let place = usize::try_from(node).ok().filter(|&place| place < piece.n_points);
-                *corner = first_node + place.ok_or(Problem::NodeMissing { element: number, node })?;
+                *corner = first_node + place.ok_or(MeshFileFault::NodeMissing { element: number, node })?;
             }
             match kind {
                 5 => corners[3] = corners[2],
@@ -303,7 +303,7 @@ impl Vtu<'_> {
         Ok(())
     }
 
-    fn check_length(&self, array: &Array, len: usize, wanted: Option<usize>) -> Result<(), Problem> {
+    fn check_length(&self, array: &Array, len: usize, wanted: Option<usize>) -> Result<(), MeshFileFault> {
         if Some(len) == wanted {
             return Ok(());
         }
@@ -311,7 +311,7 @@ impl Vtu<'_> {
         Err(self.invalid(array.at, format!("the array '{}' has {len} numbers instead of {wanted}", array.name)))
     }
 
-    fn numbers(&self, array: &Array) -> Result<Vec<f64>, Problem> {
+    fn numbers(&self, array: &Array) -> Result<Vec<f64>, MeshFileFault> {
         match array.kind.as_str() {
             "Float32" => self.values(array, |b| f32::from_le_bytes(b).into()),
             "Float64" => self.values(array, f64::from_le_bytes),
@@ -319,7 +319,7 @@ impl Vtu<'_> {
         }
     }
 
-    fn integers(&self, array: &Array) -> Result<Vec<i64>, Problem> {
+    fn integers(&self, array: &Array) -> Result<Vec<i64>, MeshFileFault> {
         match array.kind.as_str() {
             "Int8" => self.values(array, |b| i8::from_le_bytes(b).into()),
             "UInt8" => self.values(array, |b| u8::from_le_bytes(b).into()),
@@ -342,7 +342,7 @@ impl Vtu<'_> {
         &self,
         array: &Array,
         value: fn([u8; N]) -> T,
-    ) -> Result<Vec<T>, Problem> {
+    ) -> Result<Vec<T>, MeshFileFault> {
         let decoder = Decoder { encoding: self.encoding };
         let wrong = |what: String| self.invalid(array.at, format!("the array '{}': {what}", array.name));
         let bytes = match &array.content {
@@ -354,9 +354,9 @@ impl Vtu<'_> {
             Stored::Base64(text) => decoder.base64(text.as_bytes().trim_ascii()).map_err(wrong)?,
             Stored::Appended(offset) => {
                 let appended =
-                    self.appended.ok_or_else(|| Problem::Truncated("the appended data are missing".into()))?;
+                    self.appended.ok_or_else(|| MeshFileFault::Truncated("the appended data are missing".into()))?;
                 let place = appended.bytes.get(*offset..);
-                let place = place.ok_or_else(|| Problem::Truncated("the appended data end early".into()))?;
+                let place = place.ok_or_else(|| MeshFileFault::Truncated("the appended data end early".into()))?;
                 if appended.base64 { decoder.base64(place) } else { decoder.raw(place) }.map_err(wrong)?
             }
         };

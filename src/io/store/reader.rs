@@ -6,7 +6,7 @@ use super::layout::{
     Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
-use crate::field::{Measurement, ModelError, Status, Strain, StrainField};
+use crate::field::{Measurement, ModelError, Status, StrainField, TensorStrain};
 use crate::io::arrays::{Number, Values};
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
@@ -280,9 +280,10 @@ impl Store {
         if self.status(number)?.is_none_or(|status| !status.has_field()) {
             return Ok(None);
         }
-        let strains = |variable| -> Result<Vec<Option<Strain>>, StoreError> {
+        let strains = |variable| -> Result<Vec<Option<TensorStrain>>, StoreError> {
             let values = doubles(&self.variable(number, variable)?);
-            let known = |e: &[f64]| e.iter().all(|v| v.is_finite()).then(|| Strain([e[0], e[1], e[2]]));
+            let known =
+                |e: &[f64]| e.iter().all(|v| v.is_finite()).then(|| TensorStrain::of_components([e[0], e[1], e[2]]));
             Ok(values.chunks_exact(3).map(known).collect())
         };
         Ok(Some(StrainField {

@@ -5,7 +5,7 @@ use super::folder::{Folder, PART};
 use super::layout::{Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
-use crate::field::{Measurement, Status, Strain, StrainField};
+use crate::field::{Measurement, Status, StrainField, TensorStrain};
 use crate::linalg::ElementMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -46,7 +46,7 @@ const ROOM_AHEAD: usize = 64;
 #[derive(Debug)]
 pub struct StoreWriter {
     folder: Arc<Folder>,
-    series: Mutex<Series>,
+    series: Mutex<ByFrame>,
     mesh: Arc<Mesh<Px>>,
     status: Array<Folder>,
     /// Those that the store has, in the order of [`Variable::ALL`].
@@ -55,7 +55,7 @@ pub struct StoreWriter {
 
 /// What a store says of its frames.
 #[derive(Debug)]
-struct Series {
+struct ByFrame {
     attributes: Attributes,
     /// Length of the arrays by frame: not below the number of frames.
     room: usize,
@@ -117,7 +117,7 @@ impl StoreWriter {
         let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
         let status = Form::status(n_frames).open(&folder)?;
         let room = status.shape()[0] as usize;
-        Ok(Self { folder, series: Mutex::new(Series { attributes, room }), mesh, status, variables })
+        Ok(Self { folder, series: Mutex::new(ByFrame { attributes, room }), mesh, status, variables })
     }
 
     /// Adds frames to the end of the series; `case` is the text of its `run.toml` with them. Only then they can be written:
@@ -144,7 +144,7 @@ impl StoreWriter {
         Ok(())
     }
 
-    fn series(&self) -> MutexGuard<'_, Series> {
+    fn series(&self) -> MutexGuard<'_, ByFrame> {
         self.series.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -388,8 +388,11 @@ fn singles(values: &[f64]) -> Vec<f32> {
     values.iter().map(|&value| value as f32).collect()
 }
 
-fn strain_values(strains: &[Option<Strain>]) -> Vec<f32> {
-    strains.iter().flat_map(|strain| strain.map_or([f32::NAN; 3], |Strain(e)| e.map(|e| e as f32))).collect()
+fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
+    strains
+        .iter()
+        .flat_map(|strain| strain.map_or([f32::NAN; 3], |strain| strain.components().map(|e| e as f32)))
+        .collect()
 }
 
 /// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is

@@ -1,12 +1,12 @@
 //! What the samples of a page mean: numbers of every kind as grey levels.
 
 use crate::imaging::Pixels;
-use crate::io::images::raw::{Problem, luminance};
+use crate::io::images::raw::{ImageFault, luminance};
 use std::borrow::Cow;
 use tiff::decoder::DecodingResult;
 
 /// The samples in one of the depths of an image; what is changed is noted.
-pub(super) fn native(samples: DecodingResult, notes: &mut Vec<String>) -> Result<Pixels, Problem> {
+pub(super) fn native(samples: DecodingResult, notes: &mut Vec<String>) -> Result<Pixels, ImageFault> {
     use DecodingResult as D;
     Ok(match samples {
         D::U8(samples) => Pixels::U8(samples),
@@ -39,10 +39,10 @@ fn whole<T: Copy + TryInto<u16> + TryInto<i128>>(samples: &[T], kind: &str, note
 }
 
 /// Numbers of `bits` < 16 bits, most significant bit first, each row from a new byte.
-pub(super) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, Problem> {
+pub(super) fn split_bits(rows: &[u8], width: usize, height: usize, bits: usize) -> Result<Pixels, ImageFault> {
     let stride = (width * bits).div_ceil(8);
     if rows.len() != stride * height {
-        return Err(Problem::Corrupt(format!("{} bytes where {} are needed", rows.len(), stride * height)));
+        return Err(ImageFault::Corrupt(format!("{} bytes where {} are needed", rows.len(), stride * height)));
     }
     let mask = (1_u32 << bits) - 1;
     let level = move |row: &[u8], x: usize| {
@@ -85,15 +85,15 @@ pub(super) fn apply_map(
     map: &[u16],
     bits: usize,
     notes: &mut Vec<String>,
-) -> Result<(Pixels, f32), Problem> {
+) -> Result<(Pixels, f32), ImageFault> {
     let n = map.len() / 3;
     let index: Cow<[u16]> = match &index {
         Pixels::U8(index) => index.iter().map(|&i| u16::from(i)).collect(),
         Pixels::U16(index) => Cow::Borrowed(index),
-        Pixels::F32(_) => return Err(Problem::Unsupported("a palette with float indices".into())),
+        Pixels::F32(_) => return Err(ImageFault::Unsupported("a palette with float indices".into())),
     };
     if let Some(&beyond) = index.iter().find(|&&i| usize::from(i) >= n) {
-        return Err(Problem::Corrupt(format!("colour {beyond} is not among the {n} of the palette")));
+        return Err(ImageFault::Corrupt(format!("colour {beyond} is not among the {n} of the palette")));
     }
     let (red, rest) = map.split_at(n);
     let (green, blue) = rest.split_at(n);

@@ -3,6 +3,7 @@
 
 use super::dual::Dual;
 use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive};
+use nalgebra::{Matrix2, RowVector2};
 
 /// How the toughness depends on the mix of the modes, `B = G_II/(G_I + G_II)`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -180,13 +181,11 @@ impl CohesiveLaw for Bilinear {
     fn response(&self, jump: Jump) -> CohesiveResponse {
         let secant = self.stiffness(jump);
         let mut traction = Traction { normal: secant.value * jump.normal, tangential: secant.value * jump.tangential };
-        let mut tangent = [
-            [secant.value + secant.by[0] * jump.normal, secant.by[1] * jump.normal],
-            [secant.by[0] * jump.tangential, secant.value + secant.by[1] * jump.tangential],
-        ];
+        let by_jump = RowVector2::new(secant.by[0], secant.by[1]);
+        let mut tangent = Matrix2::from_diagonal_element(secant.value) + jump.vector() * by_jump;
         if jump.normal <= 0.0 {
             traction.normal = self.values[0] * jump.normal;
-            tangent[0] = [self.values[0], 0.0];
+            tangent.set_row(0, &RowVector2::new(self.values[0], 0.0));
         }
         CohesiveResponse { traction, tangent }
     }
@@ -207,7 +206,7 @@ impl CohesiveLaw for Bilinear {
 
     fn secant(&self, jump: Jump) -> CohesiveStiffness {
         let secant = self.stiffness(jump).value;
-        [[if jump.normal > 0.0 { secant } else { self.values[0] }, 0.0], [0.0, secant]]
+        Matrix2::new(if jump.normal > 0.0 { secant } else { self.values[0] }, 0.0, 0.0, secant)
     }
 
     fn peak(&self) -> Traction {

@@ -4,6 +4,7 @@
 use super::{
     CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
 };
+use nalgebra::Matrix2;
 
 /// The law of the paper: `T_n = phi_n/delta_n a e`, `T_t = 2 r phi_n/delta_t b (1 + a) e` with `a = D_n/delta_n`,
 /// `b = D_t/delta_t`, `e = exp(-a - b^2)`; in compression the normal traction is linear with the stiffness at
@@ -82,13 +83,13 @@ impl CohesiveLaw for ExtendedXuNeedleman {
             let stiffness = phi_n / (delta_n * delta_n);
             return CohesiveResponse {
                 traction: Traction { normal: stiffness * jump.normal, tangential },
-                tangent: [[stiffness, 0.0], [0.0, slope_t]],
+                tangent: Matrix2::new(stiffness, 0.0, 0.0, slope_t),
             };
         }
         let cross = -2.0 * a * b * e / (delta_n * delta_t);
         CohesiveResponse {
             traction: Traction { normal: phi_n / delta_n * a * e, tangential },
-            tangent: [[phi_n / (delta_n * delta_n) * (1.0 - a) * e, phi_n * cross], [phi_t * cross, slope_t]],
+            tangent: Matrix2::new(phi_n / (delta_n * delta_n) * (1.0 - a) * e, phi_n * cross, phi_t * cross, slope_t),
         }
     }
 
@@ -114,7 +115,8 @@ impl CohesiveLaw for ExtendedXuNeedleman {
         let (a, _, e) = self.reduced(jump);
         let stiffness = self.phi_n / (self.delta_n * self.delta_n);
         let normal = if jump.normal < 0.0 { stiffness } else { stiffness * e };
-        [[normal, 0.0], [0.0, 2.0 * self.phi_t() / (self.delta_t * self.delta_t) * (1.0 + a) * e]]
+        let tangential = 2.0 * self.phi_t() / (self.delta_t * self.delta_t) * (1.0 + a) * e;
+        Matrix2::new(normal, 0.0, 0.0, tangential)
     }
 
     fn peak(&self) -> Traction {
@@ -122,6 +124,10 @@ impl CohesiveLaw for ExtendedXuNeedleman {
             normal: self.phi_n / (std::f64::consts::E * self.delta_n),
             tangential: (2.0 / std::f64::consts::E).sqrt() * self.phi_t() / self.delta_t,
         }
+    }
+
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.phi_t())
     }
 
     fn front_opening(&self) -> f64 {

@@ -11,6 +11,7 @@ pub use bilinear::{Bilinear, MixedModeCriterion};
 pub use extended_xu_needleman::ExtendedXuNeedleman;
 pub use xu_needleman::XuNeedleman;
 
+use nalgebra::{Matrix2, Vector2};
 use std::fmt::Debug;
 use thiserror::Error;
 
@@ -24,6 +25,13 @@ pub struct Jump {
     pub tangential: f64,
 }
 
+impl Jump {
+    /// `(normal, tangential)`.
+    pub fn vector(self) -> Vector2<f64> {
+        Vector2::new(self.normal, self.tangential)
+    }
+}
+
 /// Traction across the interface, MPa, or its derivative by a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Traction {
@@ -33,8 +41,15 @@ pub struct Traction {
     pub tangential: f64,
 }
 
+impl Traction {
+    /// `(normal, tangential)`.
+    pub fn vector(self) -> Vector2<f64> {
+        Vector2::new(self.normal, self.tangential)
+    }
+}
+
 /// `[[dT_n/dD_n, dT_n/dD_t], [dT_t/dD_n, dT_t/dD_t]]`, MPa/mm. Not symmetric in general.
-pub type CohesiveStiffness = [[f64; 2]; 2];
+pub type CohesiveStiffness = Matrix2<f64>;
 
 /// What a law answers to a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -106,6 +121,11 @@ pub trait CohesiveLaw: Debug + Send + Sync {
 
     /// Largest tractions in pure opening and in pure sliding, MPa.
     fn peak(&self) -> Traction;
+
+    /// Work of separation in pure sliding, N/mm, where it is no parameter but follows from them; `None` where it is one.
+    fn sliding_work(&self) -> Option<f64> {
+        None
+    }
 
     /// Normal jump at which the joint counts as cracked, mm: the crack front lies where it is reached.
     fn front_opening(&self) -> f64;

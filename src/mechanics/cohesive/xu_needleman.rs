@@ -4,6 +4,7 @@ use super::dual::Dual;
 use super::{
     CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
 };
+use nalgebra::Matrix2;
 
 /// The original law. With `a = D_n/delta_n`, `b = D_t/delta_t`, `k = (1 - q)/(r* - 1)`, `m = (r* - q)/(r* - 1)`:
 ///
@@ -99,7 +100,7 @@ impl CohesiveLaw for XuNeedleman {
         let [normal, tangential] = self.evaluate(jump);
         CohesiveResponse {
             traction: Traction { normal: normal.value, tangential: tangential.value },
-            tangent: [[normal.by[0], normal.by[1]], [tangential.by[0], tangential.by[1]]],
+            tangent: Matrix2::new(normal.by[0], normal.by[1], tangential.by[0], tangential.by[1]),
         }
     }
 
@@ -118,13 +119,12 @@ impl CohesiveLaw for XuNeedleman {
         let (opened, slid) = ((-a).exp(), (-b * b).exp());
         // (1 - e^(-b^2))/b, which vanishes with b.
         let share = if b == 0.0 { 0.0 } else { -(-b * b).exp_m1() / b };
-        [
-            [
-                phi_n / (delta_n * delta_n) * opened * slid,
-                phi_n / (delta_n * delta_t) * opened * k * share * (r_star - a),
-            ],
-            [0.0, 2.0 * phi_n / (delta_t * delta_t) * (q + m * a) * opened * slid],
-        ]
+        Matrix2::new(
+            phi_n / (delta_n * delta_n) * opened * slid,
+            phi_n / (delta_n * delta_t) * opened * k * share * (r_star - a),
+            0.0,
+            2.0 * phi_n / (delta_t * delta_t) * (q + m * a) * opened * slid,
+        )
     }
 
     fn peak(&self) -> Traction {
@@ -132,6 +132,10 @@ impl CohesiveLaw for XuNeedleman {
             normal: self.phi_n / (std::f64::consts::E * self.delta_n),
             tangential: (2.0 / std::f64::consts::E).sqrt() * self.q * self.phi_n / self.delta_t,
         }
+    }
+
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.q * self.phi_n)
     }
 
     fn front_opening(&self) -> f64 {

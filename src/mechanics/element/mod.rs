@@ -6,8 +6,10 @@ mod q4;
 pub use interface::{Interface, InterfacePoint, Kinematics, Quadrature};
 pub use q4::{Q4, Q4Point};
 
-/// Forces at the four nodes of an element, N/mm: `[f_x, f_y]` of each node in turn.
-pub type ElementVector = [f64; 8];
+use nalgebra::{SMatrix, SVector};
 
-/// Stiffness of an element by rows, N/mm per mm; unknown `2 k + c` is component `c` of its node `k`.
-pub type ElementStiffness = [[f64; 8]; 8];
+/// Forces (N/mm) or displacements (mm) at the four nodes of an element: both components of each node in turn.
+pub type ElementVector = SVector<f64, 8>;
+
+/// Stiffness of an element, N/mm per mm; unknown `2 k + c` is component `c` of its node `k`.
+pub type ElementStiffness = SMatrix<f64, 8, 8>;

@@ -1,8 +1,8 @@
 //! Isotropic linear elasticity.
 
 use super::{
-    Parameter, PlaneState, Strain, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
-    SubstrateStiffness, check_elastic, exactly, times,
+    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
+    SubstrateStiffness, check_elastic, exactly, isotropic,
 };
 
 /// `stress = D strain` with Young's modulus `E` and Poisson's ratio `nu`.
@@ -42,7 +42,7 @@ impl LinearElastic {
                 (lame + 2.0 * shear, lame)
             }
         };
-        [[along, across, 0.0], [across, along, 0.0], [0.0, 0.0, shear]]
+        isotropic(along, across, shear)
     }
 
     /// Derivative of the stiffness by Poisson's ratio.
@@ -59,7 +59,7 @@ impl LinearElastic {
                 (lame + 2.0 * shear, lame)
             }
         };
-        [[along, across, 0.0], [across, along, 0.0], [0.0, 0.0, shear]]
+        isotropic(along, across, shear)
     }
 }
 
@@ -81,27 +81,27 @@ impl SubstrateLaw for LinearElastic {
         Ok(Box::new(Self::new(young, nu, self.plane)?))
     }
 
-    fn response(&self, strain: Strain) -> SubstrateResponse {
+    fn response(&self, strain: EngineeringStrain) -> SubstrateResponse {
         SubstrateResponse { stress: self.stress(strain), tangent: self.stiffness() }
     }
 
-    fn stress(&self, strain: Strain) -> Stress {
-        Stress(times(&self.stiffness(), strain.0))
+    fn stress(&self, strain: EngineeringStrain) -> Stress {
+        Stress((self.stiffness() * strain.vector()).into())
     }
 
-    fn by_parameters(&self, strain: Strain, derivatives: &mut [Stress]) {
+    fn by_parameters(&self, strain: EngineeringStrain, derivatives: &mut [Stress]) {
         let Stress(stress) = self.stress(strain);
         derivatives.copy_from_slice(&[
             Stress(stress.map(|stress| stress / self.young)),
-            Stress(times(&self.stiffness_by_nu(), strain.0)),
+            Stress((self.stiffness_by_nu() * strain.vector()).into()),
         ]);
     }
 
-    fn secant(&self, _: Strain) -> SubstrateStiffness {
+    fn secant(&self, _: EngineeringStrain) -> SubstrateStiffness {
         self.stiffness()
     }
 
-    fn state(&self, strain: Strain) -> SubstrateState {
+    fn state(&self, strain: EngineeringStrain) -> SubstrateState {
         let Stress([x, y, shear]) = self.stress(strain);
         let z = match self.plane {
             PlaneState::PlaneStress => 0.0,

@@ -4,24 +4,23 @@
 
 mod linear_elastic;
 mod ramberg_osgood;
+mod strain;
 
 pub use linear_elastic::LinearElastic;
 pub use ramberg_osgood::RambergOsgood;
+pub use strain::EngineeringStrain;
 
 use super::cohesive::Parameter;
+use nalgebra::Matrix3;
 use std::fmt::Debug;
 use thiserror::Error;
-
-/// Small strain in the plane: `eps_xx`, `eps_yy` and the engineering shear `gamma_xy = 2 eps_xy`.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Strain(pub [f64; 3]);
 
 /// Stress in the plane, MPa: `sigma_xx`, `sigma_yy`, `sigma_xy`; or its derivative by a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stress(pub [f64; 3]);
 
-/// `d stress / d strain`, MPa; symmetric.
-pub type SubstrateStiffness = [[f64; 3]; 3];
+/// `d stress / d strain`, MPa, strain with the engineering shear; symmetric.
+pub type SubstrateStiffness = Matrix3<f64>;
 
 /// What a law answers to a strain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -79,22 +78,22 @@ pub trait SubstrateLaw: Debug + Send + Sync {
     fn with_values(&self, values: &[f64]) -> Result<Box<dyn SubstrateLaw>, SubstrateError>;
 
     /// Stress and consistent tangent at `strain`.
-    fn response(&self, strain: Strain) -> SubstrateResponse;
+    fn response(&self, strain: EngineeringStrain) -> SubstrateResponse;
 
     /// The stress alone, which costs less; the same bits as in [`SubstrateLaw::response`].
-    fn stress(&self, strain: Strain) -> Stress;
+    fn stress(&self, strain: EngineeringStrain) -> Stress;
 
     /// Derivatives of the stress by each parameter at fixed `strain`, into `derivatives`.
     ///
     /// # Panics
     /// When `derivatives` has not as many entries as there are parameters.
-    fn by_parameters(&self, strain: Strain, derivatives: &mut [Stress]);
+    fn by_parameters(&self, strain: EngineeringStrain, derivatives: &mut [Stress]);
 
     /// A symmetric positive definite matrix `S` with `S strain = stress`, MPa: for the secant iteration.
-    fn secant(&self, strain: Strain) -> SubstrateStiffness;
+    fn secant(&self, strain: EngineeringStrain) -> SubstrateStiffness;
 
     /// Equivalent stress and plastic strain.
-    fn state(&self, strain: Strain) -> SubstrateState;
+    fn state(&self, strain: EngineeringStrain) -> SubstrateState;
 
     /// Strain at which the material yields, if it does: what rotations of the strips are measured by.
     fn yield_strain(&self) -> Option<f64>;
@@ -191,7 +190,13 @@ fn check_positive(parameter: &Parameter, value: f64) -> Result<(), SubstrateErro
     Err(SubstrateError::Parameter { key: parameter.key(), value, needed: "it must be a finite number above zero" })
 }
 
-/// `matrix vector`.
-fn times(matrix: &SubstrateStiffness, vector: [f64; 3]) -> [f64; 3] {
-    matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
+/// The stiffness of an isotropic material: `sigma_xx = along eps_xx + across eps_yy`, `sigma_xy = shear gamma_xy`.
+fn isotropic(along: f64, across: f64, shear: f64) -> SubstrateStiffness {
+    #[rustfmt::skip]
+    let stiffness = Matrix3::new(
+        along, across, 0.0,
+        across, along, 0.0,
+        0.0, 0.0, shear,
+    );
+    stiffness
 }

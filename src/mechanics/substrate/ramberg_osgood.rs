@@ -1,9 +1,10 @@
 //! Ramberg-Osgood deformation plasticity: metals that harden by a power law, without history (THEORY 3).
 
 use super::{
-    Parameter, PlaneState, Strain, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
-    SubstrateStiffness, check_elastic, check_positive, exactly,
+    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
+    SubstrateStiffness, check_elastic, check_positive, exactly, isotropic,
 };
+use nalgebra::Vector3;
 
 /// `eps = (1+nu)/E S + (1-2nu)/E p I + 3/2 (alpha/E) (q/sigma_0)^(n-1) S`: in uniaxial tension the plastic strain
 /// at `sigma_0` is `alpha sigma_0/E`.
@@ -64,7 +65,7 @@ impl RambergOsgood {
     }
 
     /// The modes of a strain in the plane state.
-    fn modes(&self, Strain([x, y, shear]): Strain) -> Modes {
+    fn modes(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain) -> Modes {
         let Self { young, nu, .. } = *self;
         match self.plane {
             PlaneState::PlaneStress => {
@@ -129,13 +130,13 @@ impl RambergOsgood {
     }
 
     /// Everything at a strain.
-    fn point(&self, strain: Strain) -> Point {
+    fn point(&self, strain: EngineeringStrain) -> Point {
         let modes = self.modes(strain);
         let q = self.equivalent_stress(&modes);
         Point { q, h: self.plastic_compliance(q) }
     }
 
-    fn stress_at(&self, Strain([x, y, shear]): Strain, h: f64) -> Stress {
+    fn stress_at(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain, h: f64) -> Stress {
         let Self { young, nu, .. } = *self;
         match self.plane {
             PlaneState::PlaneStress => {
@@ -167,7 +168,7 @@ impl RambergOsgood {
                 (bulk + stiffness * 2.0 / 3.0, bulk - stiffness / 3.0)
             }
         };
-        [[along, across, 0.0], [across, along, 0.0], [0.0, 0.0, 0.5 * stiffness]]
+        isotropic(along, across, 0.5 * stiffness)
     }
 }
 
@@ -208,7 +209,7 @@ impl SubstrateLaw for RambergOsgood {
         Ok(Box::new(Self::new(exactly(Self::NAME, values)?, self.plane)?))
     }
 
-    fn response(&self, strain: Strain) -> SubstrateResponse {
+    fn response(&self, strain: EngineeringStrain) -> SubstrateResponse {
         let Point { q, h } = self.point(strain);
         let stress = self.stress_at(strain, h);
         let mut tangent = self.secant_at(h);
@@ -227,33 +228,28 @@ impl SubstrateLaw for RambergOsgood {
                     let shear = shear / q;
                     let along = 0.5 * stiffness_sum * sum;
                     let apart = 1.5 * stiffness * difference;
-                    let v = [0.5 * (along + apart), 0.5 * (along - apart), 1.5 * stiffness * shear];
+                    let v = Vector3::new(0.5 * (along + apart), 0.5 * (along - apart), 1.5 * stiffness * shear);
                     let bend = 0.125 * stiffness_sum * sum * sum
                         + 1.125 * stiffness * difference * difference
                         + 4.5 * stiffness * shear * shear;
                     (v, 1.0 + slope * bend)
                 }
                 PlaneState::PlaneStrain => {
-                    let pressure = young * (strain.0[0] + strain.0[1]) / (3.0 * (1.0 - 2.0 * nu));
-                    let v = [x - pressure, y - pressure, shear].map(|s| 1.5 * stiffness * s / q);
+                    let pressure = young * (strain.xx + strain.yy) / (3.0 * (1.0 - 2.0 * nu));
+                    let v = Vector3::new(x - pressure, y - pressure, shear).map(|s| 1.5 * stiffness * s / q);
                     (v, 1.0 + slope * 1.5 * stiffness)
                 }
             };
-            let k = slope / denominator;
-            for (row, &v_row) in tangent.iter_mut().zip(&v) {
-                for (entry, &v_column) in row.iter_mut().zip(&v) {
-                    *entry -= k * v_row * v_column;
-                }
-            }
+            tangent -= (slope / denominator * v) * v.transpose();
         }
         SubstrateResponse { stress, tangent }
     }
 
-    fn stress(&self, strain: Strain) -> Stress {
+    fn stress(&self, strain: EngineeringStrain) -> Stress {
         self.stress_at(strain, self.point(strain).h)
     }
 
-    fn by_parameters(&self, strain: Strain, derivatives: &mut [Stress]) {
+    fn by_parameters(&self, strain: EngineeringStrain, derivatives: &mut [Stress]) {
         let Self { young, nu, sigma_0, alpha, n, .. } = *self;
         let Point { q, h } = self.point(strain);
         let slope = (n - 1.0) * h;
@@ -277,7 +273,7 @@ impl SubstrateLaw for RambergOsgood {
         let shares: [f64; 2] =
             if q > 0.0 { std::array::from_fn(|k| weight[k] * stiffness[k] * stiffness[k] / (q * q)) } else { [0.0; 2] };
         let bend: f64 = (0..2).map(|k| shares[k] * plastic[k] * stiffness[k]).sum();
-        let Strain([x, y, shear]) = strain;
+        let EngineeringStrain { xx: x, yy: y, gamma_xy: shear } = strain;
         assert_eq!(derivatives.len(), Self::PARAMETERS.len(), "one derivative per parameter");
         for (parameter, derivative) in derivatives.iter_mut().enumerate() {
             let compliance_by = |k: usize| elastic_by[parameter][k] + plastic[k] * h_by[parameter];
@@ -303,11 +299,11 @@ impl SubstrateLaw for RambergOsgood {
         }
     }
 
-    fn secant(&self, strain: Strain) -> SubstrateStiffness {
+    fn secant(&self, strain: EngineeringStrain) -> SubstrateStiffness {
         self.secant_at(self.point(strain).h)
     }
 
-    fn state(&self, strain: Strain) -> SubstrateState {
+    fn state(&self, strain: EngineeringStrain) -> SubstrateState {
         let Point { q, h } = self.point(strain);
         SubstrateState { equivalent_stress: q, plastic_strain: h * q }
     }

@@ -6,6 +6,7 @@ use crate::mechanics::cohesive::Jump;
 use crate::report::fit::{Banded, LawRows};
 use crate::report::page::{Block, Curves, Section};
 use crate::report::{Axis, Plot, ReportError, Series, Style};
+use crate::units::Vector;
 
 impl IdentificationReport<'_> {
     /// Instants that have a solution, of those to be drawn.
@@ -26,7 +27,7 @@ impl IdentificationReport<'_> {
     fn measured(&self, at: usize, node: usize) -> Option<[f64; 2]> {
         let (_, field) = self.frames.get(at)?;
         let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
-        let u = measured.then(|| [self.pixel_size.mm_from_px(u[0]), -self.pixel_size.mm_from_px(u[1])])?;
+        let u = measured.then(|| self.pixel_size.to_mm(Vector::new(u)).components())?;
         let Some(motion) = self.joint.removed.get(at) else { return Some(u) };
         let rigid = motion.displacement(self.joint.model.mesh().nodes()[node]);
         let (sin, cos) = motion.rotation_rad.sin_cos();

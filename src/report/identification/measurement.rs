@@ -5,7 +5,7 @@ use super::{IdentificationReport, OtherRigidMotion, chosen};
 use crate::field::{Measurement, RigidMotion, Status};
 use crate::report::page::{Block, Map, Section};
 use crate::report::{Backdrop, MapOptions, Name, Palette, ReportError, element_map_on, nodal_map_on};
-use crate::units::Px;
+use crate::units::{Px, Vector};
 
 impl IdentificationReport<'_> {
     pub(super) fn measurement(&self) -> Result<Section, ReportError> {
@@ -80,9 +80,8 @@ impl IdentificationReport<'_> {
         for &at in shown.iter().skip(1) {
             let (number, field) = &self.frames[at];
             for (c, name) in [(0, "u_x, to the right"), (1, "u_y, up")] {
-                // y up, as everywhere in this report.
-                let sign = if c == 1 { -1.0 } else { 1.0 };
-                let values: Vec<f64> = field.displacement.iter().map(|u| sign * 1e3 * mm * u[c]).collect();
+                let of = |&u: &[f64; 2]| 1e3 * self.pixel_size.to_mm(Vector::new(u)).components()[c];
+                let values: Vec<f64> = field.displacement.iter().map(of).collect();
                 maps.push(self.map(
                     &backdrop,
                     field,

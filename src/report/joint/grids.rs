@@ -81,7 +81,8 @@ fn spatial(field: &[[f64; 2]]) -> Vec<[f64; 3]> {
 
 /// -1 compressed, 0 loading, 1 softening (the symmetric part of the tangent is not positive), 2 open.
 fn state(joint: &Joint, jump: Jump) -> f64 {
-    let [[nn, nt], [tn, tt]] = joint.law.response(jump).tangent;
+    let tangent = joint.law.response(jump).tangent;
+    let (nn, nt, tn, tt) = (tangent.m11, tangent.m12, tangent.m21, tangent.m22);
     if jump.normal < 0.0 {
         -1.0
     } else if jump.normal >= joint.law.front_opening() {
