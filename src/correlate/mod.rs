@@ -2,6 +2,7 @@
 
 mod border;
 mod chain;
+mod chosen;
 mod correlation;
 mod correlator;
 mod error;
@@ -16,6 +17,7 @@ mod noise_correlation;
 mod noise_model;
 mod options;
 mod patch;
+mod reference;
 mod regularisation;
 mod search;
 mod series;
@@ -24,6 +26,7 @@ mod uncertainty;
 
 pub use border::BareBorder;
 pub use chain::{ChainState, Keyframe, ReferenceChain, UpdateRefused};
+pub use chosen::{Correlate, Uploaded, prepare};
 pub use correlation::{Correlation, StartUsed, ZoneResult};
 pub use correlator::Correlator;
 pub use error::CorrelationError;
@@ -31,6 +34,7 @@ pub use light::SmoothLight;
 pub use noise_correlation::NoiseColour;
 pub use noise_model::PhotonNoise;
 pub use options::Options;
+pub use reference::Reference;
 pub use regularisation::Regularisation;
 pub use series::{History, Start, Tracker};
 pub use texture::{Lack, TextureFault, assumed_noise};
