@@ -16,10 +16,11 @@
 //! # Ok(()) }
 //! ```
 //!
-//! A series of files into a store, restarted where it was stopped, and a case from its images to the law ([`run`]; a longer one is
-//! `examples/identify_from_images.rs`):
+//! A series of files into a store, restarted where it was stopped, and a case from its images to the law ([`run`]; longer ones are
+//! in `examples/`):
 //!
 //! ```no_run
+//! # #[cfg(all(feature = "report", feature = "store"))]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use quadrille::{io::case::CaseFile, run::*};
 //! let pool = rayon::ThreadPoolBuilder::new().build()?;
@@ -31,12 +32,24 @@
 //! let outcome = run_case(&CaseRun::new("case.toml", "results/joint"), &pool, &mut |_| ())?;
 //! assert_eq!(outcome, Outcome::Fine); // results/joint/fit.json, report.html, ...
 //! # Ok(()) }
+//! # #[cfg(not(all(feature = "report", feature = "store")))]
+//! # fn main() {}
 //! ```
 //!
 //! One straight road: images -> [`field::Measurement`] -> [`identify::Fit`] -> [`report`]. Beside it the mechanics of cohesive joints:
 //! displacements of the border -> [`mechanics::Solution`]. Modules know only modules of lower rank (`tests/layers.rs`): `units`,
 //! `clock`, `isa`; `linalg`; `imaging`, `mesh`; `field`; `backend`, `io`, `synth`; `correlate`, `mechanics`; `bench`, `identify`,
 //! `metrology`, `virtual_test`; `paper`, `report`; `run`; `cli`.
+//!
+//! # Features
+//!
+//! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with 156 crates
+//! instead of 307 (`scripts/check_features.sh` counts them).
+//!
+//! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
+//! - `store`: [`io::store`], the fields of a series (zarrs).
+//! - `report`: [`report`], summaries, figures and the page of a run (resvg). With `store`: [`run`].
+//! - `cli`: [`cli`], the program (clap); with `store` and `report`.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -47,21 +60,29 @@ struct Readme;
 struct Mechanics;
 
 pub mod backend;
+#[doc(hidden)]
 pub mod bench;
+#[cfg(feature = "cli")]
 pub mod cli;
+#[doc(hidden)]
 pub mod clock;
 pub mod correlate;
 pub mod field;
 pub mod identify;
 pub mod imaging;
 pub mod io;
+#[doc(hidden)]
 pub mod isa;
+#[doc(hidden)]
 pub mod linalg;
 pub mod mechanics;
 pub mod mesh;
 pub mod metrology;
+#[doc(hidden)]
 pub mod paper;
+#[cfg(feature = "report")]
 pub mod report;
+#[cfg(all(feature = "report", feature = "store"))]
 pub mod run;
 pub mod synth;
 pub mod units;

@@ -1,5 +1,7 @@
 //! Bad input: one clear line says what, where and what to do; nothing computed is lost; no panic, hang, NaN.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, HEIGHT, INSIDE, WIDTH, assert_moved, moved, speckle};

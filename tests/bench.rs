@@ -1,5 +1,7 @@
 //! `quadrille bench`: its figures are there, mean what they say, and hold together.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::*;

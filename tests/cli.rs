@@ -1,5 +1,7 @@
 //! `quadrille` as a user runs it: files, flags, case files, talk, exit statuses.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, HEIGHT, INSIDE, N_INSIDE, WIDTH, assert_moved, moved, speckle};

@@ -1,5 +1,7 @@
 //! `quadrille devices`, `--device`, and what a run does when its device fails.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::*;
@@ -74,6 +76,20 @@ fn without_a_driver_auto_takes_the_cpu_and_says_so() {
     assert!(listed.contains("no graphics device:"), "{listed}");
 }
 
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_program_without_graphics_devices_says_so_and_works_on_the_cpu() {
+    let desk = Desk::with_series();
+    let line = |device: &str| format!("correlate --device {device} {INSIDE} --output out ref.png a.png");
+    for device in ["gpu", "0", "llvmpipe"] {
+        desk.run(&line(device)).refused(&["built without graphics devices", "--device cpu"]);
+    }
+    let ran = desk.run(&line("auto")).fine();
+    assert!(ran.stderr.contains("no graphics device: the CPU does the work"), "{ran}");
+    assert!(desk.run("devices").printed().contains("built without graphics devices"));
+}
+
+#[cfg(feature = "gpu")]
 #[test]
 fn without_a_driver_asking_for_a_gpu_is_refused_with_the_reason_and_what_to_install() {
     let desk = Desk::with_series();

@@ -1,5 +1,7 @@
 //! What a fit says when an assumption is wrong: misfit test, prescribed parameters as unknowns, verdict, exit status.
 
+#![cfg(feature = "cli")]
+
 mod mechanics_common;
 
 use mechanics_common::{Pulled, measured_table, pulled};

@@ -2,6 +2,8 @@
 //!
 //! The pictures stay in `target/tmp/figures`, to be looked at.
 
+#![cfg(feature = "cli")]
+
 #[path = "common/blobs.rs"]
 mod blobs;
 #[path = "common/data.rs"]

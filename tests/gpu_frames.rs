@@ -1,6 +1,8 @@
 //! Whole frames on the GPU against the CPU: the same field, uncertainty and outcome, with few words between host
 //! and device; bad input and failing devices included.
 
+#![cfg(feature = "gpu")]
+
 mod common;
 
 use common::gpu::{device, device_with};
@@ -25,7 +27,7 @@ use std::sync::Arc;
 /// Both sides iterate to this; the requirement on their difference says so.
 const TOLERANCE_PX: f64 = 1e-5;
 
-type Gpu = Arc<GpuBackend>;
+type Gpu = GpuBackend;
 
 fn tight(options: Options) -> Options {
     Options { tolerance_px: TOLERANCE_PX, tolerance_by_sigma: 0.0, ..options }

@@ -1,6 +1,8 @@
 //! The kernels of both devices, as far as a backend shows them, against their sums in `f64`: each within the bound on
 //! the round-off of the sum as it is performed (`tests/common/round_off.rs`).
 
+#![cfg(feature = "gpu")]
+
 mod common;
 
 use common::gpu::device;

@@ -1,5 +1,7 @@
 //! `quadrille identify` and `quadrille sweep` as a user meets them: files, exit statuses, a clear line for wrong input.
 
+#![cfg(feature = "cli")]
+
 mod mechanics_common;
 
 use mechanics_common::{measured_table, pulled};

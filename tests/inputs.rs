@@ -1,5 +1,7 @@
 //! What users feed in, through the program: masks, polygons, mesh files, several references, pages, bit depth.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, HEIGHT, INSIDE, Ran, WIDTH, assert_moved, moved, speckle};

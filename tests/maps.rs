@@ -2,6 +2,8 @@
 //!
 //! The pictures stay in `target/tmp/maps`, to be looked at.
 
+#![cfg(feature = "report")]
+
 #[path = "common/blobs.rs"]
 mod blobs;
 

@@ -1,5 +1,7 @@
 //! `quadrille simulate` as a user meets it: files, figures, and a clear line for every wrong input.
 
+#![cfg(feature = "cli")]
+
 mod mechanics_common;
 
 use mechanics_common::{assert_close, reference_folder};

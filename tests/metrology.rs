@@ -1,5 +1,7 @@
 //! What `metrology` says of images whose noise, texture and displacement are known exactly.
 
+#![cfg(feature = "cli")]
+
 mod common;
 mod program;
 

@@ -1,5 +1,7 @@
 //! The paper done again: what `quadrille paper` has to find, small.
 
+#![cfg(feature = "cli")]
+
 use quadrille::paper::{
     Experiment, MEASURED_LAW, PaperError, REFERENCE_LAW, SWEEP_NOISE_PX, TABLE_2, noisy_fits, summary, sweep_summary,
     sweeps,

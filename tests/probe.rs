@@ -1,5 +1,7 @@
 //! `quadrille probe`, as a user meets it.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, INSIDE};

@@ -3,8 +3,6 @@
 mod common;
 
 use common::*;
-use quadrille::backend::Backend;
-use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{
     ChainState, Correlation, CorrelationError, Options, ReferenceChain, Regularisation, Tracker, UpdateRefused,
 };
@@ -27,17 +25,12 @@ fn every(frames: usize) -> UpdateReference {
 }
 
 #[track_caller]
-fn chain_of(
-    reference: &Arc<Image>,
-    zones: &[Zone],
-    options: Options,
-    update: UpdateReference,
-) -> ReferenceChain<CpuBackend> {
+fn chain_of(reference: &Arc<Image>, zones: &[Zone], options: Options, update: UpdateReference) -> ReferenceChain {
     ReferenceChain::new(Arc::new(prepared(reference, zones, options)), update)
 }
 
 #[track_caller]
-fn next<B: Backend + Clone>(chain: &mut ReferenceChain<B>, number: usize, image: &Arc<Image>) -> Correlation {
+fn next(chain: &mut ReferenceChain, number: usize, image: &Arc<Image>) -> Correlation {
     let correlation = chain.correlate(number, image.clone()).unwrap();
     assert_finite(&correlation);
     correlation
@@ -45,7 +38,7 @@ fn next<B: Backend + Clone>(chain: &mut ReferenceChain<B>, number: usize, image:
 
 /// All frames of a series, numbered from 1.
 #[track_caller]
-fn followed<B: Backend + Clone>(chain: &mut ReferenceChain<B>, frames: &[Arc<Image>]) -> Vec<Correlation> {
+fn followed(chain: &mut ReferenceChain, frames: &[Arc<Image>]) -> Vec<Correlation> {
     frames.iter().enumerate().map(|(k, image)| next(chain, k + 1, image)).collect()
 }
 
@@ -190,7 +183,7 @@ fn without_updates_the_bits_are_those_of_a_tracker() {
     for start in [StartFrom::Previous, StartFrom::Independent] {
         let options = Options { start, ..Options::default() };
         let correlator = Arc::new(prepared(&reference, &inside(SIDE, SIDE, 16), options));
-        let mut tracker = Tracker::new(&correlator);
+        let mut tracker = Tracker::new(&*correlator);
         let mut chain = ReferenceChain::new(correlator.clone(), NEVER);
         for (k, image) in frames.iter().enumerate() {
             let tracked = tracker.correlate(k + 1, image.clone()).unwrap();
@@ -679,6 +672,7 @@ fn a_frame_that_cannot_be_used_leaves_the_chain_as_it_was() {
 
 // ---- Devices ---------------------------------------------------------------------------------------------
 
+#[cfg(feature = "gpu")]
 #[test]
 fn a_graphics_device_measures_the_stages_that_the_cpu_measures() {
     let Some(device) = common::gpu::device() else { return };
@@ -686,7 +680,7 @@ fn a_graphics_device_measures_the_stages_that_the_cpu_measures() {
     let motion = Rotation::new(24.0, SIDE, SIDE);
     let (reference, frames) = series(&motion, 6, &eight_bit(SIDE, SIDE));
     let zones = inside(SIDE, SIDE, 64);
-    let gpu = Arc::new(prepared_on((*device).clone(), &reference, &zones, Options::default()));
+    let gpu = Arc::new(prepared_on(device, &reference, &zones, Options::default()));
     let found = followed(&mut ReferenceChain::new(gpu, every(2)), &frames);
     let want = followed(&mut chain_of(&reference, &zones, Options::default(), every(2)), &frames);
     for (found, want) in found.iter().zip(&want) {

@@ -1,5 +1,7 @@
 //! What a cut-off length promises: the gain of waves, what passes unchanged, what is held, and how uncertain it is.
 
+#![cfg(feature = "cli")]
+
 mod common;
 mod program;
 

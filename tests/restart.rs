@@ -1,4 +1,5 @@
 //! Runs that are stopped and go on: killed, cut, refused, shared among processes; what they say of themselves.
+#![cfg(feature = "cli")]
 #![cfg(unix)] // signals
 
 mod program;

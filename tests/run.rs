@@ -1,5 +1,7 @@
 //! `quadrille run`: from images to the report, as a user meets it.
 
+#![cfg(feature = "cli")]
+
 use quadrille::report::fit::FitRecord;
 use quadrille::report::summary::Summary;
 use quadrille::run::{CaseRun, Event, Outcome, run_case};

@@ -1,6 +1,8 @@
 //! A series carried out by the library, without a command line: the same bits as the program, events in order, a stop and what goes on
 //! after it.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, INSIDE, moved};

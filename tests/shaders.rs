@@ -1,6 +1,8 @@
 //! The shaders against the Rust side, without a GPU: every kernel parses and validates, and both sides agree on
 //! structs, bindings and workgroup sizes.
 
+#![cfg(feature = "gpu")]
+
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use quadrille::backend::gpu::{Binding, KERNELS, Kernel, mirrors, source};
 use quadrille::imaging::Interpolation;

@@ -1,5 +1,6 @@
 //! A series spread over a real Slurm of one node (`tests/slurm/start.sh`): the scripts of `quadrille slurm`, a task that is
 //! killed and submitted again, and the job that checks and exports.
+#![cfg(feature = "cli")]
 #![cfg(target_os = "linux")]
 
 mod program;

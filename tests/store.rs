@@ -1,5 +1,7 @@
 //! The store of record: what is written reads back, here and in Python; what is damaged is refused by name.
 
+#![cfg(feature = "cli")]
+
 mod program;
 
 use program::{Desk, INSIDE, moved};

@@ -1,5 +1,7 @@
 //! `quadrille correlate --update-reference`: large deformation, measured in stages by the program.
 
+#![cfg(feature = "cli")]
+
 mod common;
 mod program;
 

@@ -1,5 +1,7 @@
 //! The virtual test: what is computed, what its images show, what stands beside them.
 
+#![cfg(feature = "cli")]
+
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mechanics::cohesive::CohesiveLaw;

@@ -1,4 +1,5 @@
 //! `quadrille watch`: a thread plays the camera.
+#![cfg(feature = "cli")]
 #![cfg(unix)] // signals
 
 mod program;

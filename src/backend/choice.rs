@@ -1,7 +1,7 @@
 //! Which device does the work.
 
-use super::gpu::{AdapterKind, Adapters, GpuAdapter, GpuBackend, GpuOptions};
-use super::{AnyBackend, BackendError, cpu::CpuBackend};
+use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
+use super::{Backend, BackendError, cpu::CpuBackend, gpu};
 use crate::isa::Isa;
 use std::str::FromStr;
 use thiserror::Error;
@@ -42,6 +42,9 @@ impl FromStr for DeviceChoice {
     }
 }
 
+/// What a build without the feature `gpu` says of graphics devices.
+pub(super) const BUILT_WITHOUT: &str = "quadrille was built without graphics devices (its feature `gpu`)";
+
 /// Why there is no such device.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -54,6 +57,9 @@ pub enum DeviceError {
         /// What the drivers said.
         reason: String,
     },
+    /// This build knows no graphics devices.
+    #[error("there is no graphics device: {BUILT_WITHOUT}; use --device cpu")]
+    BuiltWithout,
     /// None with that name or number.
     #[error("there is no graphics device '{wanted}'; this machine has {there}")]
     Unknown {
@@ -78,8 +84,12 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
         kinds.iter().find_map(of)
     };
     const HARDWARE: [AdapterKind; 3] = [AdapterKind::Discrete, AdapterKind::Integrated, AdapterKind::Virtual];
-    let no_adapter =
-        || DeviceError::NoAdapter { reason: adapters.reason.clone().unwrap_or_else(|| "none can be used".into()) };
+    let no_adapter = || match adapters.built_without {
+        true => DeviceError::BuiltWithout,
+        false => {
+            DeviceError::NoAdapter { reason: adapters.reason.clone().unwrap_or_else(|| "none can be used".into()) }
+        }
+    };
     let unknown = |wanted: String| DeviceError::Unknown { wanted, there: listed(adapters) };
     match choice {
         DeviceChoice::Cpu => Ok(None),
@@ -102,6 +112,16 @@ fn listed(adapters: &Adapters) -> String {
     names.join(", ")
 }
 
+/// Work for a device that is chosen when the program runs, written once for all of them. What it gives back should no longer
+/// say which device it was: that keeps the choice in this one place.
+pub trait OnDevice {
+    /// What comes of it.
+    type Output;
+
+    /// Does it with the device that was chosen.
+    fn on<B: Backend>(self, backend: B) -> Self::Output;
+}
+
 /// A device that is used, and can be opened anew.
 #[derive(Debug, Clone)]
 pub struct Device {
@@ -122,7 +142,7 @@ impl Device {
         if *choice == DeviceChoice::Cpu {
             return Ok(Self { adapter: None, isa, options, auto, remark: None });
         }
-        let adapters = super::gpu::adapters();
+        let adapters = gpu::adapters();
         let adapter = choose(choice, &adapters)?.cloned();
         let remark = adapter.is_none().then(|| match adapters.list.first() {
             None => "no graphics device: the CPU does the work".to_owned(),
@@ -148,14 +168,19 @@ impl Device {
         Self { adapter: None, ..self.clone() }
     }
 
-    /// Opens it.
+    /// Whether all work is done on the CPU.
+    pub fn is_cpu(&self) -> bool {
+        self.adapter.is_none()
+    }
+
+    /// Opens it and does `work` there.
     ///
     /// # Errors
     /// When the graphics device cannot be opened.
-    pub fn open(&self) -> Result<AnyBackend, BackendError> {
-        Ok(match &self.adapter {
-            None => AnyBackend::Cpu(CpuBackend::new(self.isa)),
-            Some(adapter) => AnyBackend::Gpu(GpuBackend::new(adapter, &self.options)?),
-        })
+    pub fn open<W: OnDevice>(&self, work: W) -> Result<W::Output, BackendError> {
+        match &self.adapter {
+            None => Ok(work.on(CpuBackend::new(self.isa))),
+            Some(adapter) => gpu::open(adapter, &self.options, work),
+        }
     }
 }

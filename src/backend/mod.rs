@@ -1,15 +1,17 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
-mod any;
+mod adapter;
 pub mod choice;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_gpu.rs"]
 pub mod gpu;
 mod pyramid;
-mod shared;
 mod spline;
 mod sums;
 
-pub use any::{AnyBackend, AnyField, AnyFrame, AnyLevel, AnySolver};
 pub(crate) use spline::{at_pixel, taps};
 pub use sums::{ElementMatch, ElementMoments, PixelSums};
 
@@ -146,10 +148,10 @@ pub struct Traffic {
 /// A device that correlates: images and fields live on it, small sums come back.
 ///
 /// The correlator decides (levels, starts, when to stop, what to report); a backend does what touches
-/// pixels or runs inside the iteration. Implementations give the same numbers within round-off.
-pub trait Backend: Sync {
+/// pixels or runs inside the iteration. Implementations give the same numbers within round-off. Copies share the device.
+pub trait Backend: Clone + Send + Sync + 'static {
     /// An image with its pyramid, on the device.
-    type Frame: Send;
+    type Frame: Send + 'static;
     /// A reference prepared at one scale, on the device.
     type Level: Send + Sync;
     /// A displacement field being iterated, on the device.

@@ -1,25 +1,27 @@
 //! What correlation costs on a device: single passes and kernels, a cold pair, a series. `docs/performance.md` says
 //! how to read the numbers. Measures and returns; the command line and `benches/` print.
 
+#[cfg(feature = "gpu")]
+mod graphics;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_graphics.rs"]
+mod graphics;
 mod kernels;
 mod passes;
 mod record;
 mod scene;
-mod start_up;
 mod text;
 mod times;
 mod whole;
 
-pub use kernels::{KernelCost, kernel_costs};
+pub use kernels::{KernelCost, KernelStart, StartUp};
 pub use passes::{Bound, PassCost, ResidualPass, pass_costs};
 pub use record::{Device, DeviceRecord, Record};
 pub use scene::{Scene, kernel_options};
-pub use start_up::{KernelStart, StartUp, start_up};
 pub use times::{Spread, Times, repeat};
 pub use whole::{PairCost, SeriesCost, Share, pair_cost, series_cost};
 
 use crate::backend::cpu::CpuBackend;
-use crate::backend::gpu::{AdapterKind, GpuAdapter, GpuBackend, Timing};
 use crate::backend::{Backend, BackendError, KernelOptions};
 use crate::clock::Elapsed;
 use crate::correlate::CorrelationError;
@@ -91,7 +93,7 @@ impl Clock {
 }
 
 /// A device that can be measured.
-pub trait Subject: Backend + Clone {
+pub trait Subject: Backend {
     /// Brings an image to the device with its interpolation coefficients, and waits for them.
     ///
     /// # Errors
@@ -101,9 +103,25 @@ pub trait Subject: Backend + Clone {
     /// What its figures are read from.
     fn clock(&self) -> Clock;
 
-    /// The graphics device that it is, if it is one: it can tell what its kernels take.
-    fn graphics(&self) -> Option<(&GpuBackend, Timing)> {
-        None
+    /// Whether it is a graphics device, which can tell what its kernels take.
+    fn is_graphics(&self) -> bool {
+        false
+    }
+
+    /// Every kernel that the images of `scene` need, at their own size; none on the CPU, whose passes are its kernels.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn kernel_costs(&self, _scene: &Scene, _runs: usize, _copy_rate: f64) -> Result<Vec<KernelCost>, BenchError> {
+        Ok(Vec::new())
+    }
+
+    /// Where the time of `work` goes, which is done for that; nothing is done on the CPU, which cannot tell.
+    ///
+    /// # Errors
+    /// When the device fails, and those of `work`.
+    fn shares(&self, _work: impl FnMut() -> Result<(), BenchError>) -> Result<Vec<Share>, BenchError> {
+        Ok(Vec::new())
     }
 
     /// Bytes per second read and written by long copies within its memory: of one core, on the processor's clock.
@@ -127,40 +145,8 @@ impl Subject for CpuBackend {
     }
 }
 
-impl Subject for GpuBackend {
-    fn prepare(&self, image: Arc<Image>, options: &KernelOptions) -> Result<Self::Frame, BackendError> {
-        let frame = self.frame(image, options)?;
-        self.wait()?;
-        Ok(frame)
-    }
-
-    fn clock(&self) -> Clock {
-        clock_of(self.adapter())
-    }
-
-    fn graphics(&self) -> Option<(&GpuBackend, Timing)> {
-        let timestamps = self.adapter().has_timestamps && self.clock() == Clock::Device;
-        Some((self, if timestamps { Timing::Timestamps } else { Timing::Batches }))
-    }
-
-    fn copy_rate(&self) -> Result<f64, BackendError> {
-        if self.clock() == Clock::Processor {
-            return Ok(copy_rate_of_core());
-        }
-        let bytes = COPIED.min(self.adapter().max_buffer_bytes);
-        let times = repeat(5, || self.copy_within(bytes, COPIES))?;
-        Ok((2 * bytes * COPIES as u64) as f64 / times.wall.fastest)
-    }
-}
-
-fn clock_of(adapter: &GpuAdapter) -> Clock {
-    if adapter.kind == AdapterKind::Software { Clock::Processor } else { Clock::Device }
-}
-
 /// Bytes copied at once to find what memory can do: far more than any cache holds.
 const COPIED: u64 = 256 << 20;
-/// Copies in one go on a graphics device.
-const COPIES: usize = 20;
 
 fn copy_rate_of_core() -> f64 {
     const PIECE: usize = 1 << 20;
@@ -219,7 +205,7 @@ pub fn size_cost<B: Subject>(backend: &B, scene: &Scene, plan: &Plan, copy_rate:
         n_elements: scene.mesh.mesh.n_elements(),
         n_nodes: scene.mesh.mesh.n_nodes(),
         passes: pass_costs(backend, scene, plan.runs, copy_rate)?,
-        kernels: kernel_costs(backend, scene, plan.runs, copy_rate)?,
+        kernels: backend.kernel_costs(scene, plan.runs, copy_rate)?,
         pair: pair_cost(backend, scene, plan.runs)?,
         series: series_cost(backend, scene, plan.frames)?,
     })

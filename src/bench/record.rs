@@ -1,8 +1,8 @@
 //! All devices of a machine, side by side.
 
-use super::{BenchError, Clock, Plan, Scene, SizeCost, StartUp, Subject, size_cost, start_up};
+use super::{BenchError, Clock, Plan, Scene, SizeCost, StartUp, Subject, graphics, size_cost};
 use crate::backend::cpu::CpuBackend;
-use crate::backend::gpu::{GpuAdapter, GpuBackend};
+use crate::backend::gpu::GpuAdapter;
 use serde::Serialize;
 
 /// A device to be measured.
@@ -56,9 +56,15 @@ const UNITS: &str = "_s and seconds: seconds; _px: pixels; ns_per_px: nanosecond
 const IMAGES: &str = "synthetic, 8 bit, in memory: nothing is read or written; zone: the image less one element on each \
     side; cubic interpolation; motion of 1 px sinusoids, 0.5 % stretch, 0.2 degrees";
 
-enum Opened {
-    Cpu(CpuBackend),
-    Gpu(GpuBackend),
+/// A device that is open, whichever it is.
+pub(super) trait Measured {
+    fn size_cost(&self, scene: &Scene, plan: &Plan, copy_rate: f64) -> Result<SizeCost, BenchError>;
+}
+
+impl<B: Subject> Measured for B {
+    fn size_cost(&self, scene: &Scene, plan: &Plan, copy_rate: f64) -> Result<SizeCost, BenchError> {
+        size_cost(self, scene, plan, copy_rate)
+    }
 }
 
 impl Record {
@@ -77,7 +83,7 @@ impl Record {
             devices: Vec::new(),
         };
         let opened = devices.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-        let (subjects, heads): (Vec<Opened>, _) = opened.into_iter().unzip();
+        let (subjects, heads): (Vec<Box<dyn Measured>>, _) = opened.into_iter().unzip();
         record.devices = heads;
         for &size in &record.plan.sizes_px {
             say(&format!("{size} x {size} px: making the images"));
@@ -85,35 +91,26 @@ impl Record {
             for (subject, device) in subjects.iter().zip(&mut record.devices) {
                 say(&format!("{size} x {size} px on {}", device.device));
                 let rate = 1e9 * device.copy_gb_per_s;
-                device.sizes.push(match subject {
-                    Opened::Cpu(cpu) => size_cost(cpu, &scene, &record.plan, rate),
-                    Opened::Gpu(gpu) => size_cost(gpu, &scene, &record.plan, rate),
-                }?);
+                device.sizes.push(subject.size_cost(&scene, &record.plan, rate)?);
             }
         }
         Ok(record)
     }
 }
 
-fn open(device: &Device) -> Result<(Opened, DeviceRecord), BenchError> {
-    fn head<B: Subject>(
-        backend: &B,
-        kind: &'static str,
-        start_up: Option<StartUp>,
-    ) -> Result<DeviceRecord, BenchError> {
-        let (device, clock, copy_gb_per_s) = (backend.device(), backend.clock(), 1e-9 * backend.copy_rate()?);
-        Ok(DeviceRecord { device, kind, clock, copy_gb_per_s, start_up, sizes: Vec::new() })
+fn open(device: &Device) -> Result<(Box<dyn Measured>, DeviceRecord), BenchError> {
+    match device {
+        Device::Cpu => opened(CpuBackend::default(), "CPU", None),
+        Device::Adapter(adapter) => graphics::open(adapter),
     }
-    Ok(match device {
-        Device::Cpu => {
-            let cpu = CpuBackend::default();
-            let record = head(&cpu, "CPU", None)?;
-            (Opened::Cpu(cpu), record)
-        }
-        Device::Adapter(adapter) => {
-            let (gpu, start) = start_up(adapter)?;
-            let record = head(&gpu, adapter.kind.name(), Some(start))?;
-            (Opened::Gpu(gpu), record)
-        }
-    })
+}
+
+/// What is measured of a device before its first image.
+pub(super) fn opened<B: Subject>(
+    backend: B,
+    kind: &'static str,
+    start_up: Option<StartUp>,
+) -> Result<(Box<dyn Measured>, DeviceRecord), BenchError> {
+    let (device, clock, copy_gb_per_s) = (backend.device(), backend.clock(), 1e-9 * backend.copy_rate()?);
+    Ok((Box::new(backend), DeviceRecord { device, kind, clock, copy_gb_per_s, start_up, sizes: Vec::new() }))
 }

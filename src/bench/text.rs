@@ -1,7 +1,6 @@
 //! The figures as tables.
 
 use super::{Clock, DeviceRecord, Record, SizeCost, Spread, Times};
-use crate::backend::gpu::Kernel;
 use std::fmt;
 
 /// Milliseconds: median, and fastest to slowest in brackets.
@@ -31,7 +30,7 @@ impl fmt::Display for Record {
                 let slow = start
                     .kernels
                     .iter()
-                    .map(|k| format!("{} {:.0} + {:.0}", name(k.kernel), 1e3 * k.compile_s, 1e3 * k.first_run_s));
+                    .map(|k| format!("{} {:.0} + {:.0}", k.kernel, 1e3 * k.compile_s, 1e3 * k.first_run_s));
                 writeln!(f, "               compile + first run, ms: {}", slow.collect::<Vec<_>>().join(", "))?;
             }
             for size in &device.sizes {
@@ -40,10 +39,6 @@ impl fmt::Display for Record {
         }
         ratios(f, self)
     }
-}
-
-fn name(kernel: Kernel) -> String {
-    serde_json::to_value(kernel).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
 fn size_table(
@@ -82,7 +77,7 @@ fn size_table(
         writeln!(
             f,
             "  {:34} {:>30} {:8.3} {:8.2} {:5.0} %",
-            format!("{} ({})", name(kernel.kernel), kernel.dispatches),
+            format!("{} ({})", kernel.kernel, kernel.dispatches),
             ms(kernel.seconds),
             kernel.ns_per_px,
             kernel.bound.gb_per_s,

@@ -4,7 +4,6 @@ use super::scene::Scene;
 use super::times::{Spread, Times, repeat};
 use super::{BenchError, Subject};
 use crate::backend::Traffic;
-use crate::backend::gpu::{Kernel, Noted, Work};
 use crate::clock::{Elapsed, Stopwatch};
 use crate::correlate::{Correlation, Correlator, Tracker};
 use crate::field::Status;
@@ -103,46 +102,14 @@ pub fn series_cost<B: Subject>(backend: &B, scene: &Scene, frames: usize) -> Res
         all.push(elapsed);
     }
     let frame_s = Times::of(&all);
-    let mut shares = Vec::new();
-    if let Some((graphics, timing)) = backend.graphics() {
-        graphics.profile(Some(timing));
-        next()?;
-        shares = shares_of(&graphics.profile(None), |elapsed| backend.clock().of(elapsed));
-    }
+    let shares = backend.shares(|| next().map(|_| ()))?;
     Ok(SeriesCost {
         frames: all.len(),
         frames_per_s: 1.0 / frame_s.wall.median,
         iterations: iterations as f64 / all.len() as f64,
-        host_s: backend.graphics().map(|_| frame_s.thread),
+        host_s: backend.is_graphics().then_some(frame_s.thread),
         frame_s,
         shares,
         traffic,
     })
-}
-
-const PARTS: [&str; 6] = ["upload", "image to coefficients", "residual", "solve", "other kernels", "readback"];
-
-fn shares_of(noted: &[Noted], clock: impl Fn(Elapsed) -> f64) -> Vec<Share> {
-    let mut seconds = [0.0; PARTS.len()];
-    for Noted { work, elapsed } in noted {
-        let part = match work {
-            Work::Upload => 0,
-            Work::Kernel(kernel) => match kernel {
-                Kernel::Unpack
-                | Kernel::Downsample
-                | Kernel::Prefilter
-                | Kernel::BorderColumns
-                | Kernel::BorderRows => 1,
-                Kernel::Residual | Kernel::ResidualRuns | Kernel::Fit | Kernel::Tally => 2,
-                Kernel::Gather | Kernel::CgProduct | Kernel::CgUpdate => 3,
-                _ => 4,
-            },
-            Work::Readback => 5,
-            Work::Compile(_) => continue,
-        };
-        seconds[part] += clock(*elapsed);
-    }
-    let all: f64 = seconds.iter().sum();
-    let share = |(part, seconds)| Share { part, seconds, percent: 100.0 * seconds / all.max(f64::MIN_POSITIVE) };
-    PARTS.into_iter().zip(seconds).map(share).collect()
 }

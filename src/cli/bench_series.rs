@@ -2,9 +2,8 @@
 
 use super::args::{BenchSeriesArgs, FileFormat};
 use super::{Outcome, Result, bench, devices, plural, pool, without_doubles};
-use crate::backend::Backend;
 use crate::bench::Spread;
-use crate::correlate::{Correlator, Tracker};
+use crate::correlate::{Tracker, prepare};
 use crate::field::Status;
 use crate::io::case::CaseFile;
 use crate::io::images::{read_image, write_image};
@@ -222,8 +221,8 @@ impl Bench<'_> {
         let image = |file: &PathBuf| -> Result<_> { Ok(Arc::new(read_image(file, 0)?.image)) };
         let (reference, zones) = (image(&files[0])?, [Zone::rectangle("all", self.roi())]);
         pool(Some(self.threads))?.install(|| {
-            let correlator = Correlator::new(plan.device()?.open()?, reference, &zones, plan.options.clone())?;
-            let mut tracker = Tracker::new(&correlator);
+            let correlator = prepare(&plan.device()?, reference, &zones, plan.options.clone())?;
+            let mut tracker = Tracker::new(&*correlator);
             let mut seconds = 0.0;
             for (number, file) in (1..).zip(&files[1..]) {
                 let image = image(file)?;
@@ -231,7 +230,7 @@ impl Bench<'_> {
                 tracker.correlate(number, image)?;
                 seconds += begin.elapsed().as_secs_f64();
             }
-            Ok((seconds, correlator.backend().device()))
+            Ok((seconds, correlator.device().to_owned()))
         })
     }
 

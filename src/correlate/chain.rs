@@ -1,12 +1,14 @@
 //! A series whose reference is renewed: large deformation, measured in stages that are added up (THEORY 2).
 
+use super::chosen::{Correlate, Uploaded};
 use super::correlation::{Correlation, ZoneResult, rigid};
-use super::correlator::{Correlator, LEFT_SHARE};
+use super::correlator::LEFT_SHARE;
 use super::error::{CorrelationError, UpdateRefused};
 use super::options::Options;
+use super::reference::Reference;
 use super::series::History;
 use super::start::Start;
-use crate::backend::{Backend, GreyTransfer};
+use crate::backend::GreyTransfer;
 use crate::field::{Measurement, ModelError, Status, UpdateReference};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
@@ -70,9 +72,9 @@ impl ChainState {
 }
 
 /// A frame as the reference of others.
-struct Stage<B: Backend> {
+struct Stage {
     key: Keyframe,
-    correlator: Correlator<B>,
+    correlator: Box<dyn Correlate>,
     /// Numbers of its nodes and elements in the mesh of the reference given.
     nodes: Vec<usize>,
     elements: Vec<usize>,
@@ -99,25 +101,25 @@ struct Attempt {
 /// After each frame keep what [`ReferenceChain::state`] gives, with all digits, and the images of the frames that
 /// [`ChainState::frames_needed`] names (or the means to read them again). [`ReferenceChain::resume`] makes a chain of
 /// them that gives the bits which the stopped one would have given.
-pub struct ReferenceChain<B: Backend> {
-    original: Arc<Correlator<B>>,
+pub struct ReferenceChain {
+    original: Arc<dyn Correlate>,
     update: UpdateReference,
-    stage: Option<Stage<B>>,
+    stage: Option<Stage>,
     history: History,
     last: Option<Keyframe>,
     last_image: Option<Arc<Image>>,
     baseline: Option<Vec<f64>>,
     updates: Vec<usize>,
     /// A stage made of the last converged frame that did not help the frame it was made for.
-    spare: Option<Stage<B>>,
+    spare: Option<Stage>,
     refused: Vec<UpdateRefused>,
     /// The last frame that was refused: it is not tried again.
     unfit: Option<usize>,
 }
 
-impl<B: Backend + Clone> ReferenceChain<B> {
+impl ReferenceChain {
     /// A chain that begins with the reference of `original`.
-    pub fn new(original: Arc<Correlator<B>>, update: UpdateReference) -> Self {
+    pub fn new(original: Arc<dyn Correlate>, update: UpdateReference) -> Self {
         let history = History::new(original.options().start);
         Self {
             original,
@@ -141,7 +143,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     /// A state for another mesh, an image that cannot be the reference it is said to be, a device that fails, and
     /// those of `image`.
     pub fn resume<E: From<CorrelationError>>(
-        original: Arc<Correlator<B>>,
+        original: Arc<dyn Correlate>,
         update: UpdateReference,
         state: ChainState,
         mut image: impl FnMut(usize) -> Result<Arc<Image>, E>,
@@ -182,7 +184,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     }
 
     /// The correlator of the reference that was given.
-    pub fn original(&self) -> &Arc<Correlator<B>> {
+    pub fn original(&self) -> &Arc<dyn Correlate> {
         &self.original
     }
 
@@ -212,21 +214,16 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     /// When the image has another size than the reference or no contrast, or the device fails. A frame that does not
     /// converge is a result, and so is an update that is refused ([`ReferenceChain::take_refused`]).
     pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
-        let frame = self.original.frame(image.clone())?;
-        self.correlate_frame(number, image, frame)
+        self.correlate_uploaded(number, self.original.upload(image)?)
     }
 
-    /// As [`ReferenceChain::correlate`], with the image brought to the device by [`Correlator::frame`] of
+    /// As [`ReferenceChain::correlate`], with the image brought to the device by [`Correlate::upload`] of
     /// [`ReferenceChain::original`].
     ///
     /// # Errors
     /// When the device fails.
-    pub fn correlate_frame(
-        &mut self,
-        number: usize,
-        image: Arc<Image>,
-        frame: B::Frame,
-    ) -> Result<Correlation, CorrelationError> {
+    pub fn correlate_uploaded(&mut self, number: usize, frame: Uploaded) -> Result<Correlation, CorrelationError> {
+        let image = frame.image().clone();
         if let UpdateReference::Every(frames) = self.update
             && self.last.as_ref().is_some_and(|last| last.frame >= self.reference_frame() + frames.get())
             && let Some(stage) = self.next_stage()?
@@ -254,7 +251,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         match correlation.measurement.status {
             Status::IterationLimit | Status::Diverged => true,
             Status::Converged => {
-                let grey_range = self.stage.as_ref().map_or(&*self.original, |stage| &stage.correlator).grey_range();
+                let grey_range = self.stage.as_ref().map_or(&*self.original, |stage| &*stage.correlator).grey_range();
                 let beyond = |(now, then): (f64, &f64)| now > (DEGRADED * then).max(NOTICEABLE * grey_range);
                 let baseline = self.baseline.iter().flatten();
                 residuals(correlation).into_iter().zip(baseline).any(beyond)
@@ -266,7 +263,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     /// Correlates the frame once more, with the last converged one as the reference, and keeps what is better.
     fn try_again(&mut self, number: usize, image: &Arc<Image>, first: Attempt) -> Result<Attempt, CorrelationError> {
         let Some(stage) = self.next_stage()? else { return Ok(first) };
-        let frame = self.original.frame(image.clone())?;
+        let frame = self.original.upload(image.clone())?;
         let second = self.attempt(Some(&stage), number, frame)?;
         let worst = |attempt: &Attempt| residuals(&attempt.correlation).into_iter().fold(0.0, f64::max);
         let helped = second.key.is_some() && (first.key.is_none() || worst(&second) < worst(&first));
@@ -283,14 +280,14 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         Ok(first)
     }
 
-    fn adopt(&mut self, stage: Stage<B>) {
+    fn adopt(&mut self, stage: Stage) {
         self.updates.push(stage.key.frame);
         self.stage = Some(stage);
         self.baseline = None;
     }
 
     /// The last converged frame as a reference, if it is a later one than the present and fit to be one.
-    fn next_stage(&mut self) -> Result<Option<Stage<B>>, CorrelationError> {
+    fn next_stage(&mut self) -> Result<Option<Stage>, CorrelationError> {
         if let Some(spare) = self.spare.take() {
             return Ok(Some(spare));
         }
@@ -309,7 +306,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     }
 
     /// Prepares a frame as a reference.
-    fn stage_of(&self, key: Keyframe, image: Arc<Image>) -> Result<Result<Stage<B>, UpdateRefused>, CorrelationError> {
+    fn stage_of(&self, key: Keyframe, image: Arc<Image>) -> Result<Result<Stage, UpdateRefused>, CorrelationError> {
         let (mesh, original) = (self.original.mesh(), &self.original);
         let moved: Vec<[f64; 2]> =
             mesh.nodes().iter().zip(&key.displacement).map(|(x, u)| [x[0] + u[0], x[1] + u[1]]).collect();
@@ -329,8 +326,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
         let prepared = carried.map_err(CorrelationError::from).and_then(|carried| {
             // A node that is left out does not come back: rather no new reference than one that loses nodes.
             let options = Options { n_references: 1, textureless_share: 0.0, ..original.options().clone() };
-            let backend = original.backend().clone();
-            let correlator = Correlator::with_offset(backend, image, &carried.zones, options, original.grey_offset())?;
+            let correlator = original.with_reference(image, &carried.zones, options)?;
             Ok(Stage { key, correlator, nodes: carried.nodes, elements: carried.elements })
         });
         match prepared {
@@ -341,15 +337,15 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     }
 
     /// Correlates a frame with the reference of `stage`, or with the one that was given.
-    fn attempt(&self, stage: Option<&Stage<B>>, number: usize, frame: B::Frame) -> Result<Attempt, CorrelationError> {
+    fn attempt(&self, stage: Option<&Stage>, number: usize, frame: Uploaded) -> Result<Attempt, CorrelationError> {
         let start = self.history.predict(number);
         let Some(stage) = stage else {
-            let correlation = self.original.correlate_frame(frame, start.as_ref())?;
+            let correlation = self.original.correlate_uploaded(frame, start.as_ref())?;
             let key = self.key_of_original(number, &correlation);
             return Ok(Attempt { correlation, key });
         };
         let start = start.map(|start| stage.start(&start));
-        let found = stage.correlator.correlate_frame(frame, start.as_ref())?;
+        let found = stage.correlator.correlate_uploaded(frame, start.as_ref())?;
         Ok(self.composed(stage, number, found))
     }
 
@@ -371,7 +367,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     }
 
     /// The result of a frame on the mesh of the reference that was given.
-    fn composed(&self, stage: &Stage<B>, number: usize, found: Correlation) -> Attempt {
+    fn composed(&self, stage: &Stage, number: usize, found: Correlation) -> Attempt {
         let mesh = self.original.mesh();
         let key = &stage.key;
         let transfer: Vec<GreyTransfer> =
@@ -467,7 +463,7 @@ impl<B: Backend + Clone> ReferenceChain<B> {
     }
 }
 
-impl<B: Backend> Stage<B> {
+impl Stage {
     /// A start that belongs to the reference given, as one that belongs to this.
     fn start(&self, start: &Start) -> Start {
         let own = |&node: &usize| [0, 1].map(|c| start.displacement[node][c] - self.key.displacement[node][c]);
@@ -478,8 +474,8 @@ impl<B: Backend> Stage<B> {
     }
 }
 
-impl<B: Backend> Correlator<B> {
-    /// [`Correlator::noise_share`] of each zone, with the noise that a frame was found to have.
+impl Reference {
+    /// [`Reference::noise_share`] of each zone, with the noise that a frame was found to have.
     fn noise_shares(&self, found: &Correlation) -> Vec<f64> {
         found.zones.iter().enumerate().map(|(zone, result)| self.noise_share(zone, result.noise)).collect()
     }
@@ -536,14 +532,14 @@ fn shown_elements(found: &Correlation) -> Vec<bool> {
 /// that of the positions of the nodes in the reference, `before`, plus the share `of_reference` of the variance found
 /// here, both turned and stretched by the deformation; and of the frame's own noise what the noise of the reference's
 /// gradient makes of it.
-fn carried_variance<B: Backend>(
-    correlator: &Correlator<B>,
+fn carried_variance(
+    reference: &Reference,
     found: &Correlation,
     before: &[[f64; 2]],
     of_reference: f64,
 ) -> Vec<[f64; 2]> {
-    let both = correlator.options().noise_of_both();
-    let shares = correlator.noise_shares(found);
+    let both = reference.options().noise_of_both();
+    let shares = reference.noise_shares(found);
     let Measurement { mesh, sigma, .. } = &found.measurement;
     nodal_gradients(found)
         .into_iter()

@@ -1,6 +1,6 @@
 //! A prepared reference that correlates deformed images with itself.
 
-use super::border::{BareBorder, bare_borders};
+use super::border::bare_borders;
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::error::{CorrelationError, TextureFault};
 use super::finest::{Finest, finest_level};
@@ -13,16 +13,17 @@ use super::model_error::{self, MeshLines, model_error};
 use super::noise_correlation::{NoiseProbe, Prepared, factors};
 use super::noise_model::Elements;
 use super::options::Options;
+use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
 use super::search::{Motion, motions};
 use super::start::Start;
-use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
+use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
 use crate::imaging::Image;
-use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
+use std::ops::Deref;
 use std::sync::Arc;
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
@@ -50,28 +51,28 @@ const SEARCH_ZONE: f64 = 20.0;
 /// independently of each other; see [`super::Tracker`] for a series.
 pub struct Correlator<B: Backend> {
     backend: B,
-    options: Options,
-    kernel: KernelOptions,
-    size: [usize; 2],
+    reference: Reference,
     levels: Vec<Level<B>>,
     search_map: GreyMap,
-    /// The pixels of each zone that are summed over, on the finest and on the coarsest level.
-    zone_pixels: Vec<PixelSet>,
+    /// The pixels of each zone that are summed over on the coarsest level.
     search_pixels: Vec<PixelSet>,
-    spread: NodalSpread,
     noise_gain: NoiseGain,
-    tolerance_px: f64,
     /// What looks for noise that is not white, if that is wanted and the zones are large enough.
     probe: Option<NoiseProbe>,
     misfit_test: MisfitTest,
     mesh_lines: MeshLines,
     enough_px: Vec<f64>,
-    dropped: Vec<TextureFault>,
-    held: Vec<TextureFault>,
-    bare_borders: Vec<BareBorder>,
-    grey_range: f64,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
+}
+
+/// What is known of its reference.
+impl<B: Backend> Deref for Correlator<B> {
+    type Target = Reference;
+
+    fn deref(&self) -> &Reference {
+        &self.reference
+    }
 }
 
 impl<B: Backend> Correlator<B> {
@@ -148,140 +149,43 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let gradient_noise = options.interpolation.gradient_noise_gain();
+        let reference = Reference {
+            device: backend.device(),
+            frames_in_flight: backend.frames_in_flight(),
+            options,
+            kernel,
+            size,
+            mesh: finest.mesh.clone(),
+            moments: finest.moments.clone(),
+            n_levels: levels.len(),
+            solver_name: finest.solver.name(),
+            is_regularised: finest.regulariser.is_some(),
+            zone_pixels,
+            spread,
+            tolerance_px,
+            dropped,
+            held,
+            bare_borders,
+            grey_range: f64::from(high - low),
+        };
         Ok(Self {
             noise_gain,
-            tolerance_px,
             probe,
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
             enough_px,
-            grey_range: f64::from(high - low),
             rounding,
             backend,
-            options,
-            kernel,
-            size,
+            reference,
             levels,
             search_map,
-            zone_pixels,
             search_pixels: laid.zone_pixels,
-            spread,
-            dropped,
-            held,
-            bare_borders,
         })
     }
 
     /// The device.
     pub fn backend(&self) -> &B {
         &self.backend
-    }
-
-    /// The options.
-    pub fn options(&self) -> &Options {
-        &self.options
-    }
-
-    /// The mesh, px of the reference image.
-    pub fn mesh(&self) -> &Arc<Mesh<Px>> {
-        &self.levels[0].mesh
-    }
-
-    /// Nodes left out because the reference has no texture there.
-    pub fn dropped(&self) -> &[TextureFault] {
-        &self.dropped
-    }
-
-    /// Nodes without texture of their own that the regularisation holds: their displacement follows that of
-    /// the nodes around them.
-    pub fn held(&self) -> &[TextureFault] {
-        &self.held
-    }
-
-    /// Zones that end at a place without texture and have no guard there.
-    pub fn bare_borders(&self) -> &[BareBorder] {
-        &self.bare_borders
-    }
-
-    /// Range of grey levels of the reference: 100 % for residuals.
-    pub fn grey_range(&self) -> f64 {
-        self.grey_range
-    }
-
-    /// Grey levels that a transfer adds after its gain, in the images' own scale.
-    pub fn offset_of(&self, transfer: GreyTransfer) -> f64 {
-        transfer.offset + f64::from(self.kernel.grey_offset) * (1.0 - transfer.gain)
-    }
-
-    /// Number of pyramid levels, the image itself included.
-    pub fn n_levels(&self) -> usize {
-        self.levels.len()
-    }
-
-    /// The solver of the finest level: `direct` or `iterative`.
-    pub fn solver_name(&self) -> &'static str {
-        self.levels[0].solver.name()
-    }
-
-    /// Standard uncertainty per node for image noise of one grey level: `sqrt(2 (M^-1)_ii)`, px; with
-    /// regularisation `sqrt(2 (A^-1 M A^-1)_ii)`. With the mean of k references 1 + 1/k stands for 2.
-    pub fn unit_sigma(&self) -> Vec<[f64; 2]> {
-        let both = self.options.noise_of_both();
-        self.spread.variance().iter().map(|v| v.map(|v| (both * v).sqrt())).collect()
-    }
-
-    /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
-    /// every field; `None` with regularisation, or with brightness for each element, where it is not of this form.
-    pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
-        let level = &self.levels[0];
-        let plain = level.regulariser.is_none() && self.options.brightness != Brightness::Element;
-        plain.then(|| level.moments.iter().map(|moments| moments.matrix()).collect())
-    }
-
-    /// What noise in the reference adds to [`Correlator::normal_matrices`], per element: `G n / k` with the noise gain G of
-    /// the gradient, the pixels n of the element and the k images whose mean the reference is; times the noise of one image
-    /// squared and [`crate::mesh::mean_products`] (THEORY 10).
-    pub fn gradient_noise(&self) -> Vec<f64> {
-        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
-        self.levels[0].moments.iter().map(|moments| gain * moments.n).collect()
-    }
-
-    /// Correction below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
-    /// standard uncertainty of a node if that is more, for the noise that the reference seems to have (at most the stated
-    /// one; THEORY 10).
-    pub fn tolerance_px(&self) -> f64 {
-        self.tolerance_px
-    }
-
-    /// The pixels of each zone that are summed over.
-    pub(super) fn zone_pixels(&self) -> &[PixelSet] {
-        &self.zone_pixels
-    }
-
-    /// Columns and rows of the images.
-    pub(super) fn size(&self) -> [usize; 2] {
-        self.size
-    }
-
-    /// The grey level that is subtracted from all images.
-    pub(super) fn grey_offset(&self) -> f32 {
-        self.kernel.grey_offset
-    }
-
-    /// Whether an element of the finest level holds any pixel and no node that is left out.
-    pub(super) fn in_use(&self, element: usize) -> bool {
-        self.levels[0].moments[element].n > 0.0
-    }
-
-    /// Share of the reference's mean square gradient in a zone that is none of texture but of image noise of `noise`
-    /// grey levels: `G noise^2 / g^2` with the noise gain G of the gradient, at most 1.
-    pub(super) fn noise_share(&self, zone: usize, noise: f64) -> f64 {
-        let level = &self.levels[0];
-        let moments = &level.moments[level.mesh.zone_elements(zone)];
-        let power: f64 = moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
-        let support: f64 = moments.iter().map(|m| 2.0 * m.n).sum();
-        let from_noise = noise * noise * self.options.interpolation.gradient_noise_gain() * support;
-        if from_noise < power { from_noise / power } else { 1.0 }
     }
 
     /// Correlates one deformed image, from `start` on; when it fails, or there is none, the frame is searched for.

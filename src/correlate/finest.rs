@@ -104,6 +104,7 @@ pub(super) fn finest_level<B: Backend>(
                 backend.restrict(&mut prepared, &active)?;
                 let solver = backend.solver(&prepared, solver)?;
                 dropped.sort_by_key(|fault| fault.node);
+                let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
                 return Ok(Finest { level, spread, dropped, held });
             }

@@ -152,7 +152,7 @@ fn own_solver<B: Backend>(
     field: &B::Field,
     options: &KernelOptions,
 ) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
-    let mut moments = level.moments.clone();
+    let mut moments = level.moments.to_vec();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
         moments[element] = partial;
     }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub(super) struct Level<B: Backend> {
     pub mesh: Arc<Mesh<Px>>,
     pub prepared: B::Level,
-    pub moments: Vec<ElementMoments>,
+    pub moments: Arc<Vec<ElementMoments>>,
     pub pattern: Arc<Pattern>,
     pub solver: B::Solver,
     /// Nodes that are solved for; the others see no texture.
@@ -112,6 +112,7 @@ impl<B: Backend> Level<B> {
             keep[fault.node] = false;
         }
         let lambda = noise.lambda(options.interpolation);
+        let moments = Arc::new(moments);
         let mut matrix = step_matrix(&mesh, &pattern, &moments, options, lambda);
         let active = vec![true; mesh.n_elements()];
         let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &keep };

@@ -2,6 +2,7 @@
 
 mod border;
 mod chain;
+mod chosen;
 mod correlation;
 mod correlator;
 mod error;
@@ -16,6 +17,7 @@ mod noise_correlation;
 mod noise_model;
 mod options;
 mod patch;
+mod reference;
 mod reference_noise;
 mod regularisation;
 mod search;
@@ -26,6 +28,7 @@ mod uncertainty;
 
 pub use border::BareBorder;
 pub use chain::{ChainState, Keyframe, ReferenceChain};
+pub use chosen::{Correlate, Uploaded, prepare};
 pub use correlation::{Correlation, StartUsed, ZoneResult};
 pub use correlator::Correlator;
 pub use error::{CorrelationError, Lack, TextureFault, UpdateRefused};
@@ -33,6 +36,7 @@ pub use light::SmoothLight;
 pub use noise_correlation::NoiseColour;
 pub use noise_model::PhotonNoise;
 pub use options::Options;
+pub use reference::Reference;
 pub use reference_noise::assumed_noise;
 pub use regularisation::Regularisation;
 pub use series::{History, Tracker};

@@ -1,10 +1,10 @@
 //! Starts along a series.
 
+use super::chosen::Correlate;
 use super::correlation::Correlation;
-use super::correlator::Correlator;
 use super::error::CorrelationError;
 use super::start::Start;
-use crate::backend::{Backend, GreyTransfer};
+use crate::backend::GreyTransfer;
 use crate::field::{StartFrom, Status};
 use crate::imaging::Image;
 use std::sync::Arc;
@@ -73,19 +73,19 @@ impl History {
 
 /// Correlates the frames of a series one after the other, each starting from the extrapolation of those
 /// before it.
-pub struct Tracker<'a, B: Backend> {
-    correlator: &'a Correlator<B>,
+pub struct Tracker<'a> {
+    correlator: &'a dyn Correlate,
     history: History,
 }
 
-impl<'a, B: Backend> Tracker<'a, B> {
+impl<'a> Tracker<'a> {
     /// A tracker that knows no frame yet.
-    pub fn new(correlator: &'a Correlator<B>) -> Self {
+    pub fn new(correlator: &'a dyn Correlate) -> Self {
         Self { correlator, history: History::new(correlator.options().start) }
     }
 
     /// What it correlates with.
-    pub fn correlator(&self) -> &'a Correlator<B> {
+    pub fn correlator(&self) -> &'a dyn Correlate {
         self.correlator
     }
 
@@ -96,7 +96,7 @@ impl<'a, B: Backend> Tracker<'a, B> {
     /// converge is a result, not an error.
     pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
         let start = self.history.predict(number);
-        let correlation = self.correlator.correlate(image, start.as_ref())?;
+        let correlation = self.correlator.correlate_uploaded(self.correlator.upload(image)?, start.as_ref())?;
         self.history.note(number, &correlation);
         Ok(correlation)
     }

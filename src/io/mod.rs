@@ -13,7 +13,11 @@ pub mod npz;
 pub mod quantities;
 pub mod run_case;
 pub mod series;
+#[cfg(feature = "store")]
 pub mod store;
 mod tiff;
 pub mod vtk;
 pub mod watch;
+
+/// Name of the store in the folder of a run.
+pub const STORE: &str = "fields.zarr";

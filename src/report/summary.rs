@@ -1,9 +1,9 @@
 //! `summary.json`: what a series of correlations gave, frame by frame.
 
 use super::{Name, number};
-use crate::backend::{Backend, Traffic};
+use crate::backend::Traffic;
 use crate::correlate::{
-    Correlation, Correlator, NOISE_CONTRADICTED, NoiseColour, SmoothLight, StartUsed, TextureFault, ZoneResult,
+    Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
 };
 use crate::field::{Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::Saturation;
@@ -384,11 +384,11 @@ impl FrameSummary {
     }
 
     /// The summary of a correlated frame.
-    pub fn of<B: Backend>(
+    pub fn of(
         number: usize,
         file: String,
         messages: Vec<String>,
-        correlator: &Correlator<B>,
+        reference: &Reference,
         result: &Correlation,
         [seconds, seconds_decode]: [f64; 2],
     ) -> Self {
@@ -409,7 +409,7 @@ impl FrameSummary {
             noise_grey: zone.noise,
             noise_residual_grey: (zone.residual_noise != zone.noise).then_some(zone.residual_noise),
             gain: zone.transfer.gain,
-            offset_grey: correlator.offset_of(zone.transfer),
+            offset_grey: reference.offset_of(zone.transfer),
             light: zone.light.map(Into::into),
         });
         Self {

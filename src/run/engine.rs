@@ -1,8 +1,8 @@
 //! The correlator of a run, and what becomes of it when its device fails.
 
+use crate::backend::BackendError;
 use crate::backend::choice::Device;
-use crate::backend::{AnyBackend, AnyFrame, Backend, BackendError};
-use crate::correlate::{Correlation, CorrelationError, Correlator, Options};
+use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
 use crate::imaging::Image;
 use crate::mesh::Zone;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,14 +25,20 @@ pub(super) struct Engine {
 }
 
 /// The correlator in use.
+#[derive(Clone)]
 struct Current {
     /// How many there have been before it.
     generation: usize,
-    correlator: Arc<Correlator<AnyBackend>>,
+    correlator: Arc<dyn Correlate>,
+    is_on_cpu: bool,
 }
 
-/// An image on the device of one generation.
-pub(super) type Uploaded = (usize, AnyFrame);
+impl Current {
+    /// The next one, on `device`.
+    fn next(&self, device: &Device, correlator: Arc<dyn Correlate>) -> Self {
+        Self { generation: self.generation + 1, correlator, is_on_cpu: device.is_cpu() }
+    }
+}
 
 /// Why a frame cannot be correlated.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +59,7 @@ impl Engine {
         options: Options,
     ) -> std::result::Result<Self, CorrelationError> {
         let mut notes: Vec<String> = device.remark().into_iter().collect();
-        let prepare = |device: &Device| Correlator::new(device.open()?, reference.clone(), &zones, options.clone());
+        let prepare = |device: &Device| prepare(device, reference.clone(), &zones, options.clone());
         let (device, correlator) = match prepare(&device) {
             Err(CorrelationError::Backend(error)) if device.is_auto_gpu() => {
                 notes.push(format!("warning: {error}; the CPU does the work"));
@@ -63,9 +69,9 @@ impl Engine {
             }
             prepared => (device, prepared?),
         };
-        let current = Current { generation: 0, correlator: Arc::new(correlator) };
+        let current = Current { generation: 0, correlator, is_on_cpu: device.is_cpu() };
         Ok(Self {
-            name: current.correlator.backend().device(),
+            name: current.correlator.device().to_owned(),
             reference,
             zones,
             options,
@@ -82,13 +88,17 @@ impl Engine {
     }
 
     /// The correlator in use.
-    pub fn correlator(&self) -> Arc<Correlator<AnyBackend>> {
-        self.current().1
+    pub fn correlator(&self) -> Arc<dyn Correlate> {
+        self.current().correlator
     }
 
-    fn current(&self) -> (usize, Arc<Correlator<AnyBackend>>) {
-        let current = self.current.read().unwrap_or_else(PoisonError::into_inner);
-        (current.generation, current.correlator.clone())
+    /// Whether it works on the CPU.
+    pub fn is_on_cpu(&self) -> bool {
+        self.current().is_on_cpu
+    }
+
+    fn current(&self) -> Current {
+        self.current.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// What has been worth saying since the last call.
@@ -112,29 +122,29 @@ impl Engine {
     }
 
     /// Brings an image to the device ahead of its turn; a fault shows when it comes.
-    pub fn upload(&self, image: Arc<Image>) -> Option<Uploaded> {
-        let (generation, correlator) = self.current();
-        Some((generation, correlator.frame(image).ok()?))
+    pub fn upload(&self, image: Arc<Image>) -> Option<(usize, Uploaded)> {
+        let Current { generation, correlator, .. } = self.current();
+        Some((generation, correlator.upload(image).ok()?))
     }
 
-    /// Correlates frame `number` by `work`, which is given the correlator of a generation. When a graphics device fails, once
+    /// Correlates frame `number` by `work`, which is given the correlator of a generation, as is what was uploaded. When a graphics device fails, once
     /// more on a fresh one, then on the CPU.
     pub fn correlate(
         &self,
         number: usize,
         image: &Arc<Image>,
-        mut uploaded: Option<Uploaded>,
-        mut work: impl FnMut(usize, &Arc<Correlator<AnyBackend>>, AnyFrame) -> std::result::Result<Correlation, Failure>,
-    ) -> std::result::Result<(Correlation, Arc<Correlator<AnyBackend>>), Failure> {
+        mut uploaded: Option<(usize, Uploaded)>,
+        mut work: impl FnMut(usize, &Arc<dyn Correlate>, Uploaded) -> std::result::Result<Correlation, Failure>,
+    ) -> std::result::Result<(Correlation, Arc<dyn Correlate>), Failure> {
         let mut tried_again = false;
         loop {
-            let (generation, correlator) = self.current();
+            let Current { generation, correlator, is_on_cpu } = self.current();
             let frame = match uploaded.take() {
                 Some((of, frame)) if of == generation => Ok(frame),
-                _ => correlator.frame(image.clone()),
+                _ => correlator.upload(image.clone()),
             };
             match frame.map_err(Failure::from).and_then(|frame| work(generation, &correlator, frame)) {
-                Err(Failure::Correlation(CorrelationError::Backend(error))) if !correlator.backend().is_cpu() => {
+                Err(Failure::Correlation(CorrelationError::Backend(error))) if !is_on_cpu => {
                     self.replace(generation, number, &error, tried_again)?;
                     tried_again = true;
                 }
@@ -155,19 +165,17 @@ impl Engine {
         if current.generation != generation {
             return Ok(());
         }
-        let prepare = |device: &Device| {
-            Correlator::new(device.open()?, self.reference.clone(), &self.zones, self.options.clone())
-        };
+        let prepare = |device: &Device| prepare(device, self.reference.clone(), &self.zones, self.options.clone());
         if !tried_again && generation < FRESH_DEVICES {
             self.note(format!("warning: frame {number}: {error}; trying once more on a fresh device"));
             if let Ok(correlator) = prepare(&self.device) {
-                *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
+                *current = current.next(&self.device, correlator);
                 return Ok(());
             }
         }
         self.note(format!("warning: frame {number}: {error}; going on with the CPU"));
-        let correlator = prepare(&self.device.on_cpu())?;
-        *current = Current { generation: generation + 1, correlator: Arc::new(correlator) };
+        let cpu = self.device.on_cpu();
+        *current = current.next(&cpu, prepare(&cpu)?);
         Ok(())
     }
 }

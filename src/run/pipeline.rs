@@ -1,12 +1,11 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
-use super::engine::{Engine, Failure, Uploaded};
+use super::engine::{Engine, Failure};
 use super::error::{Result, RunError};
 use super::kept::Kept;
 use super::stop::Stop;
 use super::text::chain;
-use crate::backend::{AnyBackend, Backend};
-use crate::correlate::{Correlation, Correlator, History, ReferenceChain, Start, StartUsed, UpdateRefused};
+use crate::correlate::{Correlate, Correlation, History, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded};
 use crate::field::{StartFrom, Status, UpdateReference};
 use crate::imaging::{Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
@@ -80,7 +79,8 @@ struct Picture {
     image: Arc<Image>,
     sha256: String,
     notes: Vec<String>,
-    uploaded: Option<Uploaded>,
+    /// With the generation of its correlator.
+    uploaded: Option<(usize, Uploaded)>,
 }
 
 /// A frame that is done.
@@ -104,12 +104,11 @@ impl Done {
 
 /// Decoding threads and frames correlated at a time.
 pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom) -> (usize, usize) {
-    let correlator = engine.correlator();
     // A graphics device leaves the cores to the decoders; the CPU shares them.
     let threads = pool.current_num_threads();
-    let n_decoders = if correlator.backend().is_cpu() { threads / 4 } else { threads }.clamp(1, DECODERS);
+    let n_decoders = if engine.is_on_cpu() { threads / 4 } else { threads }.clamp(1, DECODERS);
     let independent = start == StartFrom::Independent;
-    (n_decoders, if independent { correlator.backend().frames_in_flight() } else { 1 })
+    (n_decoders, if independent { engine.correlator().frames_in_flight() } else { 1 })
 }
 
 /// A frame with its number, from 1.
@@ -254,13 +253,13 @@ struct Chain<'a> {
     /// The files of the frames that it needs the images of.
     files: BTreeMap<usize, Frame>,
     /// With the generation of its correlator; none before the first frame.
-    chain: Option<(usize, ReferenceChain<AnyBackend>)>,
+    chain: Option<(usize, ReferenceChain)>,
 }
 
 /// A frame that was correlated.
 struct Correlated {
     result: Correlation,
-    correlator: Arc<Correlator<AnyBackend>>,
+    correlator: Arc<dyn Correlate>,
     /// Whether it was predicted from frames before it.
     tracked: bool,
     /// Whether it is the first with its reference.
@@ -299,7 +298,7 @@ impl<'a> Worker<'a> {
             Self::Tracking { history, .. } => {
                 let start = history.predict(number);
                 let (result, correlator) = engine.correlate(number, &image, uploaded, |_, correlator, frame| {
-                    Ok(correlator.correlate_frame(frame, start.as_ref())?)
+                    Ok(correlator.correlate_uploaded(frame, start.as_ref())?)
                 })?;
                 history.note(number, &result);
                 let (tracked, refused) = (start.is_some(), Vec::new());
@@ -324,7 +323,7 @@ impl Chain<'_> {
         number: usize,
         image: &Arc<Image>,
         (file, sha256): (Frame, String),
-        uploaded: Option<Uploaded>,
+        uploaded: Option<(usize, Uploaded)>,
     ) -> std::result::Result<Correlated, Failure> {
         let Self { frames: Frames { update, .. }, kept, files, chain } = self;
         let mut refused = Vec::new();
@@ -336,7 +335,7 @@ impl Chain<'_> {
                     kept.image(number, files.get(&number)).map_err(Failure::Image)
                 })?,
             };
-            let result = whole.correlate_frame(number, image.clone(), frame)?;
+            let result = whole.correlate_uploaded(number, frame)?;
             refused = whole.take_refused();
             *chain = Some((generation, whole));
             Ok(result)
@@ -402,8 +401,8 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
             engine.note_colour(number, &result);
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
-            let device = correlator.backend().device();
-            summary.device = (device != engine.first_device()).then_some(device);
+            let device = correlator.device();
+            summary.device = (device != engine.first_device()).then(|| device.to_owned());
             let summary = summary.with_saturation(saturation);
             Ok(Done { sha256, summary, result: Some(result), news, kept: None })
         }

@@ -2,8 +2,7 @@
 
 use super::plan::{self, Plan};
 use super::text::absolute;
-use crate::backend::Backend;
-use crate::correlate::Correlator;
+use crate::correlate::Reference;
 use crate::io::case::{CaseFile, CaseImages, write_case};
 use crate::io::series::Frame;
 use crate::report::summary::units;
@@ -20,9 +19,9 @@ pub(super) struct RunToml {
 }
 
 impl RunToml {
-    pub fn new<B: Backend>(
+    pub fn new(
         plan: &Plan,
-        correlator: &Correlator<B>,
+        prepared: &Reference,
         [width, height]: [usize; 2],
         threads: usize,
         sha256: &[String],
@@ -30,7 +29,7 @@ impl RunToml {
     ) -> Self {
         let mut about = toml::Table::new();
         about.insert("quadrille".into(), env!("CARGO_PKG_VERSION").into());
-        about.insert("device".into(), correlator.backend().device().into());
+        about.insert("device".into(), prepared.device().into());
         about.insert("isa".into(), plan.isa.name().into());
         about.insert("threads".into(), (threads as i64).into());
         let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];

@@ -2,20 +2,14 @@
 
 use super::plan::{MANY, Plan};
 use super::text::{plural, ranges};
-use crate::backend::{AnyBackend, Backend};
-use crate::correlate::{BareBorder, Correlator, TextureFault};
+use crate::correlate::{BareBorder, Reference, TextureFault};
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::STORE;
 use crate::report::summary::{ReferenceSummary, Summary, saturation_message, units};
 use std::collections::BTreeMap;
 
 /// What a run begins with, on one line.
-pub(super) fn begin_line(
-    plan: &Plan,
-    correlator: &Correlator<AnyBackend>,
-    reference: &Image,
-    threads: usize,
-) -> String {
+pub(super) fn begin_line(plan: &Plan, correlator: &Reference, reference: &Image, threads: usize) -> String {
     let mesh = correlator.mesh();
     format!(
         "reference {} ({} x {} px, {}), {}, {} elements of {} px, {} nodes; {}, {}",
@@ -27,13 +21,13 @@ pub(super) fn begin_line(
         mesh.n_elements(),
         plan.options.element_size,
         mesh.n_nodes(),
-        correlator.backend().device(),
+        correlator.device(),
         plural(threads, "thread"),
     )
 }
 
 /// What to say of nodes without texture.
-pub(super) fn about_nodes(correlator: &Correlator<AnyBackend>) -> impl Iterator<Item = String> {
+pub(super) fn about_nodes(correlator: &Reference) -> impl Iterator<Item = String> {
     const NAMED: usize = 3;
     let said = |faults: &[TextureFault], begin: &str, what: &str| {
         let mut places: Vec<String> = faults.iter().take(NAMED).map(ToString::to_string).collect();
@@ -71,14 +65,14 @@ pub(super) fn about_earlier(done: usize, to_do: usize, damaged: &[usize], depend
 /// The summary of a run before its first frame.
 pub(super) fn empty_summary(
     plan: &Plan,
-    correlator: &Correlator<AnyBackend>,
+    correlator: &Reference,
     reference: &Image,
     threads: usize,
     saturation: Option<Saturation>,
 ) -> Summary {
     Summary {
         quadrille: env!("CARGO_PKG_VERSION").into(),
-        device: correlator.backend().device(),
+        device: correlator.device().to_owned(),
         threads,
         units: units(),
         reference: ReferenceSummary {

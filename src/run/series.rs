@@ -19,8 +19,7 @@ use super::tally::Tally;
 use super::text::chain;
 use super::zones::Zones;
 use super::{pipeline, quantities, said};
-use crate::backend::{AnyBackend, Backend};
-use crate::correlate::Correlator;
+use crate::correlate::Correlate;
 use crate::field::{Status, UpdateReference};
 use crate::imaging::{Image, Saturation};
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
@@ -81,7 +80,7 @@ struct PreparedSeries<'a> {
     reference: Arc<Image>,
     engine: Engine,
     /// That of the beginning: the engine may come to another.
-    correlator: Arc<Correlator<AnyBackend>>,
+    correlator: Arc<dyn Correlate>,
     seconds_reference: f64,
     /// What is to be said of reference and zones.
     notes: Vec<String>,
@@ -143,9 +142,8 @@ impl<'a> PreparedSeries<'a> {
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
         quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
-        let record =
-            RunToml::new(&plan, &*correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
-        let header = header_of(&plan, &correlator, &record, sha256, [width, height]);
+        let record = RunToml::new(&plan, &correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+        let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
         let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
             differences if differences.is_empty() => Ok(()),
@@ -159,7 +157,7 @@ impl<'a> PreparedSeries<'a> {
         folder.make_folders(plan.csv, plan.vtu)?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
-            let made = made_or_found(folder, &header, &correlator, same_run)?;
+            let made = made_or_found(folder, &header, &*correlator, same_run)?;
             if !folder.has_case() {
                 folder.write_case(&record.case(&BTreeMap::new()))?;
             }
@@ -416,7 +414,7 @@ impl<'a> PreparedSeries<'a> {
 fn made_or_found(
     folder: &RunFolder,
     header: &StoreHeader,
-    correlator: &Correlator<AnyBackend>,
+    correlator: &dyn Correlate,
     same_run: impl Fn(&Store) -> Result<()>,
 ) -> Result<(StoreWriter, Store)> {
     let writer = folder.store(header)?;
@@ -436,14 +434,14 @@ fn made_or_found(
 /// What the store says of itself.
 fn header_of(
     plan: &Plan,
-    correlator: &Correlator<AnyBackend>,
+    correlator: &dyn Correlate,
     record: &RunToml,
     reference_sha256: Vec<String>,
     image_size_px: [usize; 2],
 ) -> StoreHeader {
     StoreHeader {
         quadrille: env!("CARGO_PKG_VERSION").into(),
-        device: correlator.backend().device(),
+        device: correlator.device().to_owned(),
         mesh: correlator.mesh().clone(),
         image_size_px,
         reference: plan.reference.iter().map(ToString::to_string).collect(),

@@ -3,7 +3,7 @@
 use quadrille::backend::gpu::{AdapterKind, GpuAdapter, GpuBackend, GpuOptions, adapters};
 use std::io::Write;
 use std::panic::Location;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// The adapter to test on: the one whose name contains `QUADRILLE_TEST_ADAPTER` (in any case), else a software one
 /// (it is the same everywhere), else the first. Or why there is none.
@@ -34,13 +34,13 @@ fn the_adapter() -> &'static Result<GpuAdapter, String> {
 /// # Panics
 /// With `QUADRILLE_GPU=require` in the environment, when there is none.
 #[track_caller]
-pub fn device() -> Option<Arc<GpuBackend>> {
-    static DEVICE: OnceLock<Result<Arc<GpuBackend>, String>> = OnceLock::new();
+pub fn device() -> Option<GpuBackend> {
+    static DEVICE: OnceLock<Result<GpuBackend, String>> = OnceLock::new();
     let opened = DEVICE.get_or_init(|| {
         let adapter = the_adapter().as_ref().map_err(Clone::clone)?;
         let device = GpuBackend::new(adapter, &GpuOptions::default()).map_err(|error| error.to_string())?;
         say(&format!("tests on {}", quadrille::backend::Backend::device(&device)));
-        Ok(Arc::new(device))
+        Ok(device)
     });
     given(opened.clone())
 }
@@ -50,16 +50,14 @@ pub fn device() -> Option<Arc<GpuBackend>> {
 /// # Panics
 /// As [`device`].
 #[track_caller]
-pub fn device_with(options: &GpuOptions) -> Option<Arc<GpuBackend>> {
-    let opened = the_adapter().clone().and_then(|adapter| {
-        let device = GpuBackend::new(&adapter, options);
-        device.map(Arc::new).map_err(|error| error.to_string())
-    });
+pub fn device_with(options: &GpuOptions) -> Option<GpuBackend> {
+    let opened =
+        the_adapter().clone().and_then(|adapter| GpuBackend::new(&adapter, options).map_err(|error| error.to_string()));
     given(opened)
 }
 
 #[track_caller]
-fn given(opened: Result<Arc<GpuBackend>, String>) -> Option<Arc<GpuBackend>> {
+fn given(opened: Result<GpuBackend, String>) -> Option<GpuBackend> {
     match opened {
         Ok(device) => Some(device),
         Err(why) => {

@@ -4,6 +4,7 @@
 
 pub mod data;
 pub mod dense;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod plain;
 pub mod round_off;

@@ -2,6 +2,7 @@
 
 use super::profile::{Profile, Stamps, Timing, Work};
 use super::shader::{Binding, Kernel, source};
+use crate::backend::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
 use crate::backend::{BackendError, Traffic};
 use crate::imaging::Interpolation;
 use bytemuck::Pod;
@@ -12,71 +13,11 @@ use std::time::Duration;
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
 
-/// What a graphics adapter is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum AdapterKind {
-    /// A graphics card.
-    Discrete,
-    /// Part of the processor.
-    Integrated,
-    /// Seen through a virtual machine.
-    Virtual,
-    /// A driver that computes on the CPU.
-    Software,
-    /// Something else.
-    Other,
-}
-
-impl AdapterKind {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Discrete => "discrete GPU",
-            Self::Integrated => "integrated GPU",
-            Self::Virtual => "virtual GPU",
-            Self::Software => "software",
-            Self::Other => "other",
-        }
-    }
-}
-
-/// A graphics adapter that this machine has.
-#[derive(Debug, Clone)]
-pub struct GpuAdapter {
-    adapter: wgpu::Adapter,
-    /// Its name.
-    pub name: String,
-    /// What it is.
-    pub kind: AdapterKind,
-    /// Interface it is reached by: `vulkan`, `metal`, `dx12`.
-    pub api: String,
-    /// Driver and its version.
-    pub driver: String,
-    /// Largest buffer that a kernel can see at once, bytes.
-    pub max_binding_bytes: u64,
-    /// Largest buffer, bytes.
-    pub max_buffer_bytes: u64,
-    /// Whether it can time its own work.
-    pub has_timestamps: bool,
-    /// Why quadrille cannot use it, if it cannot.
-    pub unusable: Option<String>,
-}
-
 /// Storage buffers that a kernel uses at most: what every WebGPU device offers.
 const STORAGE_BUFFERS: u32 = 8;
 /// Threads of a workgroup, and bytes they share: likewise.
 const THREADS: u32 = 256;
 const SHARED_BYTES: u32 = 16384;
-
-/// The adapters of this machine.
-#[derive(Debug, Clone)]
-pub struct Adapters {
-    /// In the order the drivers give them.
-    pub list: Vec<GpuAdapter>,
-    /// What the drivers said when there is none.
-    pub reason: Option<String>,
-}
 
 /// Asks the drivers of this machine for their adapters.
 pub fn adapters() -> Adapters {
@@ -86,53 +27,42 @@ pub fn adapters() -> Adapters {
     };
     let instance = wgpu::Instance::new(descriptor);
     let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let list: Vec<GpuAdapter> = found.into_iter().map(GpuAdapter::new).collect();
+    let list: Vec<GpuAdapter> = found.into_iter().map(described).collect();
     let reason = list.is_empty().then(|| match pollster::block_on(instance.request_adapter(&Default::default())) {
         Ok(_) => "the drivers list no adapter".to_owned(),
         Err(error) => error.to_string(),
     });
-    Adapters { list, reason }
+    Adapters { list, reason, built_without: false }
 }
 
-impl GpuAdapter {
-    fn new(adapter: wgpu::Adapter) -> Self {
-        let (info, limits) = (adapter.get_info(), adapter.limits());
-        let kind = match info.device_type {
-            wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
-            wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
-            wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
-            wgpu::DeviceType::Cpu => AdapterKind::Software,
-            wgpu::DeviceType::Other => AdapterKind::Other,
-        };
-        let lacks = [
-            (limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS, "storage buffers per kernel"),
-            (limits.max_compute_invocations_per_workgroup < THREADS, "threads per workgroup"),
-            (limits.max_compute_workgroup_storage_size < SHARED_BYTES, "bytes shared by a workgroup"),
-        ];
-        let unusable = lacks.iter().find(|(lacks, _)| *lacks).map(|(_, what)| format!("too few {what}"));
-        Self {
-            name: info.name,
-            kind,
-            api: info.backend.to_string(),
-            driver: [info.driver, info.driver_info].into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" "),
-            max_binding_bytes: limits.max_storage_buffer_binding_size,
-            max_buffer_bytes: limits.max_buffer_size,
-            has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
-            unusable,
-            adapter,
-        }
+/// The adapter with what it says of itself.
+fn described(handle: wgpu::Adapter) -> GpuAdapter {
+    let (info, limits) = (handle.get_info(), handle.limits());
+    let kind = match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
+        wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
+        wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
+        wgpu::DeviceType::Cpu => AdapterKind::Software,
+        wgpu::DeviceType::Other => AdapterKind::Other,
+    };
+    let lacks = [
+        (limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS, "storage buffers per kernel"),
+        (limits.max_compute_invocations_per_workgroup < THREADS, "threads per workgroup"),
+        (limits.max_compute_workgroup_storage_size < SHARED_BYTES, "bytes shared by a workgroup"),
+    ];
+    let unusable = lacks.iter().find(|(lacks, _)| *lacks).map(|(_, what)| format!("too few {what}"));
+    GpuAdapter {
+        name: info.name,
+        kind,
+        api: info.backend.to_string(),
+        driver: [info.driver, info.driver_info].into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" "),
+        max_binding_bytes: limits.max_storage_buffer_binding_size,
+        max_buffer_bytes: limits.max_buffer_size,
+        has_timestamps: handle.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        unusable,
+        handle,
     }
 }
-
-/// Choices of a device.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct GpuOptions {
-    /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
-    pub max_binding_bytes: Option<u64>,
-    /// Readbacks after which the device fails, as a lost one would: to test what happens then.
-    pub fail_after: Option<usize>,
-}
-
 /// The first fault of a device, kept until somebody asks.
 #[derive(Debug, Default)]
 struct Faults(Mutex<Option<BackendError>>);
@@ -226,14 +156,14 @@ const PATIENCE: Duration = Duration::from_secs(120);
 impl Gpu {
     /// Opens `adapter`, with no optional feature and larger limits in size alone.
     pub fn open(adapter: GpuAdapter, options: &GpuOptions) -> Result<Self, BackendError> {
-        let offered = adapter.adapter.limits();
+        let offered = adapter.handle.limits();
         let required_limits = wgpu::Limits {
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             max_buffer_size: offered.max_buffer_size,
             ..wgpu::Limits::default()
         };
         let required_limits = required_limits.or_worse_values_from(&offered);
-        let timestamps = adapter.adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let timestamps = adapter.handle.features() & wgpu::Features::TIMESTAMP_QUERY;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("quadrille"),
             required_features: timestamps,
@@ -241,7 +171,7 @@ impl Gpu {
             ..Default::default()
         };
         let failed = |message: String| BackendError::Device { device: adapter.name.clone(), message };
-        let (device, queue) = pollster::block_on(adapter.adapter.request_device(&descriptor))
+        let (device, queue) = pollster::block_on(adapter.handle.request_device(&descriptor))
             .map_err(|error| failed(error.to_string()))?;
         let faults = Arc::new(Faults::default());
         let (of_errors, name) = (faults.clone(), adapter.name.clone());

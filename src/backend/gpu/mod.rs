@@ -15,15 +15,17 @@ mod shader;
 mod solver;
 mod timed;
 
-pub use device::{AdapterKind, Adapters, GpuAdapter, GpuOptions, adapters};
+pub use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
+pub use device::adapters;
 pub use field::GpuField;
 pub use layout::{Mirror, mirrors};
 pub use level::GpuLevel;
 pub use plane::GpuFrame;
 pub use profile::{Noted, Timing, Work};
-pub use shader::{Binding, KERNELS, Kernel, source};
+pub use shader::{Binding, Extent, KERNELS, Kernel, Part, source};
 pub use solver::GpuSolver;
 
+use crate::backend::choice::OnDevice;
 use crate::backend::{
     Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Place, Step, Traffic,
 };
@@ -32,6 +34,21 @@ use crate::linalg::{Solver, SolverChoice};
 use crate::mesh::PixelMesh;
 use device::Gpu;
 use std::sync::Arc;
+
+/// An adapter as its driver gives it.
+pub(super) type Handle = wgpu::Adapter;
+
+/// Does `work` on `adapter`.
+///
+/// # Errors
+/// See [`GpuBackend::new`].
+pub(super) fn open<W: OnDevice>(
+    adapter: &GpuAdapter,
+    options: &GpuOptions,
+    work: W,
+) -> Result<W::Output, BackendError> {
+    Ok(work.on(GpuBackend::new(adapter, options)?))
+}
 
 /// Frames worth correlating at the same time: while one waits for its report, others work.
 const FRAMES_IN_FLIGHT: usize = 3;

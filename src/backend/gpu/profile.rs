@@ -2,13 +2,11 @@
 
 use super::shader::Kernel;
 use crate::clock::Elapsed;
-use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 
 /// How kernels are timed. Either way every piece of work is waited for, so that nothing overlaps: the sum is more
 /// than the same work takes unobserved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
     /// The device's own clock, before and after each kernel.
     Timestamps,
@@ -17,8 +15,7 @@ pub enum Timing {
 }
 
 /// A piece of work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Work {
     /// Making a kernel for the device.
     Compile(Kernel),

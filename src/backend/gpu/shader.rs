@@ -13,180 +13,206 @@ pub enum Binding {
     Write,
 }
 
-/// A kernel: an entry point of a shader file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kernel {
-    /// Pixels to grey levels.
-    Unpack,
-    /// Next level of the pyramid.
-    Downsample,
-    /// B-spline coefficients along one axis.
-    Prefilter,
-    /// Border to the left and right of a plane.
-    BorderColumns,
-    /// Border above or below a plane.
-    BorderRows,
-    /// Grey levels and gradient of the reference.
-    Gradient,
-    /// Moments for the normal matrices.
-    NormalMatrix,
-    /// Residual of rectangles of pixels.
+/// Where the time that a kernel takes is counted, when that of a frame is shared out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// From pixels to interpolation coefficients.
+    Image,
+    /// The residual and its sums.
     Residual,
-    /// Residual of elements whose pixels are runs.
-    ResidualRuns,
-    /// Gain and offset of every element.
-    Fit,
-    /// Elements left out, sums of groups of elements.
-    Tally,
-    /// Right-hand side per node.
-    Gather,
-    /// Part of the right-hand side that a regularisation asks for.
-    Penalty,
-    /// First half of an iteration of the conjugate gradients.
-    CgProduct,
-    /// Second half.
-    CgUpdate,
-    /// Correction of the field.
-    Correct,
-    /// Sums of the zones and the report of a step.
-    Summary,
-    /// Field of a level from that of the next coarser one.
-    Prolong,
-    /// Residual map and packed field.
-    ResidualMap,
+    /// The normal equations.
+    Solve,
+    /// All else.
+    Other,
 }
 
-/// Every kernel.
-pub const KERNELS: [Kernel; 19] = [
-    Kernel::Unpack,
-    Kernel::Downsample,
-    Kernel::Prefilter,
-    Kernel::BorderColumns,
-    Kernel::BorderRows,
-    Kernel::Gradient,
-    Kernel::NormalMatrix,
-    Kernel::Residual,
-    Kernel::ResidualRuns,
-    Kernel::Fit,
-    Kernel::Tally,
-    Kernel::Gather,
-    Kernel::Penalty,
-    Kernel::CgProduct,
-    Kernel::CgUpdate,
-    Kernel::Correct,
-    Kernel::Summary,
-    Kernel::Prolong,
-    Kernel::ResidualMap,
-];
+/// How large the work of a kernel is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extent {
+    /// Pixels of the image.
+    pub pixels: u64,
+    /// Pixels of one of its sides.
+    pub side: u64,
+    /// Elements of the mesh.
+    pub elements: u64,
+    /// Its nodes; inner ones are coupled with nine.
+    pub nodes: u64,
+    /// Times that the kernel runs.
+    pub runs: u64,
+}
+
+/// All that is asked of a kernel.
+struct Row {
+    name: &'static str,
+    file: &'static str,
+    text: &'static str,
+    entry: &'static str,
+    threads: u32,
+    interpolates: bool,
+    bindings: &'static [Binding],
+    part: Part,
+    bytes: fn(Extent) -> u64,
+    moves: &'static str,
+}
+
+/// Makes [`Kernel`] of a table with a row for each: its name; its file in `shaders/`, without the ending, and its entry
+/// point there, with `spline` where the source depends on the interpolation; threads of a workgroup and bindings; the
+/// [`Part`] of a frame's time that it counts to; and the bytes that it must move at least, with what they are: every value
+/// that it reads or writes counts once, however often it is read; P pixels, E elements, N nodes.
+macro_rules! kernels {
+    ($(
+        $(#[$doc:meta])*
+        $kernel:ident = $name:literal: $file:literal $entry:ident $($spline:ident)?,
+            $threads:literal [$($binding:ident)*], $part:ident, $bytes:expr, $moves:literal;
+    )*) => {
+        /// A kernel: an entry point of a shader file.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Kernel {
+            $($(#[$doc])* $kernel,)*
+        }
+
+        /// Every kernel.
+        pub const KERNELS: [Kernel; ROWS.len()] = [$(Kernel::$kernel),*];
+
+        /// In the order of [`Kernel`].
+        const ROWS: &[Row] = &[$(Row {
+            name: $name,
+            file: $file,
+            text: include_str!(concat!("../../../shaders/", $file, ".wgsl")),
+            entry: stringify!($entry),
+            threads: $threads,
+            interpolates: !<[&str]>::is_empty(&[$(stringify!($spline))?]),
+            bindings: &[$(Binding::$binding),*],
+            part: Part::$part,
+            bytes: $bytes,
+            moves: $moves,
+        }),*];
+    };
+}
+
+kernels! {
+    /// Pixels to grey levels.
+    Unpack = "unpack": "unpack" main, 64 [Uniform Read Write],
+        Image, |of| 5 * of.pixels, "P (1 B pixel + 4 B grey level)";
+    /// Next level of the pyramid.
+    Downsample = "downsample": "downsample" main, 64 [Uniform Read Write],
+        Image, |of| 5 * of.pixels, "P (4 B fine + 1/4 of 4 B coarse)";
+    /// B-spline coefficients along one axis.
+    Prefilter = "prefilter": "prefilter" main, 32 [Uniform Read Write],
+        Image, |of| 16 * of.pixels, "2 passes x P (4 B in + 4 B out)";
+    /// Border to the left and right of a plane.
+    BorderColumns = "border_columns": "border" columns, 64 [Uniform Write],
+        Image, |of| 72 * of.side, "per row 10 values in, 8 out";
+    /// Border above or below a plane.
+    BorderRows = "border_rows": "border" rows, 64 [Uniform Write],
+        Image, |of| 72 * of.side, "per column 10 values in, 8 out";
+    /// Grey levels and gradient of the reference.
+    Gradient = "gradient": "gradient" main, 64 [Uniform Read Read Write],
+        Other, |of| 20 * of.pixels, "P (grey level, coefficient in; f, fx, fy out)";
+    /// Moments for the normal matrices.
+    NormalMatrix = "normal_matrix": "normal_matrix" main, 64 [Uniform Read Read Read Read Read Write],
+        Other, |of| 12 * of.pixels + 256 * of.elements, "P (f, fx, fy) + E (64 B element, 192 B moments)";
+    /// Residual of rectangles of pixels.
+    Residual = "residual": "residual" main spline, 64 [Uniform Read Read Read Read Read Write],
+        Residual, of_residual, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+    /// Residual of elements whose pixels are runs.
+    ResidualRuns = "residual_runs": "residual_runs" main spline, 64 [Uniform Read Read Read Read Read Write Read],
+        Residual, of_residual, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+    /// Gain and offset of every element.
+    Fit = "fit": "tally" fit, 64 [Uniform Read Read Write Write Write],
+        Residual, |of| 80 * of.elements, "E (64 B sums, 16 B of the reference)";
+    /// Elements left out, sums of groups of elements.
+    Tally = "tally": "tally" main, 64 [Uniform Read Read Write Write Write],
+        Residual, |of| 80 * of.elements, "E (64 B sums, 16 B of the reference)";
+    /// Right-hand side per node.
+    Gather = "gather": "gather" main, 256 [Uniform Read Read Read Write Write Write Write],
+        Solve, |of| 32 * of.elements + 64 * of.nodes, "E 32 B of sums + N (24 B incidence, 16 B block, 24 B out)";
+    /// Part of the right-hand side that a regularisation asks for.
+    Penalty = "penalty": "penalty" main, 256 [Uniform Read Read Read Read Write Write Write],
+        Other, |of| 236 * of.nodes, "9 N (16 B block, 4 B column) + N (16 B field, 16 B block, 8 B in, 16 B out)";
+    /// First half of an iteration of the conjugate gradients.
+    CgProduct = "cg_product": "cg_product" main, 256 [Uniform Read Read Read Read Write Write Write],
+        Solve, |of| of.runs * 212 * of.nodes, "per run: 9 N (16 B block, 4 B column) + N 4 vectors of 8 B";
+    /// Second half.
+    CgUpdate = "cg_update": "cg_update" main, 256 [Uniform Read Read Read Write Write Write Write],
+        Solve, |of| of.runs * 72 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
+    /// Correction of the field.
+    Correct = "correct": "correct" main, 256 [Uniform Read Write Write],
+        Other, |of| 40 * of.nodes, "N (8 B correction, 16 B in and out)";
+    /// Sums of the zones and the report of a step.
+    Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write],
+        Other, |of| 48 * of.elements.div_ceil(256) + 8 * of.nodes.div_ceil(256),
+            "sums of groups of elements and of nodes";
+    /// Field of a level from that of the next coarser one.
+    Prolong = "prolong": "prolong" main, 256 [Read Read Write],
+        Other, |of| 64 * of.nodes, "N (32 B place, 16 B in, 16 B out)";
+    /// Residual map and packed field.
+    ResidualMap = "residual_map": "residual_map" main, 256 [Uniform Read Read Read Write],
+        Other, |of| 88 * of.elements + 28 * of.nodes, "E (80 B in, 8 B out) + N (16 B in, 12 B out)";
+}
+
+fn of_residual(of: Extent) -> u64 {
+    16 * of.pixels + 128 * of.elements + 16 * of.nodes
+}
 
 impl Kernel {
+    fn row(self) -> &'static Row {
+        &ROWS[self as usize]
+    }
+
+    /// Its name in records.
+    pub fn name(self) -> &'static str {
+        self.row().name
+    }
+
     /// Its file in `shaders/`, without the ending.
     pub fn file(self) -> &'static str {
-        match self {
-            Self::Unpack => "unpack",
-            Self::Downsample => "downsample",
-            Self::Prefilter => "prefilter",
-            Self::BorderColumns | Self::BorderRows => "border",
-            Self::Gradient => "gradient",
-            Self::NormalMatrix => "normal_matrix",
-            Self::Residual => "residual",
-            Self::ResidualRuns => "residual_runs",
-            Self::Fit | Self::Tally => "tally",
-            Self::Gather => "gather",
-            Self::Penalty => "penalty",
-            Self::CgProduct => "cg_product",
-            Self::CgUpdate => "cg_update",
-            Self::Correct => "correct",
-            Self::Summary => "summary",
-            Self::Prolong => "prolong",
-            Self::ResidualMap => "residual_map",
-        }
+        self.row().file
     }
 
     /// Its entry point.
     pub fn entry(self) -> &'static str {
-        match self {
-            Self::BorderColumns => "columns",
-            Self::BorderRows => "rows",
-            Self::Fit => "fit",
-            _ => "main",
-        }
+        self.row().entry
     }
 
     /// Its bindings.
     pub fn bindings(self) -> &'static [Binding] {
-        use Binding::{Read, Uniform, Write};
-        match self {
-            Self::Unpack | Self::Downsample | Self::Prefilter => &[Uniform, Read, Write],
-            Self::BorderColumns | Self::BorderRows => &[Uniform, Write],
-            Self::Gradient => &[Uniform, Read, Read, Write],
-            Self::NormalMatrix => &[Uniform, Read, Read, Read, Read, Read, Write],
-            Self::Residual => &[Uniform, Read, Read, Read, Read, Read, Write],
-            Self::ResidualRuns => &[Uniform, Read, Read, Read, Read, Read, Write, Read],
-            Self::Fit | Self::Tally => &[Uniform, Read, Read, Write, Write, Write],
-            Self::Gather => &[Uniform, Read, Read, Read, Write, Write, Write, Write],
-            Self::Penalty => &[Uniform, Read, Read, Read, Read, Write, Write, Write],
-            Self::CgProduct => &[Uniform, Read, Read, Read, Read, Write, Write, Write],
-            Self::CgUpdate => &[Uniform, Read, Read, Read, Write, Write, Write, Write],
-            Self::Correct => &[Uniform, Read, Write, Write],
-            Self::Summary => &[Uniform, Read, Read, Read, Write, Write, Write],
-            Self::Prolong => &[Read, Read, Write],
-            Self::ResidualMap => &[Uniform, Read, Read, Read, Write],
-        }
+        self.row().bindings
     }
 
     /// Threads of a workgroup.
     pub fn workgroup(self) -> u32 {
-        match self {
-            Self::Prefilter => 32,
-            Self::Gather | Self::Penalty | Self::CgProduct | Self::CgUpdate => 256,
-            Self::Correct | Self::Prolong | Self::ResidualMap => 256,
-            _ => 64,
-        }
+        self.row().threads
     }
 
     /// Whether its source depends on the interpolation.
     pub fn interpolates(self) -> bool {
-        matches!(self, Self::Residual | Self::ResidualRuns)
+        self.row().interpolates
+    }
+
+    /// Where its time is counted.
+    pub fn part(self) -> Part {
+        self.row().part
+    }
+
+    /// Bytes that it must move at least, and what they are.
+    pub fn moves(self, extent: Extent) -> (u64, &'static str) {
+        ((self.row().bytes)(extent), self.row().moves)
     }
 }
 
-/// The files of `shaders/` by name; those that kernels import lie in `shaders/shared`.
-const FILES: &[(&str, &str)] = &[
-    ("border", include_str!("../../../shaders/border.wgsl")),
-    ("cg_product", include_str!("../../../shaders/cg_product.wgsl")),
-    ("cg_update", include_str!("../../../shaders/cg_update.wgsl")),
-    ("correct", include_str!("../../../shaders/correct.wgsl")),
-    ("downsample", include_str!("../../../shaders/downsample.wgsl")),
-    ("gather", include_str!("../../../shaders/gather.wgsl")),
-    ("gradient", include_str!("../../../shaders/gradient.wgsl")),
-    ("normal_matrix", include_str!("../../../shaders/normal_matrix.wgsl")),
-    ("penalty", include_str!("../../../shaders/penalty.wgsl")),
-    ("prefilter", include_str!("../../../shaders/prefilter.wgsl")),
-    ("prolong", include_str!("../../../shaders/prolong.wgsl")),
-    ("residual", include_str!("../../../shaders/residual.wgsl")),
-    ("residual_map", include_str!("../../../shaders/residual_map.wgsl")),
-    ("residual_runs", include_str!("../../../shaders/residual_runs.wgsl")),
-    ("summary", include_str!("../../../shaders/summary.wgsl")),
-    ("tally", include_str!("../../../shaders/tally.wgsl")),
-    ("unpack", include_str!("../../../shaders/unpack.wgsl")),
-    ("bilinear", include_str!("../../../shaders/shared/bilinear.wgsl")),
-    ("cg", include_str!("../../../shaders/shared/cg.wgsl")),
-    ("cubic", include_str!("../../../shaders/shared/cubic.wgsl")),
-    ("index", include_str!("../../../shaders/shared/index.wgsl")),
-    ("keys", include_str!("../../../shaders/shared/keys.wgsl")),
-    ("light", include_str!("../../../shaders/shared/light.wgsl")),
-    ("place", include_str!("../../../shaders/shared/place.wgsl")),
-    ("q4", include_str!("../../../shaders/shared/q4.wgsl")),
-    ("quintic", include_str!("../../../shaders/shared/quintic.wgsl")),
-    ("reduce", include_str!("../../../shaders/shared/reduce.wgsl")),
-    ("sums", include_str!("../../../shaders/shared/sums.wgsl")),
-    ("tallies", include_str!("../../../shaders/shared/tallies.wgsl")),
-    ("taps4", include_str!("../../../shaders/shared/taps4.wgsl")),
-    ("taps6", include_str!("../../../shaders/shared/taps6.wgsl")),
-    ("types", include_str!("../../../shaders/shared/types.wgsl")),
-];
+/// The files of `shaders/shared`, which kernels import.
+macro_rules! shared {
+    ($($file:literal)*) => {
+        const SHARED: &[(&str, &str)] =
+            &[$(($file, include_str!(concat!("../../../shaders/shared/", $file, ".wgsl")))),*];
+    };
+}
+
+shared! {
+    "bilinear" "cg" "cubic" "index" "keys" "light" "place" "q4" "quintic" "reduce" "sums" "tallies" "taps4" "taps6"
+    "types"
+}
 
 /// The whole source of a kernel: a line `#import NAME` stands for the file of that name, taken once, and
 /// `#import spline` for that of the interpolation.
@@ -201,26 +227,23 @@ const FILES: &[(&str, &str)] = &[
 /// When a shader imports a file that does not exist.
 pub fn source(kernel: Kernel, interpolation: Interpolation) -> String {
     let mut text = String::new();
-    let mut taken = Vec::new();
-    add(&mut text, &mut taken, kernel.file(), interpolation);
+    add(&mut text, &mut Vec::new(), kernel.row().text, interpolation);
     text
 }
 
-fn add(text: &mut String, taken: &mut Vec<&'static str>, name: &str, interpolation: Interpolation) {
-    let name = match name {
-        "spline" => interpolation.name(),
-        name => name,
-    };
-    let Some((name, file)) = FILES.iter().find(|(file, _)| *file == name) else {
-        panic!("there is no shader file '{name}'")
-    };
-    if taken.contains(name) {
-        return;
-    }
-    taken.push(name);
+fn add(text: &mut String, taken: &mut Vec<&'static str>, file: &str, interpolation: Interpolation) {
     for line in file.lines() {
-        match line.strip_prefix("#import ") {
-            Some(import) => add(text, taken, import.trim(), interpolation),
+        match line.strip_prefix("#import ").map(str::trim) {
+            Some(import) => {
+                let import = if import == "spline" { interpolation.name() } else { import };
+                let Some(&(name, file)) = SHARED.iter().find(|(name, _)| *name == import) else {
+                    panic!("there is no shader file '{import}'")
+                };
+                if !taken.contains(&name) {
+                    taken.push(name);
+                    add(text, taken, file, interpolation);
+                }
+            }
             None => {
                 text.push_str(line);
                 text.push('\n');

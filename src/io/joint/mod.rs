@@ -5,8 +5,13 @@
 
 mod boundary;
 mod case;
+mod correlated;
 mod measurement;
 mod mesh;
+#[cfg(feature = "store")]
+mod run;
+#[cfg(not(feature = "store"))]
+#[path = "no_run.rs"]
 mod run;
 mod table;
 
@@ -14,14 +19,14 @@ pub use boundary::{BoundaryTable, read_boundary};
 pub use case::{
     CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, JointCase, read_joint_case,
 };
+pub use correlated::{JointRun, RunMatrix};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
-pub use run::{JointRun, RunMatrix, read_joint_run};
+pub use run::read_joint_run;
 pub use table::{read_table, write_table};
 
 use super::case::CaseError;
 use super::mesh_file::MeshFileError;
-use super::store::StoreError;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -133,7 +138,7 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
 /// One name for each run, however it is written.
 fn run_folder(path: &Path) -> PathBuf {
     let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    if path.ends_with(super::store::STORE) { path.parent().map_or(path.clone(), Path::to_owned) } else { path }
+    if path.ends_with(super::STORE) { path.parent().map_or(path.clone(), Path::to_owned) } else { path }
 }
 
 /// Why a file of a joint cannot be used.
@@ -217,8 +222,15 @@ pub enum JointFileError {
     #[error(transparent)]
     Case(#[from] CaseError),
     /// The store of a correlation run that cannot be read.
+    #[cfg(feature = "store")]
     #[error(transparent)]
-    Store(#[from] StoreError),
+    Store(#[from] super::store::StoreError),
+    /// The store of a correlation run, which this build cannot read.
+    #[error("{}: quadrille was built without the stores of correlation runs (its feature `store`)", path.display())]
+    BuiltWithoutStore {
+        /// The store.
+        path: PathBuf,
+    },
     /// A correlation run without a scale.
     #[error("{}: the run has no pixel size; correlate again with --pixel-size MM", path.display())]
     NoPixelSize {

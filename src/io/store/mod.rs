@@ -12,6 +12,7 @@ mod layout;
 mod reader;
 mod writer;
 
+pub use super::STORE;
 pub use layout::{Place, Variable};
 pub use reader::{Store, StoredFrame};
 pub use writer::{StoreWriter, remove_store};
@@ -26,9 +27,6 @@ use std::sync::Arc;
 use thiserror::Error;
 use zarrs::array::ArrayError;
 use zarrs::storage::StorageError;
-
-/// Name of the store in the folder of a run.
-pub const STORE: &str = "fields.zarr";
 
 /// What holds for all frames of a store.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# The crate without its optional parts: it compiles, its examples and tests too as far as they need none of them, and nothing
+# heavy is left in the bare correlator.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tree() { # FEATURES: the crates that it depends on
+    cargo tree --locked --no-default-features --features "$1" -e normal --prefix none --format '{p}' |
+        sed 's/ (\*)$//; s/ (proc-macro)$//' | sort -u
+}
+
+bare=$(tree "")
+if left=$(grep -E '^(clap|wgpu|zarrs|resvg) ' <<<"$bare"); then
+    echo "without features the crate still depends on: $left"
+    exit 1
+fi
+if left=$(tree cli | grep -E '^(wgpu|naga|ash) '); then
+    echo "without graphics devices the program still depends on: $left"
+    exit 1
+fi
+echo "crates: $(wc -l <<<"$bare") without features, $(tree cli,gpu,store,report | wc -l) with all"
+
+cargo clippy --locked --no-default-features --all-targets -- -D warnings
+cargo clippy --locked --no-default-features --features cli --lib --bins -- -D warnings

@@ -1,0 +1,75 @@
+//! Graphics adapters as a machine has them, and how they are used.
+
+use super::gpu::Handle;
+
+/// What a graphics adapter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AdapterKind {
+    /// A graphics card.
+    Discrete,
+    /// Part of the processor.
+    Integrated,
+    /// Seen through a virtual machine.
+    Virtual,
+    /// A driver that computes on the CPU.
+    Software,
+    /// Something else.
+    Other,
+}
+
+impl AdapterKind {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Software => "software",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// A graphics adapter that this machine has.
+#[derive(Debug, Clone)]
+pub struct GpuAdapter {
+    /// The driver's own.
+    pub(super) handle: Handle,
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: AdapterKind,
+    /// Interface it is reached by: `vulkan`, `metal`, `dx12`.
+    pub api: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Largest buffer that a kernel can see at once, bytes.
+    pub max_binding_bytes: u64,
+    /// Largest buffer, bytes.
+    pub max_buffer_bytes: u64,
+    /// Whether it can time its own work.
+    pub has_timestamps: bool,
+    /// Why quadrille cannot use it, if it cannot.
+    pub unusable: Option<String>,
+}
+
+/// The adapters of this machine.
+#[derive(Debug, Clone)]
+pub struct Adapters {
+    /// In the order the drivers give them.
+    pub list: Vec<GpuAdapter>,
+    /// What the drivers said when there is none.
+    pub reason: Option<String>,
+    /// Whether this build can use none, whatever there is.
+    pub built_without: bool,
+}
+
+/// Choices of a device.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
+    pub max_binding_bytes: Option<u64>,
+    /// Readbacks after which the device fails, as a lost one would: to test what happens then.
+    pub fail_after: Option<usize>,
+}

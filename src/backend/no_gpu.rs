@@ -1,0 +1,26 @@
+//! What stands for graphics devices in a build without the feature `gpu`: there is none.
+
+pub use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
+
+use super::BackendError;
+use super::choice::OnDevice;
+use std::convert::Infallible;
+
+/// No adapter is ever made.
+pub(super) type Handle = Infallible;
+
+/// The adapters of this machine, of which this build can use none.
+pub fn adapters() -> Adapters {
+    Adapters { list: Vec::new(), reason: Some(super::choice::BUILT_WITHOUT.into()), built_without: true }
+}
+
+impl GpuAdapter {
+    /// What could be done with one, were there any.
+    pub(crate) fn never(&self) -> ! {
+        match self.handle {}
+    }
+}
+
+pub(super) fn open<W: OnDevice>(adapter: &GpuAdapter, _: &GpuOptions, _: W) -> Result<W::Output, BackendError> {
+    adapter.never()
+}

@@ -1,0 +1,12 @@
+//! What stands for reading a correlation run in a build without its store.
+
+use super::{JointFileError, JointRun};
+use std::path::Path;
+
+/// Refuses the run of the store `path`.
+///
+/// # Errors
+/// Always.
+pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
+    Err(JointFileError::BuiltWithoutStore { path: path.to_owned() })
+}
