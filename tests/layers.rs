@@ -36,7 +36,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 19] = [
+const HOMES: [Home; 21] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate rustfft",
@@ -60,6 +60,12 @@ const HOMES: [Home; 19] = [
         what: "the crate clarabel",
         named_by: |s, at| s.names_crate(at, "clarabel"),
         places: &["identify/cone_step.rs"],
+    },
+    Home { what: "the crate toml", named_by: |s, at| s.names_crate(at, "toml"), places: &["io/", "run/"] },
+    Home {
+        what: "the crate schemars",
+        named_by: |s, at| s.names_crate(at, "schemars"),
+        places: &["io/case", "field/", "imaging/"],
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home {
