@@ -4,8 +4,9 @@
 use quadrille::identify::{
     Budget, BudgetLine, Case, Constant, ConstantKind, ELEMENT_SIZE, Face, Fit, NORMAL_95, Source, bands, fit,
 };
+use quadrille::io::case::{CaseExact, CaseFit, CaseKinematics, CaseMaterial, CaseSubstrate};
 use quadrille::io::joint::{
-    BoundaryInput, CaseFit, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
+    BoundaryInput, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
 };
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
@@ -14,7 +15,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
-use toml::Value;
 
 const PIXEL_MM: f64 = 0.0019;
 const SIZE: f64 = 16.0 * PIXEL_MM;
@@ -97,14 +97,18 @@ fn line<'a>(budget: &'a Budget, name: &str) -> &'a BudgetLine {
     budget.lines.iter().find(|line| line.name == name).unwrap_or_else(|| panic!("no line {name}"))
 }
 
-fn set(table: &mut toml::Table, key: &str, value: f64) {
-    table.insert(key.into(), Value::Float(value));
+fn set(values: &mut BTreeMap<String, f64>, key: &str, value: f64) {
+    values.insert(key.into(), value);
+}
+
+fn names(list: &[&str]) -> CaseExact {
+    CaseExact::Names(list.iter().map(|&name| name.into()).collect())
 }
 
 /// The input with the mesh in a file, so that its nodes can be moved and all displacements changed: `change` gets them.
 fn remade(input: &JointInput, change: impl FnOnce(&mut Vec<[f64; 2]>, &mut Vec<Vec<[f64; 2]>>)) -> JointInput {
     let mesh = mesh();
-    let objective = input.case.cohesive.get("kinematics").and_then(Value::as_str) == Some("objective");
+    let objective = input.case.cohesive.kinematics == Some(CaseKinematics::Objective);
     let kinematics = if objective { Kinematics::Objective } else { Kinematics::Paper };
     let (mut nodes, mut fields) = (mesh.nodes().to_vec(), fields(kinematics).clone());
     change(&mut nodes, &mut fields);
@@ -152,9 +156,9 @@ fn with_moved(input: &JointInput, constant: &Constant, share: f64) -> JointInput
     match &constant.kind {
         ConstantKind::Material { index, .. } => {
             let keys = ["E_MPa", "nu", "sigma_0_MPa", "alpha", "n"];
-            set(&mut other.case.substrate, keys[*index], ALUMINIUM[*index] + by);
+            set(&mut other.case.substrate.common.values, keys[*index], ALUMINIUM[*index] + by);
         }
-        ConstantKind::Law { index: 3 } => set(&mut other.case.cohesive, "r", TRUTH[3] + by),
+        ConstantKind::Law { index: 3 } => set(&mut other.case.cohesive.values, "r", TRUTH[3] + by),
         ConstantKind::Law { index } => panic!("{index}"),
         ConstantKind::Thickness => {
             return remade(input, |nodes, _| {
@@ -199,7 +203,7 @@ fn the_effect_of_every_constant_is_what_a_refit_with_it_moved_changes() {
         let mut input = input_of(kinematics, measurement, "discretisation = \"off\"");
         if parameters == 1 {
             input.case.fit.as_mut().unwrap().parameters.truncate(1);
-            input.case.cohesive.insert("exact".into(), Value::Array(vec!["delta_n".into(), "delta_t".into()]));
+            input.case.cohesive.exact = Some(names(&["delta_n", "delta_t"]));
         }
         let found = fitted(&input);
         let joint = Case::joint(&input).unwrap();
@@ -283,8 +287,8 @@ fn the_interval_is_the_root_of_the_sum_of_its_lines_and_an_exact_constant_has_no
         assert!((line.std.unwrap() - std).abs() < 1e-12 * std, "{line:?}");
     }
     let mut exact = input("", "exact = true\ndiscretisation = \"off\"");
-    exact.case.substrate.insert("exact".into(), true.into());
-    exact.case.cohesive.insert("exact".into(), true.into());
+    exact.case.substrate.common.exact = Some(CaseExact::All(true));
+    exact.case.cohesive.exact = Some(CaseExact::All(true));
     let exact = fitted(&exact);
     for (p, all) in exact.parameters.iter().zip(&found.parameters) {
         assert_eq!(p.std, p.std_noise);
@@ -319,14 +323,13 @@ fn the_noise_level_widens_what_the_noise_does_and_moves_nothing() {
 #[test]
 fn groups_with_tables_of_their_own_have_lines_of_their_own_and_shared_ones_share() {
     let mut two = input("", "");
-    let plain = two.case.substrate.clone();
-    let mut upper = plain.clone();
-    upper.insert("E_MPa_std".into(), 1000.into());
-    upper.insert("nu_std".into(), Value::Float(0.02));
-    upper.insert("exact".into(), Value::Array(vec!["alpha".into()]));
-    let mut lower = plain.clone();
-    lower.insert("exact".into(), Value::Array(vec!["n".into()]));
-    two.case.substrate = toml::Table::from_iter([("upper".into(), upper.into()), ("lower".into(), lower.into())]);
+    let plain = two.case.substrate.common.clone();
+    let mut upper = CaseMaterial { exact: Some(names(&["alpha"])), ..plain.clone() };
+    set(&mut upper.values, "E_MPa_std", 1000.0);
+    set(&mut upper.values, "nu_std", 0.02);
+    let lower = CaseMaterial { exact: Some(names(&["n"])), ..plain };
+    let groups = [("upper".into(), upper), ("lower".into(), lower)].into();
+    two.case.substrate = CaseSubstrate { groups, ..CaseSubstrate::default() };
     let two = fitted(&two);
     let source = |name: &str| line(&two.budget, name).source;
     assert_eq!((source("E_lower"), source("n_lower")), (Source::Default, Source::Exact));
@@ -351,7 +354,7 @@ fn groups_with_tables_of_their_own_have_lines_of_their_own_and_shared_ones_share
 fn bands_of_tractions_hold_what_a_constant_does_to_parameters_and_jumps_together() {
     let mut input = input("boundary = \"exact\"", "exact = true\ndiscretisation = \"off\"");
     input.case.measurement.as_mut().unwrap().noise_mm = Some(1e-9);
-    input.case.substrate.insert("exact".into(), true.into());
+    input.case.substrate.common.exact = Some(CaseExact::All(true));
     let tractions = |input: &JointInput| {
         let joint = Case::joint(input).unwrap();
         let case = Case::new(&joint, input, Path::new("case.toml")).unwrap();
@@ -362,7 +365,7 @@ fn bands_of_tractions_hold_what_a_constant_does_to_parameters_and_jumps_together
     // A standard uncertainty of a quarter, and a refit with a hundredth.
     let (share, step) = (0.25, 0.01);
     let mut moved = input.clone();
-    set(&mut moved.case.cohesive, "r", TRUTH[3] * (1.0 + step));
+    set(&mut moved.case.cohesive.values, "r", TRUTH[3] * (1.0 + step));
     let moved = tractions(&moved);
     let scale = told.iter().flat_map(|band| &band.std).fold(0.0_f64, |most, t| most.max(t.normal));
     let mut largest = 0.0_f64;
@@ -393,24 +396,16 @@ fn what_is_stated_wrongly_is_refused_with_what_there_is() {
     fn fit_of(input: &mut JointInput) -> &mut CaseFit {
         input.case.fit.as_mut().unwrap()
     }
-    let names = |list: &[&str]| Value::Array(list.iter().map(|&name| name.into()).collect());
-    let checks: [(String, &[&str]); 11] = [
-        (
-            refused(|i| drop(i.case.substrate.insert("E_GPa_std".into(), 1.into()))),
-            &["E_GPa_std", "E_MPa_std", "exact"],
-        ),
-        (refused(|i| drop(i.case.cohesive.insert("q_std".into(), 1.into()))), &["[cohesive]", "q_std", "r_std"]),
-        (
-            refused(|i| drop(i.case.substrate.insert("exact".into(), names(&["G"])))),
-            &["[substrate]", "\"G\"", "\"sigma_0\""],
-        ),
-        (refused(|i| drop(i.case.substrate.insert("exact".into(), "E".into()))), &["[substrate] exact", "true"]),
-        (refused(|i| drop(i.case.substrate.insert("nu_std".into(), 0.into()))), &["nu_std", "above zero", "exact"]),
-        (refused(|i| drop(i.case.substrate.insert("nu_std".into(), "big".into()))), &["nu_std", "number"]),
+    let material = |change: fn(&mut CaseMaterial)| refused(|input| change(&mut input.case.substrate.common));
+    let checks: [(String, &[&str]); 9] = [
+        (material(|m| set(&mut m.values, "E_GPa_std", 1.0)), &["E_GPa_std", "E_MPa_std", "exact"]),
+        (refused(|i| set(&mut i.case.cohesive.values, "q_std", 1.0)), &["[cohesive]", "q_std", "r_std"]),
+        (material(|m| m.exact = Some(names(&["G"]))), &["case.toml, line", "[substrate]", "\"G\"", "\"sigma_0\""]),
+        (material(|m| set(&mut m.values, "nu_std", 0.0)), &["nu_std", "above zero", "exact"]),
         (
             refused(|i| {
-                i.case.cohesive.insert("r_std".into(), 1.into());
-                i.case.cohesive.insert("exact".into(), true.into());
+                set(&mut i.case.cohesive.values, "r_std", 1.0);
+                i.case.cohesive.exact = Some(CaseExact::All(true));
             }),
             &["r_std", "exact", "take one away"],
         ),
@@ -469,15 +464,17 @@ fn implausible(change: impl FnOnce(&mut JointInput)) -> Vec<(String, String)> {
 #[test]
 fn values_that_nothing_has_are_named_with_what_may_be_meant() {
     assert_eq!(implausible(|_| {}), []);
-    let of = |key: &'static str, value: f64| implausible(move |input| set(&mut input.case.substrate, key, value));
+    let of = |key: &'static str, value: f64| {
+        implausible(move |input| set(&mut input.case.substrate.common.values, key, value))
+    };
     let gpa = of("E_MPa", 72.0);
     assert!(
         gpa.len() == 1 && gpa[0].0 == "E" && gpa[0].1.contains("72 MPa") && gpa[0].1.contains("GPa meant?"),
         "{gpa:?}"
     );
     let both = implausible(|input| {
-        set(&mut input.case.substrate, "E_MPa", 72.0);
-        set(&mut input.case.substrate, "sigma_0_MPa", 0.18);
+        set(&mut input.case.substrate.common.values, "E_MPa", 72.0);
+        set(&mut input.case.substrate.common.values, "sigma_0_MPa", 0.18);
     });
     assert!(both.iter().any(|(name, text)| name == "E" && text.contains("GPa meant?")), "{both:?}");
     assert!(both.iter().any(|(name, text)| name == "sigma_0" && text.contains("GPa meant?")), "{both:?}");
@@ -496,17 +493,17 @@ fn values_that_nothing_has_are_named_with_what_may_be_meant() {
     // An ordinary polymer under a strong start of the fit accuses nobody.
     assert_eq!(
         implausible(|input| {
-            set(&mut input.case.substrate, "E_MPa", 1000.0);
-            set(&mut input.case.substrate, "sigma_0_MPa", 40.0);
+            set(&mut input.case.substrate.common.values, "E_MPa", 1000.0);
+            set(&mut input.case.substrate.common.values, "sigma_0_MPa", 40.0);
         }),
         []
     );
     // Nor do the strips of published benchmarks: Abaqus' beam, two inclusions and their matrix, an aluminium, a fibre composite.
     for (e, nu) in [(1000.0, 0.3), (3090.0, 0.25), (10_000.0, 0.4), (69_000.0, 0.33), (133_150.0, 0.316)] {
         let said = implausible(|input| {
-            let keys =
-                [("model".into(), "linear-elastic".into()), ("E_MPa".into(), e.into()), ("nu".into(), nu.into())];
-            input.case.substrate = toml::Table::from_iter(keys);
+            let values = [("E_MPa".into(), e), ("nu".into(), nu)].into();
+            let model = Some("linear-elastic".into());
+            input.case.substrate.common = CaseMaterial { model, values, ..CaseMaterial::default() };
         });
         assert_eq!(said, [], "E = {e}");
     }
@@ -521,14 +518,14 @@ fn values_that_nothing_has_are_named_with_what_may_be_meant() {
     };
     assert!(implausible(thick).iter().any(|(name, text)| name == "thickness" && text.contains("thicker than a strip")));
     let far = implausible(|input| {
-        set(&mut input.case.cohesive, "delta_n_mm", 5.0);
-        set(&mut input.case.cohesive, "delta_t_mm", 50.0);
-        set(&mut input.case.cohesive, "phi_n_N_per_mm", 1000.0);
+        set(&mut input.case.cohesive.values, "delta_n_mm", 5.0);
+        set(&mut input.case.cohesive.values, "delta_t_mm", 50.0);
+        set(&mut input.case.cohesive.values, "phi_n_N_per_mm", 1000.0);
     });
     assert!(far.iter().any(|(name, text)| name == "start" && text.contains("in mm?")), "{far:?}");
     let near = implausible(|input| {
-        set(&mut input.case.cohesive, "delta_n_mm", 5e-7);
-        set(&mut input.case.cohesive, "phi_n_N_per_mm", 1e-4);
+        set(&mut input.case.cohesive.values, "delta_n_mm", 5e-7);
+        set(&mut input.case.cohesive.values, "phi_n_N_per_mm", 1e-4);
     });
     assert!(near.iter().any(|(name, _)| name == "opening"), "{near:?}");
 }
@@ -560,7 +557,7 @@ fn a_result_that_nothing_has_is_named() {
 #[test]
 fn a_case_that_states_uncertainties_can_be_simulated() {
     let mut input = input("", "");
-    input.case.substrate.insert("E_MPa_std".into(), 1000.into());
-    input.case.cohesive.insert("exact".into(), true.into());
+    set(&mut input.case.substrate.common.values, "E_MPa_std", 1000.0);
+    input.case.cohesive.exact = Some(CaseExact::All(true));
     assert!(Joint::new(&input).is_ok());
 }

@@ -209,8 +209,8 @@ fn windows_files_are_read() {
 fn an_unknown_key_is_named_with_its_section_and_the_keys_there_are() {
     let (line, column, key, said) = error("[images]\npage = 0\n\n[correlation]\nnoise = 2\n\n  elemnt_size_px = 16");
     assert_eq!((line, column, key.as_deref()), (7, 3, Some("correlation.elemnt_size_px")));
-    let start =
-        "tests/case/case.toml, line 7: unknown key `elemnt_size_px` in [correlation]; expected one of `element_size";
+    let start = "tests/case/case.toml, line 7: unknown key `elemnt_size_px` in [correlation]; did you mean `element_size_px`? \
+         expected one of `element_size";
     assert!(said.starts_with(start), "{said}");
     assert_says("[correlaton]", &["line 1", "unknown key `correlaton` at the top level", "`correlation`"]);
     assert_says("[[zone]]\n[[zone]]\nrio = 3", &["line 3", "unknown key `rio` in [[zone]]", "`roi`"]);

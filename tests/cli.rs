@@ -572,7 +572,7 @@ fn a_frame_that_shows_something_else_is_called_diverged_and_the_next_one_is_meas
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let desk = Desk::new();
-    for command in ["correlate", "synth", "demo"] {
+    for command in ["correlate", "synth", "demo", "schema"] {
         let ran = desk.run(&format!("{command} --help"));
         assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""), "{ran}");
         let example = ran.stdout.find("Example").map(|at| &ran.stdout[at..]).unwrap_or_default();

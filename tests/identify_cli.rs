@@ -164,7 +164,11 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("\"free\"", "\"free\"\ninstant_weights = [0, 0, 0, 0]"), measured, &["all weights are zero"]);
     refused(&case("\"free\"", "\"free\"\ninstant_weights = [-1]"), measured, &["instant_weights"]);
     refused(&case("\"phi_n\", ", "\"phi\", "), measured, &["'phi'", "phi_n, delta_n, delta_t, r"]);
-    refused(&case("\"phi_n\", ", "\"phi_n\", \"phi_n\", "), measured, &["twice"]);
+    refused(
+        &case("\"phi_n\", ", "\"phi_n\", \"phi_n\", "),
+        measured,
+        &["case.toml, line", "[fit] parameters", "twice"],
+    );
     refused(&case("[\"phi_n\", \"delta_n\", \"delta_t\"]", "[]"), measured, &["parameters is empty"]);
     refused(&case("phi_n = 1.4", "r = 3"), measured, &["'r' is not among parameters"]);
     refused(&case("phi_n = 1.4", "phi_n = -1"), measured, &["phi_n", "above zero"]);
@@ -176,7 +180,7 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(
         &case("[fit.start]", "discretisation = \"maybe\"\n[fit.start]"),
         measured,
-        &["\"maybe\"", "included", "off"],
+        &["line", "`maybe`", "included", "off"],
     );
     refused(&case("[fit.start]", "speed = 3\n[fit.start]"), measured, &["speed", "line"]);
     refused(&case("n = 7.0", "n = 7.0\nE_GPa_std = 1"), measured, &["E_GPa_std", "E_MPa_std"]);

@@ -39,7 +39,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 20] = [
+const HOMES: [Home; 22] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home { what: "the crate nalgebra", named_by: |s, at| s.names_crate(at, "nalgebra"), places: &["mechanics/"] },
     Home {
@@ -64,6 +64,12 @@ const HOMES: [Home; 20] = [
         what: "the crate clarabel",
         named_by: |s, at| s.names_crate(at, "clarabel"),
         places: &["identify/cone_step.rs"],
+    },
+    Home { what: "the crate toml", named_by: |s, at| s.names_crate(at, "toml"), places: &["io/", "run/"] },
+    Home {
+        what: "the crate schemars",
+        named_by: |s, at| s.names_crate(at, "schemars"),
+        places: &["io/case", "field/", "imaging/"],
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
     Home {

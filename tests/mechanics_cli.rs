@@ -369,14 +369,14 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("delta_n_mm = 0.005", "delta_n_mm = -0.005"), &border, &["delta_n_mm", "-0.005", "above zero"]);
     refused(&case("phi_n_N_per_mm = 1.0", "phi_n_N_per_mm = 0"), &border, &["phi_n_N_per_mm"]);
     refused(&case("phi_n_N_per_mm = 1.0", "phi_n_N_per_mm = nan"), &border, &["phi_n_N_per_mm", "NaN"]);
-    refused(&case("r = 4.0", ""), &border, &["r is missing"]);
-    refused(&case("r = 4.0", "r = \"four\""), &border, &["give a number"]);
+    refused(&case("r = 4.0", ""), &border, &["case.toml, line", "[cohesive] r is missing"]);
+    refused(&case("r = 4.0", "r = \"four\""), &border, &["line", "`r` in [cohesive]", "expected a number"]);
     refused(&case("r = 4.0", "r = 4.0\nq = 1"), &border, &["q", "no such key"]);
     refused(&case("extended-xu-needleman", "glue"), &border, &["glue", "xu-needleman"]);
     refused(&case("ramberg-osgood", "wood"), &border, &["wood", "linear-elastic"]);
     refused(&case("[substrate]", "[substrate.middle]"), &border, &["middle", "lower, upper"]);
     refused(&case("columns = 8", "columns = 0"), &border, &["0 columns"]);
-    refused(&case("columns = 8\n", ""), &border, &["[mesh] needs"]);
+    refused(&case("columns = 8\n", ""), &border, &["case.toml, line 1: [mesh] needs"]);
     refused(&case("columns = 8", "colums = 8"), &border, &["colums", "line"]);
     refused(&case("[mesh]", "[mesh]\nrefine = 0"), &border, &["refine = 0"]);
     refused(&case("border.csv", "other.csv"), &border, &["other.csv", "no such file"]);

@@ -16,6 +16,7 @@ mod paper_text;
 mod probe;
 mod progress;
 mod run;
+mod schema;
 mod signals;
 mod simulate;
 mod slurm;
@@ -68,6 +69,7 @@ pub fn main() -> ExitCode {
         args::Command::Sweep(args) => identify::run_sweep(&args),
         args::Command::Virtual(args) => virtual_test::run(&args),
         args::Command::Run(args) => run::run(&args),
+        args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
     };
     match outcome {

@@ -1,6 +1,7 @@
 //! What is taken for the noise of an image.
 
 use super::UnknownChoice;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -18,7 +19,7 @@ use std::str::FromStr;
 /// assert_eq!(Noise::from(None), Noise::Residual);
 /// assert!("photon:1".parse::<Noise>().is_err());
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "NoiseWords", into = "NoiseWords")]
 pub enum Noise {
     /// One standard deviation per zone, found on the residual of each frame; the default.
@@ -38,7 +39,7 @@ pub enum Noise {
 }
 
 /// What a file holds for it.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number of grey levels, \"photon\", \"residual\" or { a = .., b = .. }")]
 enum NoiseWords {
     Number(f64),
@@ -46,14 +47,14 @@ enum NoiseWords {
     Variance(Variance),
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum NoiseWord {
     Residual,
     Photon,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Variance {
     a: f64,
@@ -163,7 +164,7 @@ impl FromStr for Noise {
 /// assert_eq!("1.8".parse(), Ok(NoiseCorrelation::Factor(1.8)));
 /// assert_eq!(NoiseCorrelation::default(), "auto".parse().unwrap());
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "FactorWords", into = "FactorWords")]
 pub enum NoiseCorrelation {
     /// The factor is found on the residual of each frame and taken where it exceeds 1.1; the default.
@@ -175,14 +176,14 @@ pub enum NoiseCorrelation {
     Factor(f64),
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected \"auto\", \"off\" or a factor")]
 enum FactorWords {
     Number(f64),
     Word(FactorWord),
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum FactorWord {
     Auto,

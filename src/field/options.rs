@@ -1,5 +1,6 @@
 //! Choices of a correlation that case files and the command line name in words.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -26,7 +27,7 @@ pub struct UnknownChoice {
 /// assert_eq!("element".parse(), Ok(Brightness::Element));
 /// assert_eq!(Brightness::default().to_string(), "auto");
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Brightness {
     /// As `zone`, and as `smooth` in each frame in which that lowers the residual significantly; the default.
@@ -91,7 +92,7 @@ impl FromStr for Brightness {
 /// assert_eq!("independent".parse(), Ok(StartFrom::Independent));
 /// assert!("warm".parse::<StartFrom>().is_err());
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StartFrom {
     /// The field of the frame before; the default.
@@ -138,7 +139,7 @@ impl FromStr for StartFrom {
 /// assert_eq!("equilibrium-gap".parse(), Ok(RegularisationKind::EquilibriumGap));
 /// assert_eq!(RegularisationKind::default().to_string(), "none");
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RegularisationKind {
     /// Nothing; the default.
@@ -193,7 +194,7 @@ impl FromStr for RegularisationKind {
 /// assert_eq!(UpdateReference::default(), "never".parse().unwrap());
 /// assert!("every 0".parse::<UpdateReference>().is_err());
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "UpdateWord", into = "String")]
 pub enum UpdateReference {
     /// Every frame is correlated with the reference given; the default.
@@ -207,11 +208,11 @@ pub enum UpdateReference {
 }
 
 /// What a case file holds for it.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected \"never\", \"residual\" or \"every N\"")]
 enum UpdateWord {
     Frames(i64),
-    Word(String),
+    Word(#[schemars(regex(pattern = r"^(never|residual|(every[ :]*)?[0-9]+)$"))] String),
 }
 
 impl TryFrom<UpdateWord> for UpdateReference {

@@ -7,6 +7,7 @@
 use super::{Measurement, UnknownChoice};
 use crate::mesh::{CORNERS, ElementGeometry, LocalMap, Mesh};
 use crate::units::Length;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -21,7 +22,7 @@ use std::str::FromStr;
 /// assert_eq!("hencky".parse(), Ok(StrainDefinition::Hencky));
 /// assert_eq!(StrainDefinition::default().to_string(), "green-lagrange");
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StrainDefinition {
     /// `(grad u + grad u^T)/2`: for small strains and small rotations.

@@ -1,6 +1,6 @@
 //! An identification as its case file describes it.
 
-use super::error::FitError;
+use super::error::{FitError, wrong};
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
@@ -12,10 +12,11 @@ use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
 use super::weights::WeightKind;
 use crate::correlate::NOISE_CONTRADICTED;
-use crate::io::joint::{
-    CaseFit, CaseMeasurement, CaseNodes, JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable,
-    MeshInput, RunMatrix,
+use crate::io::case::{
+    CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
+    CaseWeights,
 };
+use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput};
 use crate::mechanics::Joint;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -46,17 +47,13 @@ pub struct Case<'a> {
 /// sub-pixel displacements along both axes, cubic interpolation (1 at whole pixels, 0.57 halfway).
 const NOISE_PASSED: f64 = 0.77;
 
-fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
-    FitError::Key { section, what: what.into() }
-}
-
 impl<'a> Case<'a> {
     /// The joint of a case.
     ///
     /// # Errors
     /// See [`crate::mechanics::JointError`].
     pub fn joint(input: &JointInput) -> Result<Joint, FitError> {
-        Ok(Joint::new(input)?)
+        Joint::new(input).map_err(|error| FitError::from(error).in_case(&input.case.text))
     }
 
     /// What is to be identified of `joint`, which [`Case::joint`] made of the same `input`; `path` is named in errors.
@@ -64,6 +61,10 @@ impl<'a> Case<'a> {
     /// # Errors
     /// See [`FitError`].
     pub fn new(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
+        Self::of(joint, input, path).map_err(|error| error.in_case(&input.case.text))
+    }
+
+    fn of(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
         let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
         let case = &input.case;
         let (Some(measurement), Some(measured)) = (&case.measurement, &input.measurement) else {
@@ -75,28 +76,20 @@ impl<'a> Case<'a> {
         let mut doubts = Vec::new();
         let unknowns = unknowns(joint, table)?;
         let of_run = matches!(measured, MeasurementInput::Run(_));
-        let weights = match measurement.weights.as_deref() {
+        let weights = match measurement.weights {
             None if of_run => WeightKind::Covariance,
-            None | Some("paper") => WeightKind::Paper,
-            Some("uniform") => WeightKind::Uniform,
-            Some("covariance") => WeightKind::Covariance,
-            Some(other) => {
-                let what = format!("weights = \"{other}\"; give \"paper\", \"uniform\" or \"covariance\"");
-                return Err(wrong("measurement", what));
-            }
+            None | Some(CaseWeights::Paper) => WeightKind::Paper,
+            Some(CaseWeights::Uniform) => WeightKind::Uniform,
+            Some(CaseWeights::Covariance) => WeightKind::Covariance,
         };
-        let boundary = match measurement.boundary.as_deref() {
-            None | Some("measured") => "measured",
-            Some("estimated") => "estimated",
-            Some("exact") => "exact",
-            Some(other) => {
-                let what = format!("boundary = \"{other}\"; give \"measured\", \"estimated\" or \"exact\"");
-                return Err(wrong("measurement", what));
-            }
+        let boundary = match measurement.boundary.unwrap_or_default() {
+            CaseBoundaryNoise::Measured => "measured",
+            CaseBoundaryNoise::Estimated => "estimated",
+            CaseBoundaryNoise::Exact => "exact",
         };
         if boundary == "estimated" && weights != WeightKind::Covariance {
             let what = "boundary = \"estimated\" needs weights = \"covariance\"";
-            return Err(wrong("measurement", what));
+            return Err(wrong("measurement", "boundary", what));
         }
         if let MeasurementInput::Run(run) = measured {
             doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
@@ -118,45 +111,38 @@ impl<'a> Case<'a> {
             },
             constants: uncertainties::constants(joint, input, table, measurement, &mut doubts)?,
             doubt: true,
-            discretisation: match table.discretisation.as_deref() {
+            discretisation: match table.discretisation {
                 None if of_run => Discretisation::Included,
-                None | Some("stated") => Discretisation::Stated,
-                Some("included") => Discretisation::Included,
-                Some("off") => Discretisation::Off,
-                Some(other) => {
-                    let what = format!("discretisation = \"{other}\"; give \"included\", \"stated\" or \"off\"");
-                    return Err(wrong("fit", what));
-                }
+                None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
+                Some(CaseDiscretisation::Included) => Discretisation::Included,
+                Some(CaseDiscretisation::Off) => Discretisation::Off,
             },
-            intervals: match table.intervals.as_deref() {
-                None | Some("auto") => Intervals::Auto,
-                Some("linear") => Intervals::Linear,
-                Some("profile") => Intervals::Profile,
-                Some(other) => {
-                    let what = format!("intervals = \"{other}\"; give \"auto\", \"linear\" or \"profile\"");
-                    return Err(wrong("fit", what));
-                }
+            intervals: match table.intervals.unwrap_or_default() {
+                CaseIntervals::Auto => Intervals::Auto,
+                CaseIntervals::Linear => Intervals::Linear,
+                CaseIntervals::Profile => Intervals::Profile,
             },
-            bootstrap: match &table.bootstrap {
-                None => None,
-                Some(toml::Value::String(word)) if word == "auto" => None,
-                Some(toml::Value::Integer(draws @ 0..=10_000)) => Some(*draws as usize),
-                Some(other) => {
-                    let what = format!("bootstrap = {other}; give \"auto\" or a number of draws from 0 to 10000");
-                    return Err(wrong("fit", what));
+            bootstrap: match table.bootstrap.unwrap_or_default() {
+                CaseBootstrap::Auto => None,
+                CaseBootstrap::Draws(draws @ 0..=10_000) => Some(draws as usize),
+                CaseBootstrap::Draws(draws) => {
+                    let what = format!("bootstrap = {draws}; give \"auto\" or a number of draws from 0 to 10000");
+                    return Err(wrong("fit", "bootstrap", what));
                 }
             },
         };
         let index = |key: &str, name: &str| {
             unknowns.law().parameters().iter().position(|p| p.name == name).ok_or_else(|| {
-                wrong("fit", format!("{key}: the law has no parameter '{name}'; it has {}", names(&unknowns)))
+                wrong("fit", key, format!("{key}: the law has no parameter '{name}'; it has {}", names(&unknowns)))
             })
         };
         let profile = match &table.profile {
             None => None,
             Some(name) => {
                 let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
-                Some(of_fit.ok_or_else(|| wrong("fit", format!("profile = \"{name}\": it is not among parameters")))?)
+                Some(of_fit.ok_or_else(|| {
+                    wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"))
+                })?)
             }
         };
         let sweep = match table.sweep.iter().collect::<Vec<_>>().as_slice() {
@@ -166,15 +152,20 @@ impl<'a> Case<'a> {
                 if unknowns.list().iter().any(|unknown| unknown.index == at) {
                     return Err(wrong(
                         "fit",
+                        "sweep",
                         format!("sweep: {name} is fitted; take it out of parameters to prescribe it"),
                     ));
                 }
                 if values.is_empty() {
-                    return Err(wrong("fit", format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]")));
+                    return Err(wrong(
+                        "fit",
+                        "sweep",
+                        format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]"),
+                    ));
                 }
                 Some((at, (*values).clone()))
             }
-            _ => return Err(wrong("fit", "sweep: give the values of one parameter")),
+            _ => return Err(wrong("fit", "sweep", "sweep: give the values of one parameter")),
         };
         let n_compared = observation.compared.iter().filter(|c| **c).count();
         let about = format!(
@@ -197,16 +188,16 @@ fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
     let law = &*joint.law;
     let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
     if table.parameters.is_empty() {
-        return Err(wrong("fit", format!("parameters is empty; give some of {}", known.join(", "))));
+        return Err(wrong("fit", "parameters", format!("parameters is empty; give some of {}", known.join(", "))));
     }
     let mut list = Vec::new();
     for (k, name) in table.parameters.iter().enumerate() {
         let Some(index) = known.iter().position(|known| known == name) else {
             let what = format!("parameters: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
-            return Err(wrong("fit", what));
+            return Err(wrong("fit", "parameters", what));
         };
         if table.parameters[..k].contains(name) {
-            return Err(wrong("fit", format!("parameters: '{name}' stands there twice")));
+            return Err(wrong("fit", "parameters", format!("parameters: '{name}' stands there twice")));
         }
         list.push(index);
     }
@@ -214,16 +205,17 @@ fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
         for (name, value) in map {
             if !known.contains(&name.as_str()) {
                 let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
-                return Err(wrong("fit", what));
+                return Err(wrong("fit", key, what));
             }
             if !table.parameters.contains(name) {
                 return Err(wrong(
                     "fit",
+                    key,
                     format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]"),
                 ));
             }
             if value.is_nan() || (key == "start" && value.is_infinite()) {
-                return Err(wrong("fit", format!("{key}: {name} = {value} is no finite number")));
+                return Err(wrong("fit", key, format!("{key}: {name} = {value} is no finite number")));
             }
         }
     }
@@ -248,7 +240,7 @@ fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitErro
     for start in &starts {
         if start.len() != unknowns.n() {
             let what = format!("starts: {} values for {} parameters", start.len(), unknowns.n());
-            return Err(wrong("fit", what));
+            return Err(wrong("fit", "starts", what));
         }
         for (unknown, &start) in unknowns.list().iter().zip(start) {
             let [lower, upper] = unknown.bounds;
@@ -259,17 +251,25 @@ fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitErro
     }
     if let Some(n) = table.latin_hypercube {
         if !(1..=1000).contains(&n) {
-            return Err(wrong("fit", format!("latin_hypercube = {n}; give a number of starts from 1 to 1000")));
+            return Err(wrong(
+                "fit",
+                "latin_hypercube",
+                format!("latin_hypercube = {n}; give a number of starts from 1 to 1000"),
+            ));
         }
         for unknown in unknowns.list() {
             let name = unknown.parameter.name;
             if !(table.lower.contains_key(name) && table.upper.contains_key(name)) {
-                return Err(wrong("fit", format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}")));
+                return Err(wrong(
+                    "fit",
+                    "latin_hypercube",
+                    format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}"),
+                ));
             }
         }
         let [lower, upper] = unknowns.scaled_bounds();
         if lower.iter().chain(&upper).any(|z| !z.is_finite()) {
-            return Err(wrong("fit", "latin_hypercube needs finite bounds above zero"));
+            return Err(wrong("fit", "latin_hypercube", "latin_hypercube needs finite bounds above zero"));
         }
         let points = latin_hypercube(n, [&lower, &upper], table.seed.unwrap_or(1));
         starts.extend(points.iter().map(|z| unknowns.unscaled(z)));
@@ -281,7 +281,7 @@ fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitErro
 fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
     match value.is_finite() && value > 0.0 {
         true => Ok(value),
-        false => Err(wrong(section, format!("{key} = {value}: it must be a finite number above zero"))),
+        false => Err(wrong(section, key, format!("{key} = {value}: it must be a finite number above zero"))),
     }
 }
 
@@ -375,22 +375,20 @@ fn observation(
             Some(list) => list.clone(),
             None => (0..n_nodes as u32).collect(),
         },
-        Some(CaseNodes::Word(word)) if word == "free" => (0..n_nodes as u32).collect(),
-        Some(CaseNodes::Word(word)) if word == "selected" => selected.cloned().ok_or_else(|| {
+        Some(CaseNodes::Free) => (0..n_nodes as u32).collect(),
+        Some(CaseNodes::Selected) => selected.cloned().ok_or_else(|| {
             wrong(
                 "measurement",
+                "nodes",
                 "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers",
             )
         })?,
-        Some(CaseNodes::Word(word)) => {
-            let what = format!("nodes = \"{word}\"; give \"selected\", \"free\" or a list of numbers");
-            return Err(wrong("measurement", what));
-        }
         Some(CaseNodes::List(list)) => list.clone(),
     };
     if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
         return Err(wrong(
             "measurement",
+            "nodes",
             format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"),
         ));
     }
@@ -426,7 +424,11 @@ fn observation(
         joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let factors = measurement.instant_weights.as_deref().unwrap_or_default();
     if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
-        return Err(wrong("measurement", format!("instant_weights holds {factor}; give finite numbers, zero or more")));
+        return Err(wrong(
+            "measurement",
+            "instant_weights",
+            format!("instant_weights holds {factor}; give finite numbers, zero or more"),
+        ));
     }
     let (mut instants, mut unknown_nodes) = (Vec::new(), 0);
     for (index, field) in &fields.instants {
@@ -477,7 +479,11 @@ fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), F
     }
     let uneven = observation.instants.iter().any(|i| i.factor != 1.0);
     if weights == WeightKind::Covariance && uneven {
-        return Err(wrong("measurement", "with weights = \"covariance\" instant_weights may be 0 or 1 only"));
+        return Err(wrong(
+            "measurement",
+            "instant_weights",
+            "with weights = \"covariance\" instant_weights may be 0 or 1 only",
+        ));
     }
     Ok(())
 }

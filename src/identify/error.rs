@@ -1,5 +1,6 @@
 //! Why parameters cannot be fitted.
 
+use crate::io::case::{CasePlace, CaseText};
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{BoundaryFault, JointError, ModelError};
 use std::path::PathBuf;
@@ -12,10 +13,20 @@ pub enum FitError {
     /// A key that is missing or cannot be used.
     #[error("[{section}] {what}")]
     Key {
-        /// The table.
+        /// The section.
         section: &'static str,
+        /// The key.
+        key: String,
         /// What is wrong, and what to do.
         what: String,
+    },
+    /// Something about a key or a section of the case file, with its place.
+    #[error("{place}: {error}")]
+    InCase {
+        /// Where.
+        place: CasePlace,
+        /// What.
+        error: Box<FitError>,
     },
     /// A case without a table that identification needs.
     #[error("{}: there is no table [{section}]; {hint}", path.display())]
@@ -125,4 +136,25 @@ pub enum FitError {
     /// Prescribed displacements that cannot be used.
     #[error("estimated boundary: {0}")]
     Boundary(BoundaryFault),
+}
+
+impl FitError {
+    /// The same with its place in the case file, where it is about a key or a section of that.
+    pub(super) fn in_case(self, text: &CaseText) -> Self {
+        let place = match &self {
+            Self::Key { section, key, .. } => Some((*section, Some(key.as_str()))),
+            Self::StartOutside { name, .. } => Some(("fit.start", Some(*name))),
+            Self::Joint(error) => error.place(),
+            _ => None,
+        };
+        match place.map(|(section, key)| text.place(section, key)) {
+            Some(place) => Self::InCase { place, error: Box::new(self) },
+            None => self,
+        }
+    }
+}
+
+/// `key` of `section` cannot be used; `what` begins with the key.
+pub(super) fn wrong(section: &'static str, key: &str, what: impl Into<String>) -> FitError {
+    FitError::Key { section, key: key.to_owned(), what: what.into() }
 }

@@ -1,6 +1,6 @@
 //! The profile likelihood of one parameter: the objective with it prescribed and the others fitted.
 
-use super::FitError;
+use super::error::{FitError, wrong};
 use super::fit::{Fit, fit};
 use super::objective::Problem;
 use super::options::{Discretisation, FitOptions, Intervals};
@@ -66,10 +66,8 @@ pub fn profile(problem: &Problem<'_>, options: &FitOptions, done: &Fit, k: usize
         }
         let others: Vec<f64> = best.iter().enumerate().filter(|(other, _)| *other != k).map(|(_, x)| *x).collect();
         if others.is_empty() {
-            return Err(FitError::Key {
-                section: "fit",
-                what: "profile needs two parameters or more: of one alone the interval says it all".into(),
-            });
+            let what = "profile needs two parameters or more: of one alone the interval says it all";
+            return Err(wrong("fit", "profile", what));
         }
         let unknowns = problem.unknowns.with_prescribed(unknown.index, x)?.starting_at(&others)?;
         let fit = fit(&problem.with_unknowns(unknowns), &options)?;

@@ -2,11 +2,12 @@
 
 use super::budget::NOISE_LEVEL;
 use super::constants::{Constant, ConstantKind, Face, Source};
-use super::error::FitError;
-use crate::io::joint::{CaseFit, CaseMeasurement, JointInput, MeasurementInput, MeshInput};
+use super::error::{FitError, wrong};
+use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
+use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
+use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Parameter;
-use crate::mechanics::{EXACT, Joint, STD};
-use toml::{Table, Value};
+use std::collections::BTreeMap;
 
 /// Default standard uncertainty of Young's modulus, by its value.
 pub const DEFAULT_E: f64 = 0.03;
@@ -30,10 +31,6 @@ pub const DEFAULT_NOISE: f64 = 0.1;
 /// What `[fit] exact` may name.
 const OF_FIT: [&str; 4] = ["thickness", "faces", "pixel_size", NOISE_LEVEL];
 
-fn wrong(section: &'static str, what: impl Into<String>) -> FitError {
-    FitError::Key { section, what: what.into() }
-}
-
 /// Scale of the images behind a case, mm per pixel, where it is known.
 pub(super) fn mm_per_px(input: &JointInput) -> Option<f64> {
     let of_mesh = match &input.mesh {
@@ -47,39 +44,28 @@ pub(super) fn mm_per_px(input: &JointInput) -> Option<f64> {
     of_run.or(of_mesh).or(input.case.measurement.as_ref().and_then(|table| table.pixel_size_mm))
 }
 
-/// Whether each of `known` is named by the key `exact` of a table.
-fn exact_of(section: &'static str, value: Option<&Value>, known: &[&str]) -> Result<Vec<bool>, FitError> {
-    let there = || known.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
-    match value {
-        None => Ok(vec![false; known.len()]),
-        Some(Value::Boolean(all)) => Ok(vec![*all; known.len()]),
-        Some(Value::Array(list)) => {
-            let mut exact = vec![false; known.len()];
-            for name in list {
-                let at = name.as_str().and_then(|name| known.iter().position(|known| *known == name));
-                let unknown = || {
-                    wrong(section, format!("{EXACT} names {name}: there is no such constant; there are {}", there()))
-                };
-                exact[at.ok_or_else(unknown)?] = true;
-            }
-            Ok(exact)
-        }
-        Some(other) => {
-            let what = format!("{EXACT} = {other}: give true for all of the table, or a list of {}", there());
-            Err(wrong(section, what))
-        }
+/// Whether each of `known` is named by the key `exact` of a section.
+fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) -> Result<Vec<bool>, FitError> {
+    let names = match given {
+        None => return Ok(vec![false; known.len()]),
+        Some(CaseExact::All(all)) => return Ok(vec![*all; known.len()]),
+        Some(CaseExact::Names(names)) => names,
+    };
+    let mut exact = vec![false; known.len()];
+    for name in names {
+        let at = known.iter().position(|known| known == name);
+        exact[at.ok_or_else(|| {
+            let there = known.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+            let what = format!("{EXACT} names \"{name}\": there is no such constant; there are {there}");
+            wrong(section, EXACT, what)
+        })?] = true;
     }
+    Ok(exact)
 }
 
 /// The standard uncertainty under `key`, above zero.
-fn std_of(section: &'static str, table: &Table, key: &str) -> Result<Option<f64>, FitError> {
-    let std = match table.get(key) {
-        None => return Ok(None),
-        Some(Value::Float(std)) => *std,
-        Some(Value::Integer(std)) => *std as f64,
-        Some(other) => return Err(wrong(section, format!("{key} = {other}: give a number"))),
-    };
-    Ok(Some(positive(section, key, std)?))
+fn std_of(section: &'static str, given: &BTreeMap<String, f64>, key: &str) -> Result<Option<f64>, FitError> {
+    given.get(key).map(|std| positive(section, key, *std)).transpose()
 }
 
 fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
@@ -87,6 +73,7 @@ fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitErro
         true => Ok(value),
         false => Err(wrong(
             section,
+            key,
             format!("{key} = {value}: it must be a finite number above zero; exact says that there is none"),
         )),
     }
@@ -102,7 +89,7 @@ fn choose(
 ) -> Result<(f64, Source), FitError> {
     match (stated, exact, default.filter(|std| std.is_finite() && *std > 0.0)) {
         (Some(_), true, _) => {
-            Err(wrong(section, format!("{key} is given, and {EXACT} says that there is none; take one away")))
+            Err(wrong(section, key, format!("{key} is given, and {EXACT} says that there is none; take one away")))
         }
         (Some(std), false, _) => Ok((std, Source::Stated)),
         (None, true, _) => Ok((0.0, Source::Exact)),
@@ -125,21 +112,21 @@ pub(super) fn constants(
     Ok(list)
 }
 
-fn materials(joint: &Joint, substrate: &Table) -> Result<Vec<Constant>, FitError> {
+fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, FitError> {
     let section = "substrate";
     let (model, groups) = (&joint.model, joint.model.mesh().groups());
-    let own = |group: &String| substrate.get(group).and_then(Value::as_table);
-    let shared: Vec<usize> = (0..groups.len()).filter(|&g| own(&groups[g]).is_none()).collect();
+    let CaseSubstrate { common, groups: own } = substrate;
+    let shared: Vec<usize> = (0..groups.len()).filter(|&g| !own.contains_key(&groups[g])).collect();
     if shared.is_empty()
-        && let Some(key) = substrate.keys().find(|key| key.ends_with(STD))
+        && let Some(key) = common.values.keys().find(|key| key.ends_with(STD))
     {
         let what =
             format!("{key}: every group of elements has a table of its own; state it in [substrate.{}]", groups[0]);
-        return Err(wrong(section, what));
+        return Err(wrong(section, key, what));
     }
     let mut list = Vec::new();
     let mut of_table =
-        |table: &Table, exact: Option<&Value>, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
+        |given: &CaseMaterial, exact: Option<&CaseExact>, members: Vec<usize>, suffix: &str| -> Result<(), FitError> {
             let Some(&first) = members.first() else { return Ok(()) };
             let material = &model.materials()[first];
             let names: Vec<&str> = material.parameters().iter().map(|p| p.name).collect();
@@ -152,7 +139,8 @@ fn materials(joint: &Joint, substrate: &Table) -> Result<Vec<Constant>, FitError
                     "alpha" => DEFAULT_ALPHA * value,
                     _ => DEFAULT_YIELD * value,
                 };
-                let (std, source) = choose(section, &key, std_of(section, table, &key)?, exact[index], Some(default))?;
+                let (std, source) =
+                    choose(section, &key, std_of(section, &given.values, &key)?, exact[index], Some(default))?;
                 let kind = ConstantKind::Material { groups: members.clone(), index };
                 list.push(Constant {
                     name: format!("{}{suffix}", p.name),
@@ -165,24 +153,29 @@ fn materials(joint: &Joint, substrate: &Table) -> Result<Vec<Constant>, FitError
             }
             Ok(())
         };
-    of_table(substrate, substrate.get(EXACT), shared, "")?;
+    of_table(common, common.exact.as_ref(), shared, "")?;
     for (g, name) in groups.iter().enumerate() {
-        if let Some(table) = own(name) {
-            of_table(table, table.get(EXACT).or(substrate.get(EXACT)), vec![g], &format!("_{name}"))?;
+        if let Some(given) = own.get(name) {
+            of_table(given, given.exact.as_ref().or(common.exact.as_ref()), vec![g], &format!("_{name}"))?;
         }
     }
     Ok(list)
 }
 
-fn law(joint: &Joint, table: &Table, fit: &CaseFit, doubts: &mut Vec<String>) -> Result<Vec<Constant>, FitError> {
+fn law(
+    joint: &Joint,
+    given: &CaseCohesive,
+    fit: &CaseFit,
+    doubts: &mut Vec<String>,
+) -> Result<Vec<Constant>, FitError> {
     let section = "cohesive";
     let parameters: &[Parameter] = joint.law.parameters();
     let names: Vec<&str> = parameters.iter().map(|p| p.name).collect();
-    let exact = exact_of(section, table.get(EXACT), &names)?;
+    let exact = exact_of(section, given.exact.as_ref(), &names)?;
     let mut list = Vec::new();
     for (index, (p, value)) in parameters.iter().zip(joint.law.values()).enumerate() {
         let key = format!("{}{STD}", p.key());
-        let stated = std_of(section, table, &key)?;
+        let stated = std_of(section, &given.values, &key)?;
         if fit.parameters.iter().any(|name| name == p.name) {
             if stated.is_some() {
                 doubts.push(format!("[{section}] {key} is not used: {} is fitted", p.name));
@@ -224,10 +217,18 @@ fn lengths(
     let mm = given("face_position_mm_std", fit.face_position_mm_std)?;
     let stated = match (px, mm) {
         (Some(_), Some(_)) => {
-            return Err(wrong(section, "face_position_px_std and face_position_mm_std are both given; take one away"));
+            return Err(wrong(
+                section,
+                "face_position_px_std",
+                "face_position_px_std and face_position_mm_std are both given; take one away",
+            ));
         }
         (Some(px), None) => Some(in_px(px).ok_or_else(|| {
-            wrong(section, "face_position_px_std: the size of a pixel is not known here; give face_position_mm_std")
+            wrong(
+                section,
+                "face_position_px_std",
+                "face_position_px_std: the size of a pixel is not known here; give face_position_mm_std",
+            )
         })?),
         (None, mm) => mm,
     };

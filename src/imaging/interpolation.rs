@@ -1,12 +1,13 @@
 //! The sub-pixel interpolations of the deformed image (THEORY 2).
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How grey levels between pixels are found.
 ///
 /// Bias of a displacement by a quarter pixel, speckles of 4 to 5 px: cubic about 7e-4 px, quintic
 /// about 6e-5 px. Keys and bilinear need no prefilter and are less accurate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {
     /// Cubic B-spline through the grey levels (exact recursive prefilter); the default.

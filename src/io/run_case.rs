@@ -3,15 +3,12 @@
 //! It holds the sections of a correlation ([`CaseFile`]), and those of a joint (as in
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
-use super::case::{CaseError, CaseFile, CaseGuard, CaseZone, parse_case};
-use serde::Deserialize;
-use std::io::ErrorKind;
+use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseGuard, CaseJointMesh, CaseZone, read_document};
+use super::joint::LAW;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-use toml::{Table, Value};
 
-/// Sections that belong to the joint.
-const OF_JOINT: [&str; 8] = ["interface", "mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+pub use super::case::CaseInterface;
 
 /// Share by which a given thickness may differ from the gap of the zones.
 const SAME_THICKNESS: f64 = 0.02;
@@ -21,26 +18,14 @@ const SAME_THICKNESS: f64 = 0.02;
 pub struct RunCase {
     /// Images, correlation and zones. The facing edges of the two zones of the interface have their guard.
     pub correlation: CaseFile,
-    /// The table `[interface]`.
+    /// The section `[interface]`.
     pub interface: CaseInterface,
-    /// The other tables of the joint, as they stand in the file.
-    pub joint: Table,
+    /// The other sections of the joint, as they stand in the file.
+    pub joint: Case,
     /// Thickness of the adhesive: the gap between the facing edges of the zones, mm.
     pub thickness_mm: f64,
     /// What was changed or may not be meant.
     pub notes: Vec<String>,
-}
-
-/// The table `[interface]`.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CaseInterface {
-    /// Names of the zones: of the strip below the adhesive, of that above.
-    pub zones: [String; 2],
-    /// Width along the facing edges whose pixels are left out, px; 3 unless given.
-    pub guard_px: Option<f64>,
-    /// Thickness of the adhesive, mm; it has to agree with the gap between the zones.
-    pub thickness_mm: Option<f64>,
 }
 
 /// Why a case cannot be run.
@@ -65,15 +50,7 @@ pub enum RunCaseError {
 /// # Errors
 /// A file that cannot be read or is no TOML, a key that there is not, zones that do not face each other, no pixel size.
 pub fn read_run_case(path: &Path) -> Result<RunCase, RunCaseError> {
-    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
-        ErrorKind::NotFound => CaseError::NotFound { path: path.to_owned() },
-        _ => CaseError::Io { path: path.to_owned(), reason },
-    })?;
-    let text = String::from_utf8(bytes).map_err(|error| {
-        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        CaseError::NotText { path: path.to_owned(), line: 1 + before.iter().filter(|&&b| b == b'\n').count() }
-    })?;
-    parse_run_case(&text, path)
+    read_document(path)?.run()
 }
 
 /// The case with the content `text`; `path` gives its folder and stands in messages.
@@ -81,84 +58,73 @@ pub fn read_run_case(path: &Path) -> Result<RunCase, RunCaseError> {
 /// # Errors
 /// As [`read_run_case`], but nothing is read.
 pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> {
-    let wrong = |what: String| RunCaseError::Wrong { path: path.to_owned(), what };
-    let [of_correlation, of_joint] = parted(text);
-    let mut joint: Table = toml::from_str(&of_joint).map_err(|error| {
-        let before = of_joint.get(..error.span().map_or(0, |span| span.start)).unwrap_or("");
-        CaseError::Invalid {
-            path: path.to_owned(),
-            line: 1 + before.matches('\n').count(),
-            column: 1 + before.rsplit('\n').next().unwrap_or("").chars().count(),
-            key: None,
-            message: error.message().replace('\n', "; "),
-        }
-    })?;
-    let mut correlation = parse_case(&of_correlation, path)?;
-    let interface = joint.remove("interface").ok_or_else(|| {
-        wrong("[interface] is missing; give zones = [\"lower\", \"upper\"], the names of two [[zone]]".into())
-    })?;
-    let interface: CaseInterface = interface.try_into().map_err(|error: toml::de::Error| {
-        wrong(format!("[interface] {}; it takes zones, guard_px and thickness_mm", error.message().replace('\n', "; ")))
-    })?;
-    for section in ["substrate", "cohesive"] {
-        if !joint.contains_key(section) {
-            return Err(wrong(format!("[{section}] is missing; see docs/mechanics.md for its keys")));
-        }
-    }
-    for (section, key) in
-        [("boundary", "file"), ("boundary", "store"), ("measurement", "file"), ("measurement", "store")]
-    {
-        if joint.get(section).and_then(|table| table.get(key)).is_some() {
-            return Err(wrong(format!(
-                "[{section}] {key}: quadrille run measures it on the images; remove the key, or use quadrille identify"
-            )));
-        }
-    }
-    let mesh_keys = joint.get("mesh").and_then(Value::as_table).into_iter().flat_map(|table| table.keys());
-    if let Some(key) = mesh_keys.into_iter().find(|key| *key != "refine") {
-        return Err(wrong(format!(
-            "[mesh] {key}: the mesh is that of the correlation; of this section only refine can be given"
-        )));
-    }
-    let Some(pixel_size) = correlation.images.pixel_size_mm else {
-        return Err(wrong(
-            "[images] pixel_size_mm is missing; mm per pixel turn what is measured into what the joint feels".into(),
-        ));
-    };
-    let guard = interface.guard_px.unwrap_or(3.0);
-    if !(guard.is_finite() && (0.0..=1000.0).contains(&guard)) {
-        return Err(wrong(format!("[interface] guard_px = {guard}; give a number of pixels from 0 on (3 is usual)")));
-    }
-    let element = f64::from(correlation.correlation.element_size_px.unwrap_or(16));
-    let mut notes = Vec::new();
-    let gap_px =
-        face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
-    let thickness_mm = gap_px * pixel_size;
-    if let Some(given) = interface.thickness_mm
-        && (given.is_nan() || (given - thickness_mm).abs() > SAME_THICKNESS * thickness_mm)
-    {
-        return Err(wrong(format!(
-            "[interface] thickness_mm = {given}, but the facing edges of the zones are {gap_px} px = {thickness_mm:.5} mm apart; \
-             draw the edges where the faces of the adhesive are, or leave thickness_mm out"
-        )));
-    }
-    Ok(RunCase { correlation, interface, joint, thickness_mm, notes })
+    CaseDocument::parse(text, path)?.run()
 }
 
-/// The lines of the correlation's sections and those of the joint's; the other's are blank, so that lines keep their numbers.
-fn parted(text: &str) -> [String; 2] {
-    let mut parts = [String::new(), String::new()];
-    let mut of_joint = false;
-    for line in text.lines() {
-        let head = line.trim_start().trim_start_matches('[').trim_start();
-        if line.trim_start().starts_with('[') && head.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
-            let name = head.split([']', '.', ' ', '\t']).next().unwrap_or("");
-            of_joint = OF_JOINT.contains(&name);
+impl CaseDocument {
+    /// What a run from the images to the parameters takes of it.
+    ///
+    /// # Errors
+    /// Zones that do not face each other, no pixel size, a section that is missing, a key for what is measured here.
+    pub fn run(self) -> Result<RunCase, RunCaseError> {
+        let text = &self.text.clone();
+        let (mut correlation, mut joint) = self.into_correlation();
+        let wrong = |what: String| RunCaseError::Wrong { path: text.path().to_owned(), what };
+        let refused = |section, key, what: String| text.refuse(section, Some(key), format!("[{section}] {what}"));
+        let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
+        let names = "give zones = [\"lower\", \"upper\"], the names of two [[zone]]";
+        let interface = joint.interface.take().ok_or_else(|| missing("interface", names))?;
+        joint.substrate.as_ref().ok_or_else(|| missing("substrate", LAW))?;
+        joint.cohesive.as_ref().ok_or_else(|| missing("cohesive", LAW))?;
+        let boundary = joint.boundary.as_ref().map(|section| ("boundary", &section.file, &section.store));
+        let measurement = joint.measurement.as_ref().map(|section| ("measurement", &section.file, &section.store));
+        for (section, file, store) in boundary.into_iter().chain(measurement) {
+            if let Some((key, _)) = [("file", file), ("store", store)].into_iter().find(|(_, given)| given.is_some()) {
+                let what = format!(
+                    "{key}: quadrille run measures it on the images; remove the key, or use quadrille identify"
+                );
+                return Err(refused(section, key, what).into());
+            }
         }
-        parts[usize::from(of_joint)].push_str(line);
-        parts.iter_mut().for_each(|part| part.push('\n'));
+        let CaseJointMesh { file, store, element_size_mm, columns, rows, gap_mm, refine: _ } =
+            joint.mesh.clone().unwrap_or_default();
+        let of_other_meshes = [
+            ("file", file.is_some()),
+            ("store", store.is_some()),
+            ("element_size_mm", element_size_mm.is_some()),
+            ("columns", columns.is_some()),
+            ("rows", rows.is_some()),
+            ("gap_mm", gap_mm.is_some()),
+        ];
+        if let Some((key, _)) = of_other_meshes.into_iter().find(|(_, given)| *given) {
+            let what = format!("{key}: the mesh is that of the correlation; of this section only refine can be given");
+            return Err(refused("mesh", key, what).into());
+        }
+        let Some(pixel_size) = correlation.images.pixel_size_mm else {
+            let what = "pixel_size_mm is missing; mm per pixel turn what is measured into what the joint feels";
+            return Err(refused("images", "pixel_size_mm", what.into()).into());
+        };
+        let guard = interface.guard_px.unwrap_or(3.0);
+        if !(guard.is_finite() && (0.0..=1000.0).contains(&guard)) {
+            let what = format!("guard_px = {guard}; give a number of pixels from 0 on (3 is usual)");
+            return Err(refused("interface", "guard_px", what).into());
+        }
+        let element = f64::from(correlation.correlation.element_size_px.unwrap_or(16));
+        let mut notes = Vec::new();
+        let gap_px =
+            face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
+        let thickness_mm = gap_px * pixel_size;
+        if let Some(given) = interface.thickness_mm
+            && (given.is_nan() || (given - thickness_mm).abs() > SAME_THICKNESS * thickness_mm)
+        {
+            let what = format!(
+                "thickness_mm = {given}, but the facing edges of the zones are {gap_px} px = {thickness_mm:.5} mm apart; \
+                 draw the edges where the faces of the adhesive are, or leave thickness_mm out"
+            );
+            return Err(refused("interface", "thickness_mm", what).into());
+        }
+        Ok(RunCase { correlation, interface, joint, thickness_mm, notes })
     }
-    parts
 }
 
 /// Checks that the zones called `names` (below, above) face each other, makes their elements begin at the facing edges, and leaves
@@ -248,30 +214,27 @@ impl RunCase {
     /// correlation's store is at `store`, relative to the folder of that case.
     pub fn joint_case(&self, store: &str, with_fit: bool) -> String {
         let mut case = self.joint.clone();
-        for section in ["mesh", "boundary", "measurement"] {
-            let table = case.entry(section).or_insert_with(|| Value::Table(Table::new()));
-            if let Value::Table(table) = table {
-                table.insert("store".into(), store.into());
-            }
-        }
+        case.mesh.get_or_insert_default().store = Some(store.to_owned());
+        case.boundary.get_or_insert_default().store = Some(store.to_owned());
+        case.measurement.get_or_insert_default().store = Some(store.to_owned());
         if !with_fit {
-            case.remove("measurement");
-            case.remove("fit");
+            case.measurement = None;
+            case.fit = None;
         }
-        // Tables of plain values: they have a form in TOML.
-        let body = toml::to_string(&case).unwrap_or_else(|error| unreachable!("a case has a form in TOML: {error}"));
+        let body = case.to_toml();
         format!("# Made by quadrille run. File names are relative to the folder of this file.\n{body}")
     }
 
     /// Whether parameters are to be found.
     pub fn has_fit(&self) -> bool {
-        self.joint.contains_key("fit")
+        self.joint.fit.is_some()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use toml::Table;
 
     const CASE: &str = "[images]\ndeformed = 'a*.png'\npixel_size_mm = 0.002\n[[zone]]\nname = 'lower'\nroi = [10, 90, 90, 140]\n\
                         [[zone]]\nname = 'upper'\nroi = [10, 10, 90, 60]\n[interface]\nzones = ['lower', 'upper']\n\

@@ -1,18 +1,26 @@
 //! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
 
 use super::boundary::BoundaryHistory;
-use super::cohesive::{CohesiveLaw, LawError, Parameter, law_by_name, parameters_by_name};
+use super::cohesive::{
+    CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, LawError, Parameter, law_by_name, parameters_by_name,
+};
 use super::element::{Kinematics, Quadrature};
 use super::error::{BoundaryFault, MeshFault, ModelError};
 use super::joint::{Carry, JointMesh, JointParts};
 use super::model::{Model, ModelOptions};
-use super::substrate::{PlaneState, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters};
+use super::substrate::{
+    PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters,
+};
 use crate::field::RigidMotion;
+use crate::io::case::{
+    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion, CaseSubstrate,
+    EXACT, LawKey, LawKeys, STD,
+};
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use thiserror::Error;
-use toml::{Table, Value};
 
 /// Share of an element's size by which a node of a table may lie beside that of the mesh: more than any rounding of
 /// the table, less than would make two nodes one.
@@ -64,11 +72,13 @@ impl MeasuredMesh {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum JointError {
-    /// A key that is missing, not known, or of the wrong kind.
+    /// A key that is missing or not known.
     #[error("[{section}] {what}")]
     Key {
-        /// The table.
+        /// The section.
         section: String,
+        /// The key; none where the section itself is meant.
+        key: Option<String>,
         /// What is wrong with which key.
         what: String,
     },
@@ -135,9 +145,28 @@ pub enum JointError {
     Model(#[from] ModelError),
 }
 
-fn wrong(section: &str, what: impl Into<String>) -> JointError {
-    JointError::Key { section: section.to_owned(), what: what.into() }
+fn wrong(section: &str, key: Option<&str>, what: String) -> JointError {
+    JointError::Key { section: section.to_owned(), key: key.map(str::to_owned), what }
 }
+
+impl JointError {
+    /// The section of the case that it is about, and the key, where it is one.
+    pub fn place(&self) -> Option<(&str, Option<&str>)> {
+        match self {
+            Self::Key { section, key, .. } => Some((section, key.as_deref())),
+            Self::Law(LawError::Parameter { key, .. }) => Some(("cohesive", Some(key))),
+            Self::Law(LawError::Unknown { .. }) => Some(("cohesive", Some("model"))),
+            Self::Substrate(SubstrateError::Parameter { key, .. }) => Some(("substrate", Some(key))),
+            Self::Substrate(SubstrateError::Unknown { .. }) => Some(("substrate", Some("model"))),
+            Self::Mesh { place, .. } if place == OF_MESH => Some(("mesh", None)),
+            Self::Model(_) => Some(("boundary", None)),
+            _ => None,
+        }
+    }
+}
+
+/// Place of what is wrong with a mesh that no file holds.
+const OF_MESH: &str = "[mesh]";
 
 impl Joint {
     /// The joint of a case.
@@ -156,28 +185,21 @@ impl Joint {
         let mut measured = MeasuredMesh { mesh: mesh.clone(), prescribed: boundary.nodes().to_vec(), carry: None };
         if let Some(k) = case.mesh.refine {
             let (fine, carry) =
-                mesh.refined(k).map_err(|fault| JointError::Mesh { place: "[mesh]".to_owned(), fault })?;
+                mesh.refined(k).map_err(|fault| JointError::Mesh { place: OF_MESH.to_owned(), fault })?;
             boundary = mesh.carry_boundary(&carry, &boundary);
             mesh = fine;
             measured.carry = Some(carry);
         }
         let mut removed = Vec::new();
-        match case.boundary.remove_rigid_motion.as_deref() {
-            None | Some("none") => {}
-            Some("overall") => {
-                (boundary, removed) = boundary.without_rigid_motion(mesh.nodes());
-                if kinematics == Kinematics::Paper {
-                    let largest = removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
-                    doubts.push(format!(
-                        "the overall rigid motion is taken off (rotation up to {largest:.2e} rad); with kinematics = \
-                         \"paper\" this changes the sliding jump by up to {:.2e} mm",
-                        largest * mesh.gap()
-                    ));
-                }
-            }
-            Some(other) => {
-                let what = format!("remove_rigid_motion = \"{other}\"; give \"none\" or \"overall\"");
-                return Err(wrong("boundary", what));
+        if case.boundary.remove_rigid_motion == Some(CaseRigidMotion::Overall) {
+            (boundary, removed) = boundary.without_rigid_motion(mesh.nodes());
+            if kinematics == Kinematics::Paper {
+                let largest = removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
+                doubts.push(format!(
+                    "the overall rigid motion is taken off (rotation up to {largest:.2e} rad); with kinematics = \
+                     \"paper\" this changes the sliding jump by up to {:.2e} mm",
+                    largest * mesh.gap()
+                ));
             }
         }
         let materials = materials_of_case(&case.substrate, mesh.groups())?;
@@ -219,7 +241,7 @@ fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
         }
         &MeshInput::Rectangle { element_size, columns, rows, gap } => {
             JointMesh::rectangular(columns, rows, element_size, gap)
-                .map_err(|fault| JointError::Mesh { place: "[mesh]".to_owned(), fault })
+                .map_err(|fault| JointError::Mesh { place: OF_MESH.to_owned(), fault })
         }
     }
 }
@@ -292,107 +314,107 @@ fn from_run(run: &JointRun, mesh: &JointMesh, doubts: &mut Vec<String>) -> Resul
     BoundaryHistory::new(nodes, instants).map_err(|fault| JointError::Boundary { path: path(), fault })
 }
 
-/// The number under `key`.
-fn number(table: &Table, section: &str, key: &str, model: &str, needed: &str) -> Result<f64, JointError> {
-    match table.get(key) {
-        Some(Value::Float(value)) => Ok(*value),
-        Some(Value::Integer(value)) => Ok(*value as f64),
-        Some(other) => Err(wrong(section, format!("{key} = {other}: give a number"))),
-        None => Err(wrong(section, format!("{key} is missing; model = \"{model}\" needs {needed}"))),
-    }
-}
-
-/// Which of `choices` stands under `key`; the first when there is none.
-fn choice<T: Copy>(table: &Table, section: &str, key: &str, choices: &[(&str, T)]) -> Result<T, JointError> {
-    match name(table, section, key)? {
-        None => Ok(choices[0].1),
-        Some(given) => choices.iter().find(|(name, _)| *name == given).map(|&(_, value)| value).ok_or_else(|| {
-            let names: Vec<String> = choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            wrong(section, format!("{key} = \"{given}\"; give {}", names.join(" or ")))
-        }),
-    }
-}
-
-/// The text under `key`.
-fn name<'a>(table: &'a Table, section: &str, key: &str) -> Result<Option<&'a str>, JointError> {
-    match table.get(key) {
-        None => Ok(None),
-        Some(Value::String(value)) => Ok(Some(value)),
-        Some(other) => Err(wrong(section, format!("{key} = {other}: give a name in quotes"))),
-    }
-}
-
-/// Keys of `[substrate]` and `[cohesive]` that state the standard uncertainty of a value are that of the value and this.
-pub const STD: &str = "_std";
-/// Key of `[substrate]`, `[cohesive]` and `[fit]` that names constants without uncertainty: `true` for all of the table, or a list.
-pub const EXACT: &str = "exact";
-
 /// The values of a law's parameters, when no other keys are there than those, `others`, and what states uncertainties (which
 /// the model does not need).
 fn values(
-    table: &Table,
+    given: &BTreeMap<String, f64>,
     section: &str,
     model: &str,
     parameters: &[Parameter],
-    others: &[&str],
+    others: &str,
 ) -> Result<Vec<f64>, JointError> {
     let keys: Vec<String> = parameters.iter().map(Parameter::key).collect();
     let needed = keys.join(", ");
     let std: Vec<String> = keys.iter().map(|key| format!("{key}{STD}")).collect();
-    let known = |key: &String| keys.contains(key) || std.contains(key) || others.contains(&key.as_str());
-    if let Some(key) = table.keys().find(|key| !known(key) && *key != EXACT) {
-        let (others, std) = (others.join(", "), std.join(", "));
+    if let Some(key) = given.keys().find(|&key| !keys.contains(key) && !std.contains(key)) {
+        let std = std.join(", ");
         let what = format!(
             "{key}: there is no such key; model = \"{model}\" needs {needed}; also {others}; standard uncertainties: {std}, {EXACT}"
         );
-        return Err(wrong(section, what));
+        return Err(wrong(section, Some(key), what));
     }
-    keys.iter().map(|key| number(table, section, key, model, &needed)).collect()
+    let value = |key: &String| {
+        let missing = || wrong(section, None, format!("{key} is missing; model = \"{model}\" needs {needed}"));
+        given.get(key).copied().ok_or_else(missing)
+    };
+    keys.iter().map(value).collect()
 }
 
-/// The law of the table `[cohesive]`, and how the interface is modelled.
+impl From<CaseKinematics> for Kinematics {
+    fn from(kinematics: CaseKinematics) -> Self {
+        match kinematics {
+            CaseKinematics::Paper => Self::Paper,
+            CaseKinematics::Objective => Self::Objective,
+        }
+    }
+}
+
+impl From<CaseQuadrature> for Quadrature {
+    fn from(quadrature: CaseQuadrature) -> Self {
+        match quadrature {
+            CaseQuadrature::NewtonCotes => Self::NewtonCotes,
+            CaseQuadrature::Gauss => Self::Gauss,
+        }
+    }
+}
+
+impl From<CasePlane> for PlaneState {
+    fn from(plane: CasePlane) -> Self {
+        match plane {
+            CasePlane::Stress => Self::PlaneStress,
+            CasePlane::Strain => Self::PlaneStrain,
+        }
+    }
+}
+
+/// The law of the section `[cohesive]`, and how the interface is modelled.
 ///
 /// # Errors
 /// See [`JointError`].
-pub fn law_of_case(table: &Table) -> Result<(Box<dyn CohesiveLaw>, Kinematics, Quadrature), JointError> {
-    let section = "cohesive";
-    let model = name(table, section, "model")?.unwrap_or("extended-xu-needleman");
+pub fn law_of_case(given: &CaseCohesive) -> Result<(Box<dyn CohesiveLaw>, Kinematics, Quadrature), JointError> {
+    let model = given.model.as_deref().unwrap_or(ExtendedXuNeedleman::NAME);
     let parameters = parameters_by_name(model)?;
-    let values = values(table, section, model, parameters, &["model", "kinematics", "quadrature"])?;
-    let kinematics = [Kinematics::Paper, Kinematics::Objective].map(|kind| (kind.name(), kind));
-    let quadrature = [Quadrature::NewtonCotes, Quadrature::Gauss].map(|kind| (kind.name(), kind));
-    Ok((
-        law_by_name(model, &values)?,
-        choice(table, section, "kinematics", &kinematics)?,
-        choice(table, section, "quadrature", &quadrature)?,
-    ))
+    let values = values(&given.values, "cohesive", model, parameters, "model, kinematics, quadrature")?;
+    let (kinematics, quadrature) = (given.kinematics.unwrap_or_default(), given.quadrature.unwrap_or_default());
+    Ok((law_by_name(model, &values)?, kinematics.into(), quadrature.into()))
 }
 
 /// One material for each group of elements: that of `[substrate.NAME]`, else that of `[substrate]`.
 ///
 /// # Errors
 /// See [`JointError`].
-pub fn materials_of_case(table: &Table, groups: &[String]) -> Result<Vec<Arc<dyn SubstrateLaw>>, JointError> {
-    let (own, plain): (Vec<_>, Vec<_>) = table.iter().partition(|(_, value)| value.is_table());
-    let plain: Table = plain.into_iter().map(|(key, value)| (key.clone(), value.clone())).collect();
-    if let Some((name, _)) = own.iter().find(|(name, _)| !groups.contains(name)) {
+pub fn materials_of_case(
+    CaseSubstrate { common, groups: own }: &CaseSubstrate,
+    groups: &[String],
+) -> Result<Vec<Arc<dyn SubstrateLaw>>, JointError> {
+    if let Some(name) = own.keys().find(|name| !groups.contains(name)) {
         let there = groups.join(", ");
         let what = format!("the mesh has no group of elements of that name; it has {there}");
-        return Err(wrong(&format!("substrate.{name}"), what));
+        return Err(wrong(&format!("substrate.{name}"), None, what));
     }
-    let planes = [PlaneState::PlaneStress, PlaneState::PlaneStrain].map(|plane| (plane.name(), plane));
-    let common = choice(&plain, "substrate", "plane", &planes)?;
     groups
         .iter()
         .map(|group| {
-            let of_group = own.iter().find(|(name, _)| *name == group).and_then(|(_, value)| value.as_table());
+            let of_group = own.get(group);
             let section = of_group.map_or_else(|| "substrate".to_owned(), |_| format!("substrate.{group}"));
-            let table = of_group.unwrap_or(&plain);
-            let model = name(table, &section, "model")?.unwrap_or("ramberg-osgood");
+            let CaseMaterial { model, plane, values: given, exact: _ } = of_group.unwrap_or(common);
+            let model = model.as_deref().unwrap_or(RambergOsgood::NAME);
             let parameters = substrate_parameters(model)?;
-            let values = values(table, &section, model, parameters, &["model", "plane"])?;
-            let plane = if table.contains_key("plane") { choice(table, &section, "plane", &planes)? } else { common };
-            Ok(Arc::from(substrate_by_name(model, &values, plane)?))
+            let values = values(given, &section, model, parameters, "model, plane")?;
+            let plane = plane.or(common.plane).unwrap_or_default();
+            Ok(Arc::from(substrate_by_name(model, &values, plane.into())?))
         })
         .collect()
+}
+
+/// What each law takes in `[cohesive]` and each material in `[substrate]`, for the schema of case files.
+pub fn case_laws() -> CaseLaws {
+    let of = |model: &'static str, parameters: &[Parameter]| {
+        let keys = parameters.iter().map(|p| LawKey { key: p.key(), symbol: p.name, unit: p.unit, meaning: p.meaning });
+        LawKeys { model, keys: keys.collect() }
+    };
+    // Every name has its parameters.
+    let cohesive = LAW_NAMES.iter().filter_map(|name| Some(of(name, parameters_by_name(name).ok()?)));
+    let substrate = SUBSTRATE_NAMES.iter().filter_map(|name| Some(of(name, substrate_parameters(name).ok()?)));
+    CaseLaws { cohesive: cohesive.collect(), substrate: substrate.collect() }
 }

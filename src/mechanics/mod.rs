@@ -17,7 +17,7 @@ mod solution;
 pub mod substrate;
 
 pub use boundary::BoundaryHistory;
-pub use case::{EXACT, Joint, JointError, MeasuredMesh, STD, law_of_case, materials_of_case};
+pub use case::{Joint, JointError, MeasuredMesh, case_laws, law_of_case, materials_of_case};
 pub use element::{Kinematics, Quadrature};
 pub use error::{BoundaryFault, MeshFault, ModelError};
 pub use joint::{Carry, JointMesh, JointParts};

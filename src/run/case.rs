@@ -17,6 +17,7 @@ use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
 use crate::field::Status;
 use crate::identify::{Case, first_order};
+use crate::io::case::CaseRigidMotion;
 use crate::io::images::sha256;
 use crate::io::joint::{JointInput, read_joint};
 use crate::io::run_case::read_run_case;
@@ -160,10 +161,11 @@ fn with_other_rigid_motion(
     case: &Path,
     found: &BTreeMap<&str, f64>,
 ) -> Result<(bool, BTreeMap<String, f64>)> {
-    let remove = input.case.boundary.remove_rigid_motion.as_deref() != Some("overall");
+    let remove = input.case.boundary.remove_rigid_motion != Some(CaseRigidMotion::Overall);
     let ends = [!remove, remove].map(|remove| -> Result<Vec<(String, f64)>> {
         let mut input = input.clone();
-        input.case.boundary.remove_rigid_motion = Some(if remove { "overall" } else { "none" }.to_owned());
+        input.case.boundary.remove_rigid_motion =
+            Some(if remove { CaseRigidMotion::Overall } else { CaseRigidMotion::None });
         let joint = Case::joint(&input)?;
         let case = Case::new(&joint, &input, case)?;
         let names: Vec<&str> = case.problem.unknowns.list().iter().map(|unknown| unknown.parameter.name).collect();

@@ -3,6 +3,7 @@
 mod fields;
 mod joint;
 mod machine;
+mod schema;
 mod series;
 mod shared;
 mod words;
@@ -10,6 +11,7 @@ mod words;
 pub use fields::*;
 pub use joint::*;
 pub use machine::*;
+pub use schema::*;
 pub use series::*;
 pub use shared::*;
 
@@ -64,6 +66,8 @@ pub enum Command {
     Virtual(VirtualArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
+    /// Write the JSON schema of case files, with which editors complete and check them.
+    Schema(SchemaArgs),
     /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
     Paper(PaperArgs),
 }

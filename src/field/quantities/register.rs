@@ -2,13 +2,14 @@
 
 use crate::field::{Measurement, RigidMotion};
 use crate::units::Length;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 use crate::field::UnknownChoice;
 
 /// Which rigid motion is taken off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RemoveRigid {
     /// One motion, that of all measured nodes together: what is left keeps the jumps between zones.

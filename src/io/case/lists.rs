@@ -1,13 +1,14 @@
 //! Lists as a user writes them, and what is said when they are none.
 
 use super::CaseGuard;
+use schemars::JsonSchema;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
 /// The entries of a list.
-fn all<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(mut list: A) -> Result<Vec<T>, A::Error> {
+pub(super) fn all<'de, T: Deserialize<'de>, A: SeqAccess<'de>>(mut list: A) -> Result<Vec<T>, A::Error> {
     std::iter::from_fn(|| list.next_element().transpose()).collect()
 }
 
@@ -53,6 +54,11 @@ pub(super) fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[S
     Exactly::read(deserializer, "", "two names [\"upper\", \"lower\"]")
 }
 
+/// Two names, as [interface] has them.
+pub(super) fn lower_upper<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
+    Exactly::read(deserializer, "", "two names [\"lower\", \"upper\"]")
+}
+
 /// Four numbers.
 pub(super) fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 4]>, D::Error> {
     Exactly::read(deserializer, "", "four numbers [x0, y0, x1, y1]").map(Some)
@@ -83,6 +89,15 @@ type Polygons = Vec<Vec<[f64; 2]>>;
 pub(super) fn polygons<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Polygons>, D::Error> {
     let polygons: Vec<Vec<Corner>> = Vec::deserialize(deserializer)?;
     Ok(Some(polygons.into_iter().map(pairs).collect()))
+}
+
+/// What a file holds for a list of names.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "it is there for its schema")]
+pub(super) enum OneOrMore {
+    One(String),
+    More(Vec<String>),
 }
 
 /// Accepts one string for a list of one.

@@ -3,6 +3,7 @@
 use super::is_default;
 use super::lists::{point, two_names};
 use crate::field::RemoveRigid;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The sections of a case file that say which quantities are drawn from the fields.
@@ -31,78 +32,77 @@ impl CaseQuantities {
 }
 
 /// How quantities are drawn.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseQuantityOptions {
-    /// The rigid motion that is taken off before.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The rigid motion that is taken off before. Without it none is.
+    #[schemars(extend("x-flag" = "--remove-rigid"))]
     pub remove_rigid: Option<RemoveRigid>,
 }
 
 /// What other instruments recorded.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
-    /// The load file: see [`parse_load`](crate::io::load::parse_load).
+    /// The load file: CSV with a row for each image, or with a column that names them (docs/quantities.md).
+    #[schemars(extend("x-flag" = "--load"))]
     pub file: String,
 }
 
 /// A point.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseProbe {
     /// Its name; `point1`, `point2`, ... without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Where, px of the reference image.
+    /// Where, `[x, y]`, px of the reference image.
     #[serde(deserialize_with = "point")]
+    #[schemars(extend("x-flag" = "--point"))]
     pub point: [f64; 2],
 }
 
 /// A line.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseLine {
     /// Its name; `line1`, `line2`, ... without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Its first point, px.
+    /// Its first point `[x, y]`, px.
     #[serde(deserialize_with = "point")]
     pub from: [f64; 2],
-    /// Its end, px.
+    /// Its end `[x, y]`, px.
     #[serde(deserialize_with = "point")]
     pub to: [f64; 2],
     /// Distance of its points, px; without, a quarter of the element size.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-flag" = "--step"))]
     pub step_px: Option<f64>,
 }
 
 /// A virtual extensometer.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseExtensometer {
     /// Its name; `extensometer1`, `extensometer2`, ... without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// One end, px.
+    /// One end `[x, y]`, px.
     #[serde(deserialize_with = "point")]
     pub from: [f64; 2],
-    /// The other end, px.
+    /// The other end `[x, y]`, px.
     #[serde(deserialize_with = "point")]
     pub to: [f64; 2],
-    /// Length of the gauge lines across its ends, px; without, 0: points.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Length of the gauge lines across its ends, px; 0: points.
+    #[schemars(extend("default" = 0, "x-flag" = "--width"))]
     pub width_px: Option<f64>,
 }
 
 /// An opening between two zones.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseOpening {
     /// Its name; `upper-lower` from the zones without.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The zone `+` and the zone `-`, by name: for a horizontal joint the upper one first.
     #[serde(deserialize_with = "two_names")]
+    #[schemars(extend("x-flag" = "--opening"))]
     pub zones: [String; 2],
 }

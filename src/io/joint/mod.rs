@@ -15,17 +15,17 @@ mod run;
 mod run;
 mod table;
 
+pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes};
 pub use boundary::{BoundaryTable, read_boundary};
-pub use case::{
-    CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, JointCase, read_joint_case,
-};
+pub(in crate::io) use case::LAW;
+pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
 pub use table::{read_table, write_table};
 
-use super::case::CaseError;
+use super::case::{CaseError, CasePlace};
 use super::mesh_file::MeshFileError;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -90,6 +90,10 @@ pub enum BoundaryInput {
 /// See [`JointFileError`].
 pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
     let case = read_joint_case(path)?;
+    let wrong = |error: JointFileError| match error.section() {
+        Some(section) => JointFileError::InCase { place: case.text.place(section, None), error: Box::new(error) },
+        None => error,
+    };
     let CaseJointMesh { file, store, element_size_mm, columns, rows, gap_mm, .. } = &case.mesh;
     let boundary = &case.boundary;
     let run = match (store, &boundary.store) {
@@ -99,11 +103,11 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
             if let Some(border) = border
                 && run_folder(&case.base.join(border)) != run_folder(&case.base.join(mesh))
             {
-                return Err(JointFileError::OtherRun);
+                return Err(wrong(JointFileError::OtherRun));
             }
             Some(run)
         }
-        (None, Some(_)) => return Err(JointFileError::OtherRun),
+        (None, Some(_)) => return Err(wrong(JointFileError::OtherRun)),
     };
     let sizes = [element_size_mm.is_some(), columns.is_some(), rows.is_some(), gap_mm.is_some()];
     let mesh = match (file, &run, element_size_mm, columns, rows, gap_mm) {
@@ -112,25 +116,25 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         (None, None, &Some(element_size), &Some(columns), &Some(rows), &Some(gap)) => {
             MeshInput::Rectangle { element_size, columns, rows, gap }
         }
-        _ => return Err(JointFileError::NoMesh),
+        _ => return Err(wrong(JointFileError::NoMesh)),
     };
     let measurement = match &case.measurement {
         None => None,
         Some(CaseMeasurement { file: Some(file), store: None, pixel_size_mm, .. }) => {
-            Some(MeasurementInput::Table(read_measurement(&case.base.join(file), *pixel_size_mm)?))
+            Some(MeasurementInput::Table(read_measurement(&case.base.join(file), *pixel_size_mm).map_err(wrong)?))
         }
         Some(CaseMeasurement { file: None, store: Some(store), .. }) => match (&run, &case.mesh.store) {
             (Some(run), Some(mesh)) if run_folder(&case.base.join(store)) == run_folder(&case.base.join(mesh)) => {
                 Some(MeasurementInput::Run(run.clone()))
             }
-            _ => return Err(JointFileError::OtherMeasuredRun),
+            _ => return Err(wrong(JointFileError::OtherMeasuredRun)),
         },
-        Some(_) => return Err(JointFileError::NoMeasurement),
+        Some(_) => return Err(wrong(JointFileError::NoMeasurement)),
     };
     let boundary = match (&boundary.file, run) {
         (Some(file), _) if boundary.store.is_none() => BoundaryInput::Table(read_boundary(&case.base.join(file))?),
         (None, Some(run)) if boundary.store.is_some() => BoundaryInput::Run(run),
-        _ => return Err(JointFileError::NoBoundary),
+        _ => return Err(wrong(JointFileError::NoBoundary)),
     };
     Ok(JointInput { case, mesh, boundary, measurement })
 }
@@ -218,6 +222,14 @@ pub enum JointFileError {
         /// The file.
         path: PathBuf,
     },
+    /// Something about a section of the case file, with its place.
+    #[error("{place}: {error}")]
+    InCase {
+        /// Where.
+        place: CasePlace,
+        /// What.
+        error: Box<JointFileError>,
+    },
     /// The case file itself.
     #[error(transparent)]
     Case(#[from] CaseError),
@@ -272,6 +284,18 @@ pub enum JointFileError {
     /// A border that is measured on another mesh.
     #[error("[boundary] store needs the same run as [mesh] store; for another mesh give file = \"displacements.csv\"")]
     OtherRun,
+}
+
+impl JointFileError {
+    /// The section of the case that it is about.
+    fn section(&self) -> Option<&'static str> {
+        match self {
+            Self::NoMesh => Some("mesh"),
+            Self::NoBoundary | Self::OtherRun => Some("boundary"),
+            Self::NoMeasurement | Self::BadScale { .. } | Self::OtherMeasuredRun => Some("measurement"),
+            _ => None,
+        }
+    }
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, JointFileError> {

@@ -1,0 +1,15 @@
+//! What `quadrille schema` takes.
+
+use clap::Args;
+
+/// Arguments of `quadrille schema`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille schema > case.schema.json\n\n\
+    An editor that knows TOML (Taplo, Even Better TOML) completes and checks a case file beside it whose first line is\n  \
+    #:schema ./case.schema.json")]
+pub struct SchemaArgs {
+    /// The reference of all keys instead, as Markdown: docs/case.md.
+    #[arg(long)]
+    pub reference: bool,
+}

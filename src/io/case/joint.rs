@@ -1,0 +1,342 @@
+//! The sections of a joint: its interface, mesh, border, output, measurement and fit.
+
+use super::is_default;
+use super::law::CaseExact;
+use super::lists::lower_upper;
+use schemars::JsonSchema;
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Where the adhesive is in the images: between two zones.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseInterface {
+    /// Names of two zones: of the strip below the adhesive, of that above.
+    #[serde(deserialize_with = "lower_upper")]
+    pub zones: [String; 2],
+    /// Pixels this close to the facing edges are left out of the sums, px; a zone with a `guard_px` of its own keeps that.
+    #[schemars(extend("default" = 3))]
+    pub guard_px: Option<f64>,
+    /// Thickness of the adhesive, mm: the gap between the facing edges of the zones, which is the default; a value that
+    /// differs from it by more than 2 % is refused.
+    pub thickness_mm: Option<f64>,
+}
+
+/// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and `gap_mm`
+/// together). `quadrille run` takes that of its correlation: there only `refine` can be given.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseJointMesh {
+    /// A mesh file: JSON, Gmsh `.msh`, or `.vtu`.
+    pub file: Option<String>,
+    /// The store `fields.zarr` of a correlation run with two zones, or the folder of the run.
+    pub store: Option<String>,
+    /// Side of the square elements, mm.
+    pub element_size_mm: Option<f64>,
+    /// Elements along the joint.
+    pub columns: Option<usize>,
+    /// Rows of elements in each strip.
+    pub rows: Option<usize>,
+    /// Distance of the faces, mm.
+    pub gap_mm: Option<f64>,
+    /// Cut every element into this many by as many.
+    #[schemars(extend("default" = 1))]
+    pub refine: Option<usize>,
+}
+
+/// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is given.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseBoundary {
+    /// Table of displacements, mm, y up: `instant,node,x_mm,y_mm,ux_mm,uy_mm`.
+    pub file: Option<String>,
+    /// The store of a correlation run: its outer nodes are prescribed.
+    pub store: Option<String>,
+    /// Whether one rigid motion of all prescribed nodes is taken off at every instant.
+    #[schemars(extend("default" = "none"))]
+    pub remove_rigid_motion: Option<CaseRigidMotion>,
+}
+
+/// Which rigid motion is taken off the border of a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaseRigidMotion {
+    /// None.
+    #[default]
+    None,
+    /// That of all prescribed nodes together.
+    Overall,
+}
+
+/// What is written of a computed joint.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseJointOutput {
+    /// Instants to draw, from 1. Without it the first, the middle and the last.
+    pub figures: Option<Vec<usize>>,
+    /// Also the derivatives of the displacements by the parameters of the strips.
+    #[serde(default, skip_serializing_if = "is_default")]
+    #[schemars(extend("default" = false))]
+    pub substrate_sensitivities: bool,
+}
+
+/// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there neither is
+/// given.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseMeasurement {
+    /// Table of displacements: `instant,node,ux_mm,uy_mm`, or `ux_px,uy_px` with y up.
+    pub file: Option<String>,
+    /// The store of the correlation run that the mesh is of.
+    pub store: Option<String>,
+    /// Which nodes are compared: `"selected"`, `"free"`, or a list of numbers, from 0. Without it those of the list
+    /// `selected_nodes` of the mesh file, or all that are not prescribed.
+    #[schemars(with = "Option<NodesKey>")]
+    pub nodes: Option<CaseNodes>,
+    /// Weights of the residual; without it `covariance` for a store and `paper` for a table.
+    pub weights: Option<CaseWeights>,
+    /// What is known of the prescribed displacements.
+    #[schemars(extend("default" = "measured"))]
+    pub boundary: Option<CaseBoundaryNoise>,
+    /// Standard deviation of each nodal displacement of one frame, mm. Without it that of the store; of a table it is
+    /// estimated from the residual.
+    pub noise_mm: Option<f64>,
+    /// Relative standard uncertainty of the noise itself. Without it 0.1, or what the residual tells where the noise is
+    /// estimated from that.
+    pub noise_relative_std: Option<f64>,
+    /// Whether all frames were compared with one noisy reference.
+    #[schemars(extend("default" = true))]
+    pub common_reference: Option<bool>,
+    /// Scale of a table in pixels, mm per pixel.
+    pub pixel_size_mm: Option<f64>,
+    /// Factor on the weight of each instant, from the first; 0 leaves an instant out.
+    pub instant_weights: Option<Vec<f64>>,
+}
+
+/// Which nodes are compared.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CaseNodes {
+    /// The list of the mesh file.
+    Selected,
+    /// All that are not prescribed.
+    Free,
+    /// Numbers of nodes, from 0.
+    List(Vec<u32>),
+}
+
+/// What a case file holds for [`CaseNodes`].
+#[derive(Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum NodesKey {
+    Word(NodesWord),
+    List(Vec<u32>),
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum NodesWord {
+    /// Those of the list `selected_nodes` of the mesh file.
+    Selected,
+    /// All that are not prescribed.
+    Free,
+}
+
+impl Serialize for CaseNodes {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Selected => NodesKey::Word(NodesWord::Selected),
+            Self::Free => NodesKey::Word(NodesWord::Free),
+            Self::List(list) => NodesKey::List(list.clone()),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for CaseNodes {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Nodes;
+        impl<'de> Visitor<'de> for Nodes {
+            type Value = CaseNodes;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"selected\", \"free\" or a list of numbers")
+            }
+
+            fn visit_str<E: de::Error>(self, word: &str) -> Result<CaseNodes, E> {
+                NodesWord::deserialize(de::value::StrDeserializer::new(word)).map(|word| match word {
+                    NodesWord::Selected => CaseNodes::Selected,
+                    NodesWord::Free => CaseNodes::Free,
+                })
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<CaseNodes, A::Error> {
+                Vec::deserialize(de::value::SeqAccessDeserializer::new(list)).map(CaseNodes::List)
+            }
+        }
+        deserializer.deserialize_any(Nodes)
+    }
+}
+
+/// Weights of the residual of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaseWeights {
+    /// Of each instant and component, by the largest displacement without rigid motion.
+    Paper,
+    /// One for all.
+    Uniform,
+    /// The inverse covariance of the residual.
+    Covariance,
+}
+
+/// What is known of the prescribed displacements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaseBoundaryNoise {
+    /// Noisy, and prescribed as they are.
+    #[default]
+    Measured,
+    /// Noisy, and unknowns of the fit; needs `weights = "covariance"`.
+    Estimated,
+    /// Without noise.
+    Exact,
+}
+
+/// What is fitted, from where, and what is stated of its error.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseFit {
+    /// Symbols of the parameters that are fitted: any of the law of `[cohesive]`.
+    pub parameters: Vec<String>,
+    /// Where the fit starts, by symbol; over the value of `[cohesive]`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub start: BTreeMap<String, f64>,
+    /// Least values, by symbol. Without it a thousandth of the start.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub lower: BTreeMap<String, f64>,
+    /// Largest values, by symbol. Without it a thousand times the start.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub upper: BTreeMap<String, f64>,
+    /// Further starts: a value for each of `parameters`, in their order.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub starts: Vec<Vec<f64>>,
+    /// So many further starts, 1 to 1000, spread over the box of the bounds (which then have to be given).
+    pub latin_hypercube: Option<usize>,
+    /// Seed of these starts.
+    #[schemars(extend("default" = 1))]
+    pub seed: Option<u64>,
+    /// Forward runs that one start may take.
+    #[schemars(extend("default" = 100))]
+    pub max_evaluations: Option<usize>,
+    /// Also the profile likelihood of this parameter.
+    pub profile: Option<String>,
+    /// The effect of the element size on the 95 % intervals; without it `included` for a store and `stated` for a table.
+    pub discretisation: Option<CaseDiscretisation>,
+    /// What the 95 % intervals are made of.
+    #[schemars(extend("default" = "auto"))]
+    pub intervals: Option<CaseIntervals>,
+    /// Draws of the bootstrap that goes with intervals of the profile likelihood: a number up to 10000, 0 for none, or
+    /// `"auto"`.
+    #[schemars(with = "Option<BootstrapKey>", extend("default" = "auto"))]
+    pub bootstrap: Option<CaseBootstrap>,
+    /// Standard uncertainty of the adhesive's thickness, mm. Without it 1 px.
+    pub thickness_mm_std: Option<f64>,
+    /// Relative standard uncertainty of the pixel size. Without it 0.005.
+    pub pixel_size_relative_std: Option<f64>,
+    /// Standard uncertainty of the position of each face of the adhesive, px. Without it 0.5.
+    pub face_position_px_std: Option<f64>,
+    /// The same in mm; one of both.
+    pub face_position_mm_std: Option<f64>,
+    /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`.
+    #[schemars(extend("default" = false))]
+    pub exact: Option<CaseExact>,
+    /// Of `quadrille sweep`: a parameter that is not fitted, and the values at which it is prescribed.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub sweep: BTreeMap<String, Vec<f64>>,
+}
+
+/// The effect of the element size on the 95 % intervals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaseDiscretisation {
+    /// In the intervals.
+    Included,
+    /// Beside them.
+    Stated,
+    /// Not computed.
+    Off,
+}
+
+/// What the 95 % intervals are made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaseIntervals {
+    /// The profile likelihood where linear theory is in doubt.
+    #[default]
+    Auto,
+    /// Linear theory.
+    Linear,
+    /// The profile likelihood.
+    Profile,
+}
+
+/// Draws of the bootstrap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CaseBootstrap {
+    /// The usual number.
+    #[default]
+    Auto,
+    /// This many; 0 for none.
+    Draws(u64),
+}
+
+/// What a case file holds for [`CaseBootstrap`].
+#[derive(Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum BootstrapKey {
+    Word(BootstrapWord),
+    Draws(u64),
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BootstrapWord {
+    /// The usual number, 24.
+    Auto,
+}
+
+impl Serialize for CaseBootstrap {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => BootstrapKey::Word(BootstrapWord::Auto),
+            Self::Draws(draws) => BootstrapKey::Draws(*draws),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for CaseBootstrap {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Draws;
+        impl Visitor<'_> for Draws {
+            type Value = CaseBootstrap;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"auto\" or a number of draws from 0 to 10000")
+            }
+
+            fn visit_str<E: de::Error>(self, word: &str) -> Result<CaseBootstrap, E> {
+                BootstrapWord::deserialize(de::value::StrDeserializer::new(word))
+                    .map(|BootstrapWord::Auto| CaseBootstrap::Auto)
+            }
+
+            fn visit_i64<E: de::Error>(self, draws: i64) -> Result<CaseBootstrap, E> {
+                let wrong = |_| E::invalid_value(de::Unexpected::Signed(draws), &self);
+                u64::try_from(draws).map(CaseBootstrap::Draws).map_err(wrong)
+            }
+        }
+        deserializer.deserialize_any(Draws)
+    }
+}
