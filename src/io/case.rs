@@ -203,9 +203,20 @@ pub struct CaseZone {
     /// The one group of the mesh file that is taken; without it every group is a zone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
+    /// Elements other than those of a grid of squares on its polygon.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elements: Option<CaseElements>,
     /// Width along the border of the zone whose pixels are left out, px.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard_px: Option<CaseGuard>,
+}
+
+/// How the elements of a zone are laid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CaseElements {
+    /// Along the sides of its polygon of four corners, of about the element size.
+    Mapped,
 }
 
 /// Width along the border of a zone whose pixels are left out, px.
@@ -226,6 +237,13 @@ pub enum CaseGuard {
         right: f64,
         /// Bottom.
         bottom: f64,
+    },
+    /// Along a line alone.
+    Along {
+        /// Points of the line in order, px.
+        along: Vec<[f64; 2]>,
+        /// Distance from it, px.
+        width: f64,
     },
 }
 

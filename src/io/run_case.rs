@@ -4,7 +4,7 @@
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
 use super::case::{CaseError, CaseFile, parse_case};
-use facing::face_each_other;
+use facing::{Faces, face_each_other};
 use serde::Deserialize;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,8 @@ pub struct RunCase {
     pub joint: Table,
     /// Thickness of the adhesive: the gap between the facing edges of the zones, mm.
     pub thickness_mm: f64,
+    /// Unit normal of the joint, from the first zone of the interface to the second; x to the right, y up.
+    pub normal: [f64; 2],
     /// What was changed or may not be meant.
     pub notes: Vec<String>,
 }
@@ -38,7 +40,8 @@ pub struct RunCase {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseInterface {
-    /// Names of the zones: of the strip below the adhesive, of that above.
+    /// Names of the zones beside the adhesive, whose normal points from the first to the second. Of two zones one below the other the
+    /// first is the lower one.
     pub zones: [String; 2],
     /// Width along the facing edges whose pixels are left out, px; 3 unless given.
     pub guard_px: Option<f64>,
@@ -82,7 +85,7 @@ pub fn read_run_case(path: &Path) -> Result<RunCase, RunCaseError> {
 /// The case with the content `text`; `path` gives its folder and stands in messages.
 ///
 /// # Errors
-/// As [`read_run_case`], but nothing is read.
+/// As [`read_run_case`], but only mesh files of zones are read.
 pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> {
     let wrong = |what: String| RunCaseError::Wrong { path: path.to_owned(), what };
     let [of_correlation, of_joint] = parted(text);
@@ -134,8 +137,8 @@ pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> 
     }
     let element = f64::from(correlation.correlation.element_size_px.unwrap_or(16));
     let mut notes = Vec::new();
-    let gap_px =
-        face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
+    let Faces { gap_px, normal } =
+        face_each_other(&mut correlation, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
     let thickness_mm = gap_px * pixel_size;
     if let Some(given) = interface.thickness_mm
         && (given.is_nan() || (given - thickness_mm).abs() > SAME_THICKNESS * thickness_mm)
@@ -145,7 +148,7 @@ pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> 
              draw the edges where the faces of the adhesive are, or leave thickness_mm out"
         )));
     }
-    Ok(RunCase { correlation, interface, joint, thickness_mm, notes })
+    Ok(RunCase { correlation, interface, joint, thickness_mm, normal, notes })
 }
 
 /// The lines of the correlation's sections and those of the joint's; the other's are blank, so that lines keep their numbers.
@@ -173,6 +176,10 @@ impl RunCase {
             let table = case.entry(section).or_insert_with(|| Value::Table(Table::new()));
             if let Value::Table(table) = table {
                 table.insert("store".into(), store.into());
+                // Upwards is what a joint takes by itself.
+                if section == "mesh" && self.normal != [0.0, 1.0] {
+                    table.insert("zones".into(), self.interface.zones.to_vec().into());
+                }
             }
         }
         if !with_fit {

@@ -4,6 +4,7 @@ mod carried;
 mod error;
 mod grid;
 mod lay;
+mod mapped;
 mod pixel_set;
 mod pixels;
 mod polygon;

@@ -123,6 +123,8 @@ pub struct CaseJointMesh {
     pub file: Option<String>,
     /// The store `fields.zarr` of a correlation run with two zones, or the folder of the run.
     pub store: Option<String>,
+    /// The two groups of elements (zones of the run) beside the adhesive: its normal points from the first to the second. Without, up.
+    pub zones: Option<[String; 2]>,
     /// Side of the square elements, mm.
     pub element_size_mm: Option<f64>,
     /// Elements along the joint.
