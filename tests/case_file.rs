@@ -5,7 +5,8 @@ use quadrille::field::{
 };
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
-    CaseCorrelation, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case, write_case,
+    CaseCorrelation, CaseElements, CaseError, CaseFile, CaseGuard, CaseImages, CaseZone, Pages, parse_case, read_case,
+    write_case,
 };
 use quadrille::mesh::Roi;
 use std::path::Path;
@@ -55,6 +56,11 @@ name = "right"
 mesh = "plate.msh"
 group = "B"
 guard_px = 3
+
+[[zone]]
+polygon = [[20, 0], [60, 30], [48, 46], [8, 16]]
+elements = "mapped"
+guard_px = { along = [[20, 0], [60, 30]], width = 3 }
 
 [run]
 version = "0.1.0"
@@ -107,6 +113,12 @@ fn full() -> CaseFile {
                 mesh: Some("plate.msh".into()),
                 group: Some("B".into()),
                 guard_px: Some(CaseGuard::All(3.0)),
+                ..CaseZone::default()
+            },
+            CaseZone {
+                polygon: Some(vec![[20.0, 0.0], [60.0, 30.0], [48.0, 46.0], [8.0, 16.0]]),
+                elements: Some(CaseElements::Mapped),
+                guard_px: Some(CaseGuard::Along { along: vec![[20.0, 0.0], [60.0, 30.0]], width: 3.0 }),
                 ..CaseZone::default()
             },
         ],
@@ -317,6 +329,11 @@ fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
             "guard_px = { lower = 1 }",
             "`guard_px` in [[zone]]: unknown side `lower`, expected left, top, right or bottom",
         ),
+        ("elements = 'mapped by hand'", "unknown word `mapped by hand`"),
+        ("guard_px = { along = [[1, 2], [3, 4]] }", "a guard along a line needs along = [[x, y], ...]"),
+        ("guard_px = { along = [[1, 2]], width = 3 }", "two points or more"),
+        ("guard_px = { along = [[1, 2], [3, 4]], width = 3, left = 1 }", "no sides"),
+        ("guard_px = { along = [[1, 2], [3]], width = 3 }", "a point has 1 entries"),
         ("guard_px = { left = 'a' }", "is the text \"a\", expected a number"),
         ("guard_px = [1, 'a']", "expected a number"),
     ] {

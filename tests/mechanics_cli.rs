@@ -378,6 +378,7 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("columns = 8", "columns = 0"), &border, &["0 columns"]);
     refused(&case("columns = 8\n", ""), &border, &["case.toml, line 1: [mesh] needs"]);
     refused(&case("columns = 8", "colums = 8"), &border, &["colums", "line"]);
+    refused(&case("[mesh]", "[mesh]\nzones = ['lower', 'upper']"), &border, &["[mesh]"]);
     refused(&case("[mesh]", "[mesh]\nrefine = 0"), &border, &["refine = 0"]);
     refused(&case("border.csv", "other.csv"), &border, &["other.csv", "no such file"]);
     refused(&case("border.csv\"", "border.csv\"\nremove_rigid_motion = \"each\""), &border, &["each", "overall"]);
@@ -421,6 +422,21 @@ fn meshes_that_make_no_joint_are_refused_by_name() {
     let both = "\"quads\": [[0,1,2,3],[4,5,6,7]]";
     refused(&format!("{{\"nodes\": {nodes}, {both}, \"dirichlet_nodes\": [0, 8]}}"), &["names node 8", "there are 8"]);
     refused(&format!("{{\"nodes\": {nodes}, {both}, \"cohesive\": [[4,5,3,2]]}}"), &["interface element 0", "pair"]);
+    let case = case.replace("[mesh]", "[mesh]\nzones = ['a', 'b']");
+    let refused = |groups: &str, words: &[&str]| {
+        let folder = folder(&case, &border());
+        let mesh = format!("{{\"nodes\": {nodes}, {both}, \"groups\": {groups}, \"quad_group\": [0, 1]}}");
+        std::fs::write(folder.path().join("mesh.json"), mesh).unwrap();
+        let said = String::from_utf8_lossy(&simulate(folder.path()).stderr).into_owned();
+        words.iter().for_each(|word| assert!(said.contains(word), "'{word}' is not in: {said}"));
+    };
+    refused("[\"a\", \"c\"]", &["[mesh] zones names \"b\"", "a, c"]);
+    let case = case.replace("['a', 'b']", "['a', 'a']");
+    let twice = folder(&case, &border());
+    let mesh = format!("{{\"nodes\": {nodes}, {both}, \"groups\": [\"a\", \"b\"], \"quad_group\": [0, 1]}}");
+    std::fs::write(twice.path().join("mesh.json"), mesh).unwrap();
+    let said = String::from_utf8_lossy(&simulate(twice.path()).stderr).into_owned();
+    assert!(said.contains("names \"a\" twice"), "{said}");
 }
 
 #[test]

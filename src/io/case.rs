@@ -14,7 +14,7 @@ mod schema;
 
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
-pub use fields::{CaseCorrelation, CaseGuard, CaseImages, CaseZone, Pages};
+pub use fields::{CaseCorrelation, CaseElements, CaseGuard, CaseImages, CaseZone, Pages};
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
     CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, CaseRigidMotion, CaseWeights,

@@ -3,10 +3,13 @@
 //! It holds the sections of a correlation ([`CaseFile`]), and those of a joint (as in
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
-use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseGuard, CaseJointMesh, CaseZone, read_document};
+use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, read_document};
 use super::joint::LAW;
+use facing::{Faces, face_each_other};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+mod facing;
 
 pub use super::case::CaseInterface;
 
@@ -24,6 +27,8 @@ pub struct RunCase {
     pub joint: Case,
     /// Thickness of the adhesive: the gap between the facing edges of the zones, mm.
     pub thickness_mm: f64,
+    /// Unit normal of the joint, from the first zone of the interface to the second; x to the right, y up.
+    pub normal: [f64; 2],
     /// What was changed or may not be meant.
     pub notes: Vec<String>,
 }
@@ -56,7 +61,7 @@ pub fn read_run_case(path: &Path) -> Result<RunCase, RunCaseError> {
 /// The case with the content `text`; `path` gives its folder and stands in messages.
 ///
 /// # Errors
-/// As [`read_run_case`], but nothing is read.
+/// As [`read_run_case`], but only mesh files of zones are read.
 pub fn parse_run_case(text: &str, path: &Path) -> Result<RunCase, RunCaseError> {
     CaseDocument::parse(text, path)?.run()
 }
@@ -86,11 +91,12 @@ impl CaseDocument {
                 return Err(refused(section, key, what).into());
             }
         }
-        let CaseJointMesh { file, store, element_size_mm, columns, rows, gap_mm, refine: _ } =
+        let CaseJointMesh { file, store, zones, element_size_mm, columns, rows, gap_mm, refine: _ } =
             joint.mesh.clone().unwrap_or_default();
         let of_other_meshes = [
             ("file", file.is_some()),
             ("store", store.is_some()),
+            ("zones", zones.is_some()),
             ("element_size_mm", element_size_mm.is_some()),
             ("columns", columns.is_some()),
             ("rows", rows.is_some()),
@@ -111,8 +117,8 @@ impl CaseDocument {
         }
         let element = f64::from(correlation.correlation.element_size_px.unwrap_or(16));
         let mut notes = Vec::new();
-        let gap_px =
-            face_each_other(&mut correlation.zones, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
+        let Faces { gap_px, normal } =
+            face_each_other(&mut correlation, &interface.zones, guard, element, &mut notes).map_err(wrong)?;
         let thickness_mm = gap_px * pixel_size;
         if let Some(given) = interface.thickness_mm
             && (given.is_nan() || (given - thickness_mm).abs() > SAME_THICKNESS * thickness_mm)
@@ -123,90 +129,8 @@ impl CaseDocument {
             );
             return Err(refused("interface", "thickness_mm", what).into());
         }
-        Ok(RunCase { correlation, interface, joint, thickness_mm, notes })
+        Ok(RunCase { correlation, interface, joint, thickness_mm, normal, notes })
     }
-}
-
-/// Checks that the zones called `names` (below, above) face each other, makes their elements begin at the facing edges, and leaves
-/// `guard` px out along these. Gives the gap, px.
-fn face_each_other(
-    zones: &mut [CaseZone],
-    names: &[String; 2],
-    guard: f64,
-    element: f64,
-    notes: &mut Vec<String>,
-) -> Result<f64, String> {
-    let there = zones.iter().map(|zone| format!("\"{}\"", zone.name.as_deref().unwrap_or(""))).collect::<Vec<_>>();
-    let there = if there.is_empty() { "no zone".to_owned() } else { there.join(", ") };
-    let mut at = [0; 2];
-    for (at, name) in at.iter_mut().zip(names) {
-        *at = zones.iter().position(|zone| zone.name.as_ref() == Some(name)).ok_or_else(|| {
-            format!(
-                "[interface] zones names \"{name}\", but the case has {there}; add a [[zone]] with name = \"{name}\""
-            )
-        })?;
-    }
-    if at[0] == at[1] {
-        return Err(format!(
-            "[interface] zones names \"{}\" twice; name the zones below and above the adhesive",
-            names[0]
-        ));
-    }
-    if zones.len() != 2 {
-        return Err(format!("there are {} zones ({there}); a joint has two, those of [interface]", zones.len()));
-    }
-    let mut boxes = [[0.0; 4]; 2];
-    for (corners, &at) in boxes.iter_mut().zip(&at) {
-        let zone = &zones[at];
-        let name = zone.name.as_deref().unwrap_or("");
-        let plain = zone.polygon.is_none() && zone.mask.is_none() && zone.mesh.is_none();
-        *corners = zone.roi.filter(|_| plain).ok_or_else(|| {
-            format!(
-                "zone \"{name}\": quadrille run needs a rectangle, roi = [x0, y0, x1, y1], and no polygon, mask or mesh"
-            )
-        })?;
-        if !(corners.iter().all(|v| v.is_finite()) && corners[0] < corners[2] && corners[1] < corners[3]) {
-            return Err(format!(
-                "zone \"{name}\": roi = {corners:?} is no rectangle; give x0, y0, x1, y1 with x0 < x1 and y0 < y1"
-            ));
-        }
-    }
-    let [lower, upper] = &mut boxes;
-    let gap = lower[1] - upper[3];
-    let aside = lower[0] >= upper[2] || upper[0] >= lower[2];
-    if aside || gap < 0.0 {
-        let swapped = !aside && upper[1] >= lower[3];
-        let hint = if swapped {
-            format!("; y is down: swap the names, zones = [\"{}\", \"{}\"]", names[1], names[0])
-        } else {
-            String::new()
-        };
-        return Err(format!(
-            "[interface] zone \"{}\" does not lie below zone \"{}\" with a gap between them{hint}",
-            names[0], names[1]
-        ));
-    }
-    // Whole elements are laid from the upper edge of a rectangle: here from the face of the adhesive upwards.
-    let rows = ((upper[3] - upper[1]) / element + 1e-9).floor();
-    let top = upper[3] - rows * element;
-    if rows >= 1.0 && (top - upper[1]).abs() > 1e-9 {
-        notes.push(format!(
-            "zone \"{}\": its elements are laid from its lower edge, the face of the adhesive; y0 = {top}",
-            names[1]
-        ));
-        upper[1] = top;
-    }
-    // Rounding must not take the last row away.
-    upper[3] = upper[1] + rows.max(1.0) * element;
-    for ((&at, corners), below) in at.iter().zip(boxes).zip([true, false]) {
-        let zone = &mut zones[at];
-        zone.roi = Some(corners);
-        if zone.guard_px.is_none() {
-            let (top, bottom) = if below { (guard, 0.0) } else { (0.0, guard) };
-            zone.guard_px = Some(CaseGuard::Rectangle { left: 0.0, top, right: 0.0, bottom });
-        }
-    }
-    Ok(gap)
 }
 
 impl RunCase {
@@ -214,7 +138,10 @@ impl RunCase {
     /// correlation's store is at `store`, relative to the folder of that case.
     pub fn joint_case(&self, store: &str, with_fit: bool) -> String {
         let mut case = self.joint.clone();
-        case.mesh.get_or_insert_default().store = Some(store.to_owned());
+        let mesh = case.mesh.get_or_insert_default();
+        mesh.store = Some(store.to_owned());
+        // Upwards is what a joint takes by itself.
+        mesh.zones = (self.normal != [0.0, 1.0]).then(|| self.interface.zones.clone());
         case.boundary.get_or_insert_default().store = Some(store.to_owned());
         case.measurement.get_or_insert_default().store = Some(store.to_owned());
         if !with_fit {
@@ -233,6 +160,7 @@ impl RunCase {
 
 #[cfg(test)]
 mod tests {
+    use super::super::case::CaseGuard;
     use super::*;
     use toml::Table;
 

@@ -232,10 +232,11 @@ impl Joint {
 fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
     match input {
         MeshInput::File(file) | MeshInput::Run(file) => {
-            let JointMeshFile { path, nodes, elements, interfaces, faces, groups, element_group, .. } = file.clone();
+            let JointMeshFile { path, nodes, elements, interfaces, faces, lower, groups, element_group, .. } =
+                file.clone();
             let paired = interfaces.is_some();
             let interfaces = interfaces.unwrap_or_default();
-            let parts = JointParts { nodes, elements, interfaces, faces, groups, element_group };
+            let parts = JointParts { nodes, elements, interfaces, faces, lower, groups, element_group };
             let made = if paired { JointMesh::new(parts) } else { JointMesh::from_strips(parts) };
             made.map_err(|fault| JointError::Mesh { place: path.display().to_string(), fault })
         }

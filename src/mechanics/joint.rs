@@ -30,6 +30,8 @@ pub struct JointParts {
     pub interfaces: Vec<[u32; 4]>,
     /// Nodes that may lie on a face of the adhesive, where faces are found by geometry; empty for all border nodes.
     pub faces: Vec<u32>,
+    /// The group of elements whose strip is the lower one, where faces are found by geometry; `None` for the strip further down.
+    pub lower: Option<u32>,
     /// Names of the groups of elements, each of which may have its own material; empty for one group.
     pub groups: Vec<String>,
     /// Group of each element; empty for one group.
@@ -127,8 +129,9 @@ impl JointMesh {
     }
 
     /// The joint between strips that share no node: nodes that face each other across the gap are paired by
-    /// geometry, being each other's nearest on the borders of two different strips. Of two strips the one
-    /// further down (in the mean, by y, then by x) is the lower.
+    /// geometry, being each other's nearest on the borders of two different strips. The lower of two strips, from which the normal
+    /// points to the other, is that of the group `parts.lower`; without, the one further down (in the mean), and of two at one height
+    /// the one to the left. Interface elements follow each other along the tangent, which has the normal to its left.
     ///
     /// `parts.interfaces` is left aside.
     ///
@@ -136,7 +139,7 @@ impl JointMesh {
     /// What [`JointMesh::new`] refuses, and faces that do not pair.
     pub fn from_strips(mut parts: JointParts) -> Result<Self, MeshFault> {
         check_strips(&parts.nodes, &parts.elements)?;
-        parts.interfaces = super::pairing::interfaces(&parts.nodes, &parts.elements, &parts.faces)?;
+        parts.interfaces = super::pairing::interfaces(&parts)?;
         Self::new(parts)
     }
 

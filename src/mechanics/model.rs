@@ -436,6 +436,15 @@ impl Model {
             .collect()
     }
 
+    /// Unit normal of the joint at each node pair, from the lower to the upper strip; its tangent is `(n_y, -n_x)`.
+    pub fn pair_normals(&self) -> Vec<[f64; 2]> {
+        let mut sums = vec![[0.0; 2]; self.mesh.pairs().len()];
+        self.for_each_end(|pair, _, end| {
+            (0..2).for_each(|c| sums[pair][c] += end.weight * end.normal[c]);
+        });
+        sums.into_iter().map(|n| n.map(|v| v / n[0].hypot(n[1]))).collect()
+    }
+
     /// Calls `each` with the number of the pair, the element's number, and the point, for both ends of each
     /// interface element.
     fn for_each_end(&self, mut each: impl FnMut(usize, usize, &InterfacePoint)) {

@@ -1,14 +1,18 @@
 //! Which nodes face each other across the adhesive.
 
 use super::error::MeshFault;
-use super::joint::{border_edges, strips};
+use super::joint::{JointParts, border_edges, strips};
 use std::collections::{HashMap, HashSet};
+
+/// Share of the distance of two strips by which their heights may differ and still be one: round-off of their means.
+const SAME_HEIGHT: f64 = 1e-6;
 
 /// The interface elements between strips that share no node. Only nodes of `faces` are paired, if there are any.
 ///
 /// Two border nodes of different strips are a pair when each is the other's nearest. An edge of one strip whose
 /// two ends are paired with the ends of an edge of the other makes an element. The elements are checked.
-pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]], faces: &[u32]) -> Result<Vec<[u32; 4]>, MeshFault> {
+pub(super) fn interfaces(parts: &JointParts) -> Result<Vec<[u32; 4]>, MeshFault> {
+    let JointParts { nodes, elements, faces, .. } = parts;
     let strip = strips(nodes.len(), elements);
     let mut edges = border_edges(elements);
     if !faces.is_empty() {
@@ -22,14 +26,8 @@ pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]], faces: &[u32
     if n_strips < 2 {
         return Err(MeshFault::OneStrip);
     }
-    // Strips from the bottom to the top: of two that face each other the one with the smaller mean is lower.
-    let mut mean = vec![[0.0; 3]; n_strips];
-    for (&[x, y], &strip) in nodes.iter().zip(&strip) {
-        let sum = &mut mean[strip as usize];
-        *sum = [sum[0] + x, sum[1] + y, sum[2] + 1.0];
-    }
-    let height: Vec<[f64; 2]> = mean.iter().map(|&[x, y, n]| [y / n, x / n]).collect();
-    let below = |a: u32, b: u32| height[strip[a as usize] as usize] < height[strip[b as usize] as usize];
+    let lower = Lower::new(parts, &strip, n_strips);
+    let below = |a: u32, b: u32| lower.is(strip[a as usize], strip[b as usize]);
     let nearest = Nearest::new(nodes, &border, &strip);
     let partner: HashMap<u32, u32> = border.iter().filter_map(|&node| Some((node, nearest.of(node)?))).collect();
     let paired = |node: u32| partner.get(&node).copied().filter(|other| partner.get(other) == Some(&node));
@@ -67,10 +65,75 @@ pub(super) fn interfaces(nodes: &[[f64; 2]], elements: &[[u32; 4]], faces: &[u32
     if found.is_empty() {
         return Err(MeshFault::NoFaces);
     }
-    // From left to right, so that rows of results follow the joint.
+    Ok(in_line(nodes, found))
+}
+
+/// Which of two strips that face each other is the lower one.
+struct Lower {
+    /// Of each strip: whether it is of the group that is said to be lower; empty where none is.
+    said: Vec<bool>,
+    /// Mean position of each strip.
+    mean: Vec<[f64; 2]>,
+}
+
+impl Lower {
+    fn new(parts: &JointParts, strip: &[u32], n_strips: usize) -> Self {
+        let mut mean = vec![[0.0; 3]; n_strips];
+        for (&[x, y], &strip) in parts.nodes.iter().zip(strip) {
+            let sum = &mut mean[strip as usize];
+            *sum = [sum[0] + x, sum[1] + y, sum[2] + 1.0];
+        }
+        let mean = mean.into_iter().map(|[x, y, n]| [x / n, y / n]).collect();
+        let mut said = Vec::new();
+        if let Some(group) = parts.lower {
+            said.resize(n_strips, false);
+            for (corners, &of) in parts.elements.iter().zip(&parts.element_group) {
+                said[strip[corners[0] as usize] as usize] |= of == group;
+            }
+        }
+        Self { said, mean }
+    }
+
+    /// Whether strip `a` lies below strip `b`.
+    fn is(&self, a: u32, b: u32) -> bool {
+        let (a, b) = (a as usize, b as usize);
+        if let (Some(a), Some(b)) = (self.said.get(a), self.said.get(b))
+            && a != b
+        {
+            return *a;
+        }
+        let [x, y] = [0, 1].map(|c| self.mean[b][c] - self.mean[a][c]);
+        if y.abs() > SAME_HEIGHT * x.abs() { y > 0.0 } else { x > 0.0 }
+    }
+}
+
+/// The interface elements, one after the other along the tangent, so that rows of results follow the joint; joints that do not hang
+/// together from left to right.
+fn in_line(nodes: &[[f64; 2]], found: Vec<[u32; 4]>) -> Vec<[u32; 4]> {
     let middle = |corners: &[u32; 4], c: usize| corners.iter().map(|&node| nodes[node as usize][c]).sum::<f64>();
-    found.sort_by(|a, b| middle(a, 0).total_cmp(&middle(b, 0)).then(middle(a, 1).total_cmp(&middle(b, 1))));
-    Ok(found)
+    let order =
+        |a: &[u32; 4], b: &[u32; 4]| middle(a, 0).total_cmp(&middle(b, 0)).then(middle(a, 1).total_cmp(&middle(b, 1)));
+    let mut starts: HashMap<[u32; 2], usize> = HashMap::new();
+    let mut ends: HashSet<[u32; 2]> = HashSet::new();
+    for (k, &[l1, l2, u1, u2]) in found.iter().enumerate() {
+        starts.insert([l1, u1], k);
+        ends.insert([l2, u2]);
+    }
+    // Beginnings first; what is left after them are rings, which begin at their leftmost element.
+    let mut first: Vec<usize> = (0..found.len()).collect();
+    let is_inner = |k: usize| ends.contains(&[found[k][0], found[k][2]]);
+    first.sort_by(|&a, &b| is_inner(a).cmp(&is_inner(b)).then(order(&found[a], &found[b])));
+    let mut taken = vec![false; found.len()];
+    let mut line = Vec::with_capacity(found.len());
+    for start in first {
+        let mut next = Some(start);
+        while let Some(k) = next.filter(|&k| !taken[k]) {
+            taken[k] = true;
+            line.push(found[k]);
+            next = starts.get(&[found[k][1], found[k][3]]).copied();
+        }
+    }
+    line
 }
 
 /// Whether `node` lies across the gap from the face about `near`, between the ends of that face.

@@ -89,6 +89,14 @@ pub enum MeshError {
         /// Number of corners.
         corners: usize,
     },
+    /// Elements along the sides of a polygon that is no convex quadrilateral.
+    #[error(
+        "zone '{zone}': elements = \"mapped\" needs a polygon with four corners and no corner that points inwards; give those in order around the region, or a mesh file"
+    )]
+    NotConvex {
+        /// Zone's name.
+        zone: String,
+    },
     /// A polygon whose sides cross.
     #[error(
         "zone '{zone}': the polygon crosses itself near ({x:.1}, {y:.1}) px: its sides {first} and {second} (counted from 0) meet; give its corners in order around the region"

@@ -4,7 +4,7 @@ use super::grid::Grid;
 use super::pixel_set::{PixelSet, ZonePixels, zone_pixels};
 use super::pixels::{self, PixelMap};
 use super::q4::{Mesh, Part, checked};
-use super::{Guard, MeshError, Roi, Zone, ZoneElements};
+use super::{MeshError, Roi, Zone, ZoneElements};
 use crate::units::Px;
 use std::sync::Arc;
 
@@ -53,11 +53,7 @@ impl PixelMesh {
                 None => lattice(zone, size, share, image)?,
             };
             if pixels.guarded.bounds().is_none() {
-                let guard = match &zone.guard {
-                    Guard::All(guard) => *guard,
-                    Guard::Sides(guards) => guards.iter().fold(0.0, |a, b| f64::max(a, *b)),
-                };
-                return Err(MeshError::Guard { zone: zone.name.clone(), guard });
+                return Err(MeshError::Guard { zone: zone.name.clone(), guard: zone.guard.largest() });
             }
             let rectangles = |k: usize| zones[k].is_rectangle() && zone.is_rectangle();
             if let Some(other) = (0..at).find(|&k| rectangles(k) && overlap(&parts[k], &part)) {

@@ -5,6 +5,7 @@ mod element;
 mod error;
 mod grid;
 mod lay;
+mod mapped;
 mod pixel_set;
 mod pixels;
 mod polygon;

@@ -119,12 +119,13 @@ pub(super) fn zone_pixels(
     let roi = zone.bounds(width, height)?;
     check_guard(zone)?;
     if zone.is_rectangle() {
-        let guard = match &zone.guard {
-            Guard::All(g) => [*g; 4],
-            Guard::Sides(sides) => [sides[0], sides[1], sides[2], sides[3]],
-        };
         let all = rectangle(roi, [0.0; 4], width, height);
-        return Ok(ZonePixels { all, guarded: rectangle(roi, guard, width, height) });
+        let guarded = match &zone.guard {
+            Guard::All(g) => rectangle(roi, [*g; 4], width, height),
+            Guard::Sides(sides) => rectangle(roi, [sides[0], sides[1], sides[2], sides[3]], width, height),
+            Guard::Along { line, width } => beside(&all, all.bounds().unwrap_or_default(), line, *width),
+        };
+        return Ok(ZonePixels { all, guarded });
     }
     if let Some(mask) = &zone.mask
         && [mask.width(), mask.height()] != [width, height]
@@ -156,19 +157,34 @@ pub(super) fn zone_pixels(
                     .zip(guards)
                     .all(|(side, guard)| polygon::distance(centre, side) >= *guard)
         }),
+        Guard::Along { line, width } => beside(&all, frame, line, *width),
     };
     Ok(ZonePixels { all, guarded })
+}
+
+/// The pixels of `set` whose centre is at least `width` from `line`. A line that is no side of whole pixels cuts them anywhere, so
+/// that the centre stands for the pixel here.
+fn beside(set: &PixelSet, frame: [usize; 4], line: &[[f64; 2]], width: f64) -> PixelSet {
+    PixelSet::raster(frame, |x, y| {
+        let centre = [x as f64, y as f64];
+        set.contains(x, y) && line.windows(2).all(|ends| polygon::distance(centre, [ends[0], ends[1]]) >= width)
+    })
 }
 
 fn check_guard(zone: &Zone) -> Result<(), MeshError> {
     let name = || zone.name.clone();
     let (guards, sides) = match &zone.guard {
-        Guard::All(guard) => (std::slice::from_ref(guard), 1),
+        Guard::All(guard) | Guard::Along { width: guard, .. } => (std::slice::from_ref(guard), 1),
         Guard::Sides(guards) if zone.is_rectangle() => (guards.as_slice(), 4),
         Guard::Sides(guards) => (guards.as_slice(), zone.polygon.len()),
     };
     if guards.len() != sides {
         return Err(MeshError::GuardSides { zone: name(), given: guards.len(), sides });
+    }
+    if let Guard::Along { line, .. } = &zone.guard
+        && let Some(corner) = line.iter().position(|p| !p.iter().all(|v| v.is_finite()))
+    {
+        return Err(MeshError::NotFinite { zone: name(), corner });
     }
     match guards.iter().find(|guard| !(guard.is_finite() && **guard >= 0.0)) {
         Some(&guard) => Err(MeshError::Guard { zone: name(), guard }),
@@ -219,6 +235,34 @@ fn without_border(set: &PixelSet, frame: [usize; 4], guard: f64, [width, height]
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_guard_along_a_line_leaves_out_what_is_near_it_and_no_other_border() {
+        let corners = [[10.0, 30.0], [50.0, 10.0], [60.0, 30.0], [20.0, 50.0]];
+        let line = vec![corners[0], corners[1]];
+        let plain = Zone { name: "tilted".into(), polygon: corners.to_vec(), ..Zone::default() };
+        let roi = Roi { x0: 8.0, y0: 8.0, x1: 64.0, y1: 52.0 };
+        for zone in [plain, Zone::rectangle("box", roi)] {
+            let zone = Zone { guard: Guard::Along { line: line.clone(), width: 3.0 }, ..zone };
+            let ZonePixels { all, guarded } = zone_pixels(&zone, [80, 60], None).unwrap();
+            let mut n_left_out = 0;
+            for (x, y) in (0..60).flat_map(|y| (0..80).map(move |x| (x, y))) {
+                // The line is (40, -20) long: distance of a point beside it.
+                let (dx, dy) = (x as f64 - 10.0, y as f64 - 30.0);
+                let along = (40.0 * dx - 20.0 * dy) / 2000.0;
+                let ends = (dx.hypot(dy)).min((dx - 40.0).hypot(dy + 20.0));
+                let distance =
+                    if (0.0..=1.0).contains(&along) { (20.0 * dx + 40.0 * dy).abs() / 2000f64.sqrt() } else { ends };
+                assert_eq!(guarded.contains(x, y), all.contains(x, y) && distance >= 3.0, "({x}, {y})");
+                n_left_out += usize::from(all.contains(x, y) && !guarded.contains(x, y));
+            }
+            assert!(n_left_out > 100, "{n_left_out}"); // a band of 45 px by 3 px, within
+        }
+        let bad = |guard| zone_pixels(&Zone { guard, ..Zone::rectangle("box", roi) }, [80, 60], None).unwrap_err();
+        assert!(matches!(bad(Guard::Along { line: line.clone(), width: -1.0 }), MeshError::Guard { .. }));
+        let nowhere = Guard::Along { line: vec![[f64::NAN, 0.0], [1.0, 1.0]], width: 3.0 };
+        assert!(matches!(bad(nowhere), MeshError::NotFinite { corner: 0, .. }));
+    }
 
     #[test]
     fn a_guard_keeps_the_pixels_that_are_far_enough_from_every_pixel_outside() {

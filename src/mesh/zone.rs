@@ -26,6 +26,13 @@ pub enum Guard {
     /// One number per side. Of a rectangle: left, top, right, bottom. Of a polygon: the side from corner k to
     /// the next; holes and masks then have none.
     Sides(Vec<f64>),
+    /// Along a line alone, wherever it runs: a facing edge of a joint.
+    Along {
+        /// Points of the line in order, px.
+        line: Vec<[f64; 2]>,
+        /// Pixels whose centre is nearer to it are left out, px.
+        width: f64,
+    },
 }
 
 impl Default for Guard {
@@ -40,6 +47,16 @@ impl Guard {
         match self {
             Self::All(guard) => *guard == 0.0,
             Self::Sides(guards) => guards.iter().all(|guard| *guard == 0.0),
+            Self::Along { width, .. } => *width == 0.0,
+        }
+    }
+
+    /// The largest width, px.
+    pub(super) fn largest(&self) -> f64 {
+        match self {
+            Self::All(guard) => *guard,
+            Self::Sides(guards) => guards.iter().fold(0.0, |a, b| f64::max(a, *b)),
+            Self::Along { width, .. } => *width,
         }
     }
 }

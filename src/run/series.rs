@@ -133,7 +133,7 @@ impl<'a> PreparedSeries<'a> {
         let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
         let (width, height) = (image.width(), image.height());
         let Zones { zones, notes: zone_notes, files: zone_files } =
-            Zones::on(&plan.zones, plan.guard_px, width, height)?;
+            Zones::on(&plan.zones, plan.guard_px, plan.options.element_size, [width, height])?;
         let reference = Arc::new(image);
         let prepare = Instant::now();
         let device = plan.device()?;

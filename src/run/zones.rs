@@ -2,10 +2,10 @@
 
 use super::error::Result;
 use super::text::absolute;
-use crate::io::case::{CaseGuard, CaseZone};
+use crate::io::case::{CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
-use crate::mesh::{Guard, Mask, Roi, Zone};
+use crate::mesh::{Guard, Mask, MeshError, Roi, Zone, ZoneElements};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,8 +21,9 @@ pub(super) struct Zones {
 }
 
 impl Zones {
-    /// The zones `wanted` on an image of `width` x `height` px; when none is, the whole image, with `guard` px.
-    pub fn on(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Result<Self> {
+    /// The zones `wanted` on an image of `width` x `height` px; when none is, the whole image, with `guard` px. Mapped elements have
+    /// about `size` px.
+    pub fn on(wanted: &[CaseZone], guard: Option<f64>, size: usize, [width, height]: [usize; 2]) -> Result<Self> {
         let mut found = Self::default();
         if wanted.is_empty() {
             let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
@@ -57,6 +58,10 @@ impl Zones {
                 region.mask = Some(mask);
             }
             match &zone.mesh {
+                Some(_) if zone.elements.is_some() => {
+                    let what = "has elements = \"mapped\" and a mesh file; leave one of them out";
+                    return Err(format!("zone '{name}' {what}").into());
+                }
                 Some(file) => found.mesh(Path::new(file), zone, &region)?,
                 None if zone.group.is_some() => {
                     return Err(format!("zone '{name}' has a group but no mesh; name the mesh file").into());
@@ -64,7 +69,12 @@ impl Zones {
                 None if region.roi.is_none() && region.is_rectangle() => {
                     return Err(format!("zone '{name}' has no roi = [x0, y0, x1, y1], no polygon, mask or mesh").into());
                 }
-                None => found.zones.push(region),
+                None => {
+                    if zone.elements == Some(CaseElements::Mapped) {
+                        region.elements = Some(Arc::new(mapped(&region, size).map_err(|error| error.to_string())?));
+                    }
+                    found.zones.push(region);
+                }
             }
         }
         Ok(found)
@@ -119,6 +129,13 @@ pub(super) fn resolved(wanted: &[CaseZone], guard: Option<f64>, width: usize, he
     wanted.iter().enumerate().map(complete).collect()
 }
 
+/// Elements of `size` px along the sides of the polygon of `zone`.
+fn mapped(zone: &Zone, size: usize) -> std::result::Result<ZoneElements, MeshError> {
+    let not_convex = || MeshError::NotConvex { zone: zone.name.clone() };
+    let corners = zone.polygon.as_slice().try_into().map_err(|_| not_convex())?;
+    ZoneElements::mapped(&zone.name, corners, size as f64)
+}
+
 fn name_of(at: usize, zone: &CaseZone) -> String {
     zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }
@@ -128,6 +145,7 @@ fn guard_of(name: &str, zone: &CaseZone) -> Result<Guard> {
         None => Guard::default(),
         Some(CaseGuard::All(guard)) => Guard::All(*guard),
         Some(CaseGuard::Sides(sides)) => Guard::Sides(sides.clone()),
+        Some(CaseGuard::Along { along, width }) => Guard::Along { line: along.clone(), width: *width },
         Some(CaseGuard::Rectangle { .. }) if zone.roi.is_none() || zone.polygon.is_some() => {
             let what = "guard_px = { left, top, right, bottom } is for the sides of a roi";
             return Err(format!("zone '{name}': {what}; give one number, or a list with one for each side").into());

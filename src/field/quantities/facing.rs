@@ -71,6 +71,11 @@ impl FacingPoint {
         [-self.normal[1], self.normal[0]]
     }
 
+    /// The node of `+`.
+    pub fn node(&self) -> usize {
+        self.plus
+    }
+
     /// `direction . (u+ - u-)` as a sum over nodes.
     pub fn jump(&self, direction: [f64; 2]) -> Reading {
         let minus = self.minus.map(|(node, w)| (node, direction.map(|d| -w * d)));

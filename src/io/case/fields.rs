@@ -130,11 +130,21 @@ pub struct CaseZone {
     pub mesh: Option<String>,
     /// The one group of the mesh file that is taken; without it every group is a zone.
     pub group: Option<String>,
+    /// Elements other than those of a grid of squares on its polygon.
+    pub elements: Option<CaseElements>,
     /// Pixels this close to its border are left out of all sums, px, while the mesh still reaches it: a number; `{ left = 0,
     /// top = 0, right = 0, bottom = 3 }` of a `roi`; a list with one for each side of a polygon (side k from corner k to the
-    /// next).
+    /// next); `{ along = [[x, y], ...], width = 3 }` along a line alone.
     #[schemars(extend("default" = 0, "x-flag" = "--guard"))]
     pub guard_px: Option<CaseGuard>,
+}
+
+/// How the elements of a zone are laid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum CaseElements {
+    /// Along the sides of its polygon, of four corners and convex: about as large as the element size, with nodes on every side.
+    Mapped,
 }
 
 /// Width along the border of a zone whose pixels are left out, px.
@@ -160,6 +170,13 @@ pub enum CaseGuard {
         /// Bottom.
         #[schemars(default)]
         bottom: f64,
+    },
+    /// Along a line alone.
+    Along {
+        /// Points of the line in order, px.
+        along: Vec<[f64; 2]>,
+        /// Distance from it, px.
+        width: f64,
     },
 }
 

@@ -13,7 +13,8 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseInterface {
-    /// Names of two zones: of the strip below the adhesive, of that above.
+    /// Names of the two zones beside the adhesive, whose normal points from the first to the second. Of two zones one below
+    /// the other the first is the lower one.
     #[serde(deserialize_with = "lower_upper")]
     pub zones: [String; 2],
     /// Pixels this close to the facing edges are left out of the sums, px; a zone with a `guard_px` of its own keeps that.
@@ -33,6 +34,9 @@ pub struct CaseJointMesh {
     pub file: Option<String>,
     /// The store `fields.zarr` of a correlation run with two zones, or the folder of the run.
     pub store: Option<String>,
+    /// The two groups of elements (zones of the run) beside the adhesive: its normal points from the first to the second.
+    /// Without it, up.
+    pub zones: Option<[String; 2]>,
     /// Side of the square elements, mm.
     pub element_size_mm: Option<f64>,
     /// Elements along the joint.

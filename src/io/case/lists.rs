@@ -156,12 +156,35 @@ impl<'de> Deserialize<'de> for CaseGuard {
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<CaseGuard, A::Error> {
                 const SIDES: [&str; 4] = ["left", "top", "right", "bottom"];
                 let mut widths = [0.0; 4];
+                let (mut along, mut width, mut n_sides) = (None, None, 0);
                 while let Some(key) = map.next_key::<String>()? {
+                    match key.as_str() {
+                        "along" => {
+                            along = Some(map.next_value::<Vec<Corner>>()?);
+                            continue;
+                        }
+                        "width" => {
+                            width = Some(map.next_value()?);
+                            continue;
+                        }
+                        _ => n_sides += 1,
+                    }
                     let side = SIDES.iter().position(|side| *side == key);
                     let side = side.ok_or_else(|| {
                         de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
                     })?;
                     widths[side] = map.next_value()?;
+                }
+                match (along, width, n_sides) {
+                    (None, None, _) => {}
+                    (Some(along), Some(width), 0) if along.len() > 1 => {
+                        return Ok(CaseGuard::Along { along: pairs(along), width });
+                    }
+                    _ => {
+                        return Err(de::Error::custom(
+                            "a guard along a line needs along = [[x, y], ...] with two points or more, width, and no sides",
+                        ));
+                    }
                 }
                 let [left, top, right, bottom] = widths;
                 Ok(CaseGuard::Rectangle { left, top, right, bottom })

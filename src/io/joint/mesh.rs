@@ -19,6 +19,8 @@ pub struct JointMeshFile {
     pub interfaces: Option<Vec<[u32; 4]>>,
     /// Nodes of the faces of the adhesive, where the file names them; empty otherwise.
     pub faces: Vec<u32>,
+    /// The group that lies below the adhesive, where the case says it (`[mesh] zones`).
+    pub lower: Option<u32>,
     /// Nodes that the file says are prescribed.
     pub prescribed: Option<Vec<u32>>,
     /// Nodes that the file selects for comparison with a measurement.
@@ -82,6 +84,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
             elements: mesh.quads,
             interfaces: mesh.cohesive,
             faces: mesh.lower_face,
+            lower: None,
             prescribed: mesh.dirichlet_nodes,
             selected: mesh.selected_nodes,
             groups: mesh.groups,

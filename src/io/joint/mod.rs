@@ -110,7 +110,7 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         (None, Some(_)) => return Err(wrong(JointFileError::OtherRun)),
     };
     let sizes = [element_size_mm.is_some(), columns.is_some(), rows.is_some(), gap_mm.is_some()];
-    let mesh = match (file, &run, element_size_mm, columns, rows, gap_mm) {
+    let mut mesh = match (file, &run, element_size_mm, columns, rows, gap_mm) {
         (Some(file), None, ..) if !sizes.contains(&true) => MeshInput::File(read_joint_mesh(&case.base.join(file))?),
         (None, Some(run), ..) if !sizes.contains(&true) => MeshInput::Run(run.mesh.clone()),
         (None, None, &Some(element_size), &Some(columns), &Some(rows), &Some(gap)) => {
@@ -118,6 +118,18 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         }
         _ => return Err(wrong(JointFileError::NoMesh)),
     };
+    if let Some(zones) = &case.mesh.zones {
+        let (MeshInput::File(file) | MeshInput::Run(file)) = &mut mesh else { return Err(JointFileError::NoMesh) };
+        let at = |name: &String| {
+            let missing = || JointFileError::NoGroup { name: name.clone(), there: file.groups.join(", ") };
+            file.groups.iter().position(|group| group == name).ok_or_else(missing)
+        };
+        let [first, second] = [at(&zones[0])?, at(&zones[1])?];
+        if first == second {
+            return Err(JointFileError::OneGroup { name: zones[0].clone() });
+        }
+        file.lower = Some(first as u32);
+    }
     let measurement = match &case.measurement {
         None => None,
         Some(CaseMeasurement { file: Some(file), store: None, pixel_size_mm, .. }) => {
@@ -260,6 +272,20 @@ pub enum JointFileError {
         "[mesh] needs file = \"mesh.json\", or store = \"run/fields.zarr\", or element_size_mm, columns, rows and gap_mm together"
     )]
     NoMesh,
+    /// `[mesh] zones` names a group that is not there.
+    #[error("[mesh] zones names \"{name}\"; the mesh has the groups {there}")]
+    NoGroup {
+        /// The name.
+        name: String,
+        /// Those that are there.
+        there: String,
+    },
+    /// `[mesh] zones` names one group twice.
+    #[error("[mesh] zones names \"{name}\" twice; name the two groups beside the adhesive")]
+    OneGroup {
+        /// The group.
+        name: String,
+    },
     /// No border, or more than one.
     #[error("[boundary] needs either file = \"displacements.csv\" or store = \"run/fields.zarr\"")]
     NoBoundary,

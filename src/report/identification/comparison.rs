@@ -43,23 +43,31 @@ impl IdentificationReport<'_> {
         )];
         let model = &self.joint.model;
         let (pairs, positions) = (model.mesh().pairs(), model.pair_positions());
+        let normals = model.pair_normals();
         let mut curves = Vec::new();
-        for (c, title, label) in [(1, "Opening", "opening (\u{b5}m)"), (0, "Sliding", "sliding (\u{b5}m)")] {
+        for (title, label) in [("Opening", "opening (\u{b5}m)"), ("Sliding", "sliding (\u{b5}m)")] {
+            let axis = |k: usize| if title == "Opening" { normals[k] } else { [normals[k][1], -normals[k][0]] };
+            let along_axis = |k: usize, from: [f64; 2], to: [f64; 2]| -> f64 {
+                axis(k).iter().zip(from).zip(to).map(|((axis, from), to)| axis * (to - from)).sum()
+            };
             let mut series = Vec::new();
             for at in self.drawn() {
                 let u = &self.computed[at];
-                let line = |k: usize| 1e3 * (u[pairs[k][1] as usize][c] - u[pairs[k][0] as usize][c]);
+                let line = |k: usize| 1e3 * along_axis(k, u[pairs[k][0] as usize], u[pairs[k][1] as usize]);
                 let along: Vec<f64> = positions.iter().map(|(_, along)| *along).collect();
                 series.push(Series::new(self.name_of(at), Style::Line, along, (0..pairs.len()).map(line).collect()));
             }
             for at in self.drawn() {
                 let (mut x, mut y, mut half) = (Vec::new(), Vec::new(), Vec::new());
-                for (&[lower, upper], (_, along)) in pairs.iter().zip(&positions) {
+                for (k, (&[lower, upper], (_, along))) in pairs.iter().zip(&positions).enumerate() {
                     let both = [lower, upper].map(|node| self.measured(at, node as usize));
                     if let [Some(below), Some(above)] = both {
-                        let sigma = |node: u32| self.pixel_size.mm_from_px(self.frames[at].1.sigma[node as usize][c]);
+                        let sigma = |node: u32| {
+                            let [x, y] = self.frames[at].1.sigma[node as usize];
+                            self.pixel_size.mm_from_px((axis(k)[0] * x).hypot(axis(k)[1] * y))
+                        };
                         x.push(*along);
-                        y.push(1e3 * (above[c] - below[c]));
+                        y.push(1e3 * along_axis(k, below, above));
                         half.push(2e3 * sigma(lower).hypot(sigma(upper)));
                     }
                 }

@@ -18,6 +18,10 @@ impl IdentificationReport<'_> {
         let noise = (!noise.is_empty()).then(|| noise.iter().sum::<f64>() / noise.len() as f64);
         let sigma = self.sigma_px();
         let reference = &summary.reference;
+        let of_grids = |(_, field): &(usize, Measurement<Px>)| {
+            (0..field.mesh.zones().len()).all(|zone| field.mesh.whole_grid(zone).is_some())
+        };
+        let shape = if self.frames.iter().all(of_grids) { "squares of" } else { "quadrilaterals of about" };
         let mut facts = vec![
             (
                 "images".into(),
@@ -30,7 +34,7 @@ impl IdentificationReport<'_> {
             (
                 "elements".into(),
                 format!(
-                    "squares of {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips",
+                    "{shape} {} px = {} \u{b5}m, bilinear; {} elements, {} nodes in two strips",
                     plain(self.element_px),
                     significant(1e3 * mm * self.element_px, 4),
                     summary.n_elements,
