@@ -361,7 +361,12 @@ fn every_heavy_crate_is_seen_where_it_lives() {
 fn no_files_name_each_other_in_a_circle() {
     let found = circles::circles(&source_tree());
     let lines: Vec<_> = found.iter().map(|circle| circle.join(", ")).collect();
-    assert!(found.is_empty(), "{} circle(s); move what both need into a file below them:\n{}", found.len(), lines.join("\n"));
+    assert!(
+        found.is_empty(),
+        "{} circle(s); move what both need into a file below them:\n{}",
+        found.len(),
+        lines.join("\n")
+    );
 }
 
 #[test]
@@ -369,10 +374,14 @@ fn a_circle_is_found_through_other_files_and_through_names_handed_on() {
     let of = |files: &[(&str, &str)]| {
         circles::circles(&files.iter().map(|(path, text)| Source::new(path, text)).collect::<Vec<_>>())
     };
-    let direct = [("a/mod.rs", "mod b; mod c;"), ("a/b.rs", "use super::c::C;"), ("a/c.rs", "fn f() { crate::a::b::g() }")];
+    let direct =
+        [("a/mod.rs", "mod b; mod c;"), ("a/b.rs", "use super::c::C;"), ("a/c.rs", "fn f() { crate::a::b::g() }")];
     assert_eq!(of(&direct), [["a/b", "a/c"]]);
-    let handed_on =
-        [("a/mod.rs", "mod b; mod c; pub use c::C;"), ("a/b.rs", "use crate::a::{C, x};"), ("a/c.rs", "use super::b as d;")];
+    let handed_on = [
+        ("a/mod.rs", "mod b; mod c; pub use c::C;"),
+        ("a/b.rs", "use crate::a::{C, x};"),
+        ("a/c.rs", "use super::b as d;"),
+    ];
     assert_eq!(of(&handed_on), [["a/b", "a/c"]]);
     let child = [("a.rs", "mod b; use b::B;"), ("a/b.rs", "use super::A;")];
     assert_eq!(of(&child), [["a", "a/b"]]);

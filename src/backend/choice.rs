@@ -1,7 +1,7 @@
 //! Which device does the work.
 
 use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
-use super::{Backend, BackendError, cpu::CpuBackend, gpu};
+use super::{BackendError, OnDevice, cpu::CpuBackend, gpu};
 use crate::isa::Isa;
 use std::str::FromStr;
 use thiserror::Error;
@@ -80,8 +80,8 @@ pub enum DeviceError {
 pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Option<&'a GpuAdapter>, DeviceError> {
     let list = &adapters.list;
     let usable = |kinds: &[AdapterKind]| {
-        let of = |kind: &AdapterKind| list.iter().find(|a| a.kind == *kind && a.unusable.is_none());
-        kinds.iter().find_map(of)
+        let usable_of = |kind: &AdapterKind| list.iter().find(|a| a.kind == *kind && a.unusable.is_none());
+        kinds.iter().find_map(usable_of)
     };
     const HARDWARE: [AdapterKind; 3] = [AdapterKind::Discrete, AdapterKind::Integrated, AdapterKind::Virtual];
     let no_adapter = || match adapters.built_without {
@@ -110,16 +110,6 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
 fn listed(adapters: &Adapters) -> String {
     let names: Vec<String> = adapters.list.iter().enumerate().map(|(at, a)| format!("{at} '{}'", a.name)).collect();
     names.join(", ")
-}
-
-/// Work for a device that is chosen when the program runs, written once for all of them. What it gives back should no longer
-/// say which device it was: that keeps the choice in this one place.
-pub trait OnDevice {
-    /// What comes of it.
-    type Output;
-
-    /// Does it with the device that was chosen.
-    fn on<B: Backend>(self, backend: B) -> Self::Output;
 }
 
 /// A device that is used, and can be opened anew.

@@ -329,3 +329,13 @@ pub trait Backend: Clone + Send + Sync + 'static {
         None
     }
 }
+
+/// Work for a device that is chosen when the program runs, written once for all of them. What it gives back should no longer
+/// say which device it was: that keeps the choice in this one place.
+pub trait OnDevice {
+    /// What comes of it.
+    type Output;
+
+    /// Does it with the device that was chosen.
+    fn on<B: Backend>(self, backend: B) -> Self::Output;
+}

@@ -2,8 +2,7 @@
 
 pub use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
 
-use super::BackendError;
-use super::choice::OnDevice;
+use super::{BackendError, OnDevice};
 use std::convert::Infallible;
 
 /// No adapter is ever made.

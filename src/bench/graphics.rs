@@ -1,12 +1,12 @@
 //! What is measured of a graphics device beside what every device has: its start and its kernels.
 
 use super::kernels::{KernelCost, KernelStart, StartUp};
+use super::measured::{DeviceRecord, Measured, opened};
 use super::passes::{Bound, ResidualPass};
-use super::record::{Measured, opened};
 use super::scene::{Scene, kernel_options};
 use super::times::{Spread, repeat};
 use super::whole::Share;
-use super::{BenchError, COPIED, Clock, DeviceRecord, Subject, copy_rate_of_core};
+use super::{BenchError, COPIED, Clock, Subject, copy_rate_of_core};
 use crate::backend::gpu::{
     AdapterKind, Extent, GpuAdapter, GpuBackend, GpuOptions, KERNELS, Kernel, Noted, Part, Timing, Work,
 };

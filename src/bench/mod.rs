@@ -7,6 +7,7 @@ mod graphics;
 #[path = "no_graphics.rs"]
 mod graphics;
 mod kernels;
+mod measured;
 mod passes;
 mod record;
 mod scene;
@@ -15,8 +16,9 @@ mod times;
 mod whole;
 
 pub use kernels::{KernelCost, KernelStart, StartUp};
+pub use measured::DeviceRecord;
 pub use passes::{Bound, PassCost, ResidualPass, pass_costs};
-pub use record::{Device, DeviceRecord, Record};
+pub use record::{Device, Record};
 pub use scene::{Scene, kernel_options};
 pub use times::{Spread, Times, repeat};
 pub use whole::{PairCost, SeriesCost, Share, pair_cost, series_cost};

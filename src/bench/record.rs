@@ -1,6 +1,7 @@
 //! All devices of a machine, side by side.
 
-use super::{BenchError, Clock, Plan, Scene, SizeCost, StartUp, Subject, graphics, size_cost};
+use super::measured::{DeviceRecord, Measured, opened};
+use super::{BenchError, Plan, Scene, graphics};
 use crate::backend::cpu::CpuBackend;
 use crate::backend::gpu::GpuAdapter;
 use serde::Serialize;
@@ -33,39 +34,11 @@ pub struct Record {
     pub devices: Vec<DeviceRecord>,
 }
 
-/// Figures of one device.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DeviceRecord {
-    /// Its name and driver, or instruction path.
-    pub device: String,
-    /// What it is.
-    pub kind: &'static str,
-    /// What its figures are read from.
-    pub clock: Clock,
-    /// Bytes read and written by long copies, 1e9 per second: by one core on the processor's clock, else by all of it.
-    pub copy_gb_per_s: f64,
-    /// What comes once.
-    pub start_up: Option<StartUp>,
-    /// Size by size.
-    pub sizes: Vec<SizeCost>,
-}
-
 const UNITS: &str = "_s and seconds: seconds; _px: pixels; ns_per_px: nanoseconds per pixel of the image; gb_per_s: \
     1e9 bytes per second; percent_of_copy: of what long copies within the device's memory reach";
 
 const IMAGES: &str = "synthetic, 8 bit, in memory: nothing is read or written; zone: the image less one element on each \
     side; cubic interpolation; motion of 1 px sinusoids, 0.5 % stretch, 0.2 degrees";
-
-/// A device that is open, whichever it is.
-pub(super) trait Measured {
-    fn size_cost(&self, scene: &Scene, plan: &Plan, copy_rate: f64) -> Result<SizeCost, BenchError>;
-}
-
-impl<B: Subject> Measured for B {
-    fn size_cost(&self, scene: &Scene, plan: &Plan, copy_rate: f64) -> Result<SizeCost, BenchError> {
-        size_cost(self, scene, plan, copy_rate)
-    }
-}
 
 impl Record {
     /// Measures `devices` by `plan`; `say` hears what is done next. `machine` is what the record calls it.
@@ -103,14 +76,4 @@ fn open(device: &Device) -> Result<(Box<dyn Measured>, DeviceRecord), BenchError
         Device::Cpu => opened(CpuBackend::default(), "CPU", None),
         Device::Adapter(adapter) => graphics::open(adapter),
     }
-}
-
-/// What is measured of a device before its first image.
-pub(super) fn opened<B: Subject>(
-    backend: B,
-    kind: &'static str,
-    start_up: Option<StartUp>,
-) -> Result<(Box<dyn Measured>, DeviceRecord), BenchError> {
-    let (device, clock, copy_gb_per_s) = (backend.device(), backend.clock(), 1e-9 * backend.copy_rate()?);
-    Ok((Box::new(backend), DeviceRecord { device, kind, clock, copy_gb_per_s, start_up, sizes: Vec::new() }))
 }

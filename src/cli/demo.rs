@@ -82,8 +82,11 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
-    let asked =
-        CaseRun { overwrite: true, gpu: devices::options(), ..CaseRun::new(test_folder.join("case.toml"), &run_folder) };
+    let asked = CaseRun {
+        overwrite: true,
+        gpu: devices::options(),
+        ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
+    };
     // The page is named with the other results, at the end.
     let outcome = run::of_case(&asked, args.threads, false, |_| ())?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;

@@ -25,9 +25,9 @@ mod synth;
 mod virtual_test;
 mod watch;
 
-use args::{BenchArgs, BenchWhat};
 use crate::run::Outcome;
 use crate::run::text::{absolute, chain, plural};
+use args::{BenchArgs, BenchWhat};
 use clap::Parser;
 use clap::error::ErrorKind;
 use std::error::Error;

@@ -318,7 +318,12 @@ impl ReferenceChain {
             let n_elements = mesh.zone_elements(zone).filter(|&element| original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| kept[element]).count();
             if left == 0 || (left as f64) < (1.0 - LEFT_SHARE) * n_elements as f64 {
-                return Ok(Err(UpdateRefused::LeftImage { frame: key.frame, zone: name.clone(), left, of: n_elements }));
+                return Ok(Err(UpdateRefused::LeftImage {
+                    frame: key.frame,
+                    zone: name.clone(),
+                    left,
+                    of: n_elements,
+                }));
             }
         }
         let frame = key.frame;

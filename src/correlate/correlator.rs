@@ -2,7 +2,7 @@
 
 use super::border::bare_borders;
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
-use super::error::{CorrelationError, TextureFault};
+use super::error::CorrelationError;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
 use super::iterate::{Limits, Outcome, iterate, nothing};

@@ -1,9 +1,9 @@
 //! What is known of a prepared reference, whatever the device.
 
 use super::border::BareBorder;
+use super::error::TextureFault;
 use super::gradient_noise::gradient_sums;
 use super::options::Options;
-use super::error::TextureFault;
 use super::uncertainty::NodalSpread;
 use crate::backend::{ElementMoments, GreyTransfer, KernelOptions};
 use crate::field::Brightness;

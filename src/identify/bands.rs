@@ -3,8 +3,8 @@
 use super::FitError;
 use super::constants::ConstantEffect;
 use super::fit::Fit;
-use super::statistics::NORMAL_95;
 use super::objective::Problem;
+use super::statistics::NORMAL_95;
 use super::statistics::Statistics;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};

@@ -1,8 +1,8 @@
 //! Parametric bootstrap: what fits of data simulated from the fitted model do, noise of border and common reference included.
 //! It finds the bias that noise makes through a kink of the law or through plasticity, which no linear theory sees.
 
-use super::stage::run;
 use super::objective::{Evaluation, Problem};
+use super::stage::run;
 use super::statistics::Statistics;
 use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::weights::Weights;

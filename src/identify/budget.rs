@@ -2,8 +2,8 @@
 
 use super::constants::{Constant, ConstantEffect, ConstantKind, Source};
 use super::derived::{Derived, derived};
-use super::options::Discretisation;
 use super::objective::Problem;
+use super::options::Discretisation;
 use super::statistics::{NORMAL_95, Statistics};
 use crate::linalg::Dense;
 

@@ -16,7 +16,7 @@ use crate::io::case::{
     CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
     CaseWeights,
 };
-use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput};
+use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::mechanics::Joint;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -220,12 +220,12 @@ fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
         }
     }
     let values = law.values();
-    let of = |&index: &usize| {
+    let asked = |&index: &usize| {
         let name = known[index];
         let given = |map: &BTreeMap<String, f64>| map.get(name).copied();
         (index, given(&table.start).unwrap_or(values[index]), given(&table.lower), given(&table.upper))
     };
-    let unknowns = Unknowns::new(law, &list.iter().map(of).collect::<Vec<_>>())?;
+    let unknowns = Unknowns::new(law, &list.iter().map(asked).collect::<Vec<_>>())?;
     for Unknown { parameter, start, bounds: [lower, upper], .. } in unknowns.list() {
         if !(lower <= start && start <= upper) {
             let (start, lower, upper) = (*start, *lower, *upper);
@@ -294,8 +294,9 @@ impl Problem<'_> {
 
 fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
     let place: HashMap<u32, usize> = joint.boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
-    let of = |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
-    joint.boundary.instants().iter().map(of).collect()
+    let prescribed =
+        |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
+    joint.boundary.instants().iter().map(prescribed).collect()
 }
 
 /// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is
@@ -576,10 +577,10 @@ fn noise(
 
 /// Mean of the variances that the store states for the rows, mm^2.
 fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64> {
-    let of = |sigma: &Vec<[f64; 2]>| {
+    let sum_of_squares = |sigma: &Vec<[f64; 2]>| {
         observation.nodes.iter().flat_map(|&node| sigma[node as usize]).map(|s| s * s).sum::<f64>()
     };
-    let sum: f64 = observation.instants.iter().map(|instant| of(&run.sigma[instant.index])).sum();
+    let sum: f64 = observation.instants.iter().map(|instant| sum_of_squares(&run.sigma[instant.index])).sum();
     let mean = sum / (observation.instants.len() * observation.n_rows()) as f64;
     (mean > 0.0).then_some(mean)
 }

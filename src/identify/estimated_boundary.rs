@@ -3,10 +3,10 @@
 
 use super::FitError;
 use super::cone_step::{StepRegion, cone_step, room};
-use super::options::FitOptions;
-use super::stage::{Stage, at, full_weights, no_texture};
 use super::noise::Noise;
 use super::objective::{Evaluation, Problem};
+use super::options::FitOptions;
+use super::stage::{Stage, at, full_weights, no_texture};
 use super::trust_region::{FitStatus, Iteration};
 use super::weights::{InverseCovariance, Weights};
 use crate::linalg::Dense;

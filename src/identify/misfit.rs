@@ -3,8 +3,8 @@
 
 use super::FitError;
 use super::constants::ConstantEffect;
-use super::stage::full_weights;
 use super::objective::{Evaluation, Problem};
+use super::stage::full_weights;
 use super::statistics::Statistics;
 use super::weights::Weights;
 use crate::linalg::Dense;
@@ -390,7 +390,8 @@ fn regions(problem: &Problem<'_>, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
 /// The name of a strip: that of its group of elements where it has one to itself, else its number.
 fn strip_name(mesh: &JointMesh, strip: u32) -> String {
     let strip_of = |element: &[u32; 4]| mesh.strip()[element[0] as usize];
-    let mut own = (mesh.elements().iter().zip(mesh.element_group())).filter(|(e, _)| strip_of(e) == strip).map(|(_, g)| *g);
+    let mut own =
+        (mesh.elements().iter().zip(mesh.element_group())).filter(|(e, _)| strip_of(e) == strip).map(|(_, g)| *g);
     let Some(first) = own.next() else { return format!("{}.", strip + 1) };
     let shared = (mesh.elements().iter().zip(mesh.element_group())).any(|(e, g)| strip_of(e) != strip && *g == first);
     if shared || own.any(|g| g != first) { format!("{}.", strip + 1) } else { mesh.groups()[first as usize].clone() }

@@ -183,5 +183,9 @@ pub(super) fn even_texture(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> RunMatr
     let element_matrix = |corners: &[u32; 4]| -> ElementMatrix {
         alike(ElementGeometry::new(corners.map(|node| nodes[node as usize])).mass_matrix(), 1.0)
     };
-    RunMatrix { corners: elements.to_vec(), matrices: elements.iter().map(element_matrix).collect(), of_noise: Vec::new() }
+    RunMatrix {
+        corners: elements.to_vec(),
+        matrices: elements.iter().map(element_matrix).collect(),
+        of_noise: Vec::new(),
+    }
 }

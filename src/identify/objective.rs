@@ -69,7 +69,8 @@ impl Evaluation {
 
     /// The derivatives alone: one block of columns for each instant.
     pub fn jacobian(&self) -> Vec<Dense> {
-        let derivatives = |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
+        let derivatives =
+            |block: &Dense| Dense::from_fn(block.n_rows(), block.n_columns() - 1, |r, c| block[(r, c + 1)]);
         self.blocks.iter().map(derivatives).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! The prescribed parameters of the law, tried once as unknowns: does the objective want them elsewhere? (THEORY 11)
 
-use super::stage::run;
 use super::objective::{Evaluation, Problem};
+use super::stage::run;
 use super::statistics::Statistics;
 use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::unknowns::Unknowns;

@@ -64,7 +64,11 @@ pub(super) fn run(
 }
 
 /// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
-pub(super) fn reweight(problem: &Problem<'_>, stage: &mut Stage, tolerances: &TrustRegionOptions) -> Result<Weights, FitError> {
+pub(super) fn reweight(
+    problem: &Problem<'_>,
+    stage: &mut Stage,
+    tolerances: &TrustRegionOptions,
+) -> Result<Weights, FitError> {
     let measured = &problem.joint.boundary;
     let (mut coarse, mut round) = (true, 0);
     loop {

@@ -3,8 +3,8 @@
 use super::FitError;
 use super::constants::ConstantKind;
 use super::fit::{Fit, fit};
-use super::options::{FitOptions, Intervals};
 use super::objective::Problem;
+use super::options::{FitOptions, Intervals};
 use rayon::prelude::*;
 
 /// The fit at one prescribed value.

@@ -6,6 +6,7 @@
 mod document;
 mod explain;
 mod fields;
+mod guard;
 mod joint;
 mod law;
 mod lists;
@@ -14,7 +15,8 @@ mod schema;
 
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
-pub use fields::{CaseCorrelation, CaseElements, CaseGuard, CaseImages, CaseZone, Pages};
+pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
+pub use guard::CaseGuard;
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
     CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, CaseRigidMotion, CaseWeights,

@@ -6,10 +6,10 @@ mod write;
 pub use write::{WriteError, write_image};
 
 use super::tiff as tiff_pages;
-use raw::{Channels, ImageFault, Raw, check_size};
 use crate::imaging::{Image, ImageError, Pixels};
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use raw::{Channels, ImageFault, Raw, check_size};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Cursor, ErrorKind};

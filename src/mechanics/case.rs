@@ -6,8 +6,9 @@ use super::cohesive::{
 };
 use super::element::{Kinematics, Quadrature};
 use super::error::{BoundaryFault, MeshFault, ModelError};
-use super::joint::{Carry, JointMesh, JointParts};
+use super::joint::{Carry, JointMesh};
 use super::model::{Model, ModelOptions};
+use super::parts::JointParts;
 use super::substrate::{
     PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters,
 };
@@ -410,12 +411,12 @@ pub fn materials_of_case(
 
 /// What each law takes in `[cohesive]` and each material in `[substrate]`, for the schema of case files.
 pub fn case_laws() -> CaseLaws {
-    let of = |model: &'static str, parameters: &[Parameter]| {
+    let law_keys = |model: &'static str, parameters: &[Parameter]| {
         let keys = parameters.iter().map(|p| LawKey { key: p.key(), symbol: p.name, unit: p.unit, meaning: p.meaning });
         LawKeys { model, keys: keys.collect() }
     };
     // Every name has its parameters.
-    let cohesive = LAW_NAMES.iter().filter_map(|name| Some(of(name, parameters_by_name(name).ok()?)));
-    let substrate = SUBSTRATE_NAMES.iter().filter_map(|name| Some(of(name, substrate_parameters(name).ok()?)));
+    let cohesive = LAW_NAMES.iter().filter_map(|name| Some(law_keys(name, parameters_by_name(name).ok()?)));
+    let substrate = SUBSTRATE_NAMES.iter().filter_map(|name| Some(law_keys(name, substrate_parameters(name).ok()?)));
     CaseLaws { cohesive: cohesive.collect(), substrate: substrate.collect() }
 }

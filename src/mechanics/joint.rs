@@ -3,8 +3,9 @@
 use super::boundary::BoundaryHistory;
 use super::element::{Interface, Kinematics, Q4, Quadrature};
 use super::error::MeshFault;
+use super::parts::{JointParts, border_edges, sorted, strips};
 use crate::mesh::{ElementGeometry, shape_functions};
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 /// A checked mesh of a joint, in mm with y up. Nodes and elements keep the numbers they are given with.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,25 +18,6 @@ pub struct JointMesh {
     pairs: Vec<[u32; 2]>,
     /// Number of the strip (connected part) of each node.
     strip: Vec<u32>,
-}
-
-/// What a mesh is made of, before it is checked.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct JointParts {
-    /// Positions, mm, y up.
-    pub nodes: Vec<[f64; 2]>,
-    /// Corners of each element, counter-clockwise; of a triangle the last one twice.
-    pub elements: Vec<[u32; 4]>,
-    /// Of each interface element: lower left, lower right, upper left, upper right.
-    pub interfaces: Vec<[u32; 4]>,
-    /// Nodes that may lie on a face of the adhesive, where faces are found by geometry; empty for all border nodes.
-    pub faces: Vec<u32>,
-    /// The group of elements whose strip is the lower one, where faces are found by geometry; `None` for the strip further down.
-    pub lower: Option<u32>,
-    /// Names of the groups of elements, each of which may have its own material; empty for one group.
-    pub groups: Vec<String>,
-    /// Group of each element; empty for one group.
-    pub element_group: Vec<u32>,
 }
 
 impl JointMesh {
@@ -245,8 +227,8 @@ impl JointMesh {
     /// Longer side of the rectangle that holds the mesh, mm.
     pub fn extent(&self) -> f64 {
         let side = |c: usize| {
-            let of = |pick: fn(f64, f64) -> f64, start: f64| self.nodes.iter().map(|x| x[c]).fold(start, pick);
-            of(f64::max, f64::NEG_INFINITY) - of(f64::min, f64::INFINITY)
+            let bound = |pick: fn(f64, f64) -> f64, start: f64| self.nodes.iter().map(|x| x[c]).fold(start, pick);
+            bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY)
         };
         side(0).max(side(1))
     }
@@ -424,46 +406,4 @@ fn all_different(kind: &'static str, elements: &[[u32; 4]]) -> Result<(), MeshFa
         }
     }
     Ok(())
-}
-
-pub(super) fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
-/// Edges of one element alone, as that element goes around them, in the order of the elements.
-pub(super) fn border_edges(elements: &[[u32; 4]]) -> Vec<[u32; 2]> {
-    let edges = |corners: &[u32; 4]| {
-        let corners = *corners;
-        (0..4).map(move |k| [corners[k], corners[(k + 1) % 4]]).filter(|[a, b]| a != b)
-    };
-    let mut count: HashMap<[u32; 2], u32> = HashMap::new();
-    for edge in elements.iter().flat_map(edges) {
-        *count.entry(sorted(edge)).or_default() += 1;
-    }
-    elements.iter().flat_map(edges).filter(|&edge| count[&sorted(edge)] == 1).collect()
-}
-
-/// Connected parts of a mesh: the number of the part of each node, in order of their first nodes.
-pub(super) fn strips(n_nodes: usize, elements: &[[u32; 4]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..n_nodes as u32).collect();
-    fn root(parent: &mut [u32], mut node: u32) -> u32 {
-        while parent[node as usize] != node {
-            parent[node as usize] = parent[parent[node as usize] as usize];
-            node = parent[node as usize];
-        }
-        node
-    }
-    for corners in elements {
-        for k in 1..4 {
-            let (a, b) = (root(&mut parent, corners[0]), root(&mut parent, corners[k]));
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    let mut numbers = BTreeMap::new();
-    (0..n_nodes as u32)
-        .map(|node| {
-            let next = numbers.len() as u32;
-            *numbers.entry(root(&mut parent, node)).or_insert(next)
-        })
-        .collect()
 }

@@ -460,11 +460,11 @@ impl Model {
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn stresses(&self, u: &[[f64; 2]]) -> Vec<[Stress; 4]> {
-        let of = |(element, quad): (usize, &Q4)| {
+        let stresses = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
             quad.points().map(|point| self.material(element).stress(point.strain(&u)))
         };
-        self.quads.iter().enumerate().map(of).collect()
+        self.quads.iter().enumerate().map(stresses).collect()
     }
 
     /// Equivalent stress (MPa) and plastic strain at the four Gauss points of each element.
@@ -472,11 +472,11 @@ impl Model {
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn states(&self, u: &[[f64; 2]]) -> Vec<[SubstrateState; 4]> {
-        let of = |(element, quad): (usize, &Q4)| {
+        let states = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
             quad.points().map(|point| self.material(element).state(point.strain(&u)))
         };
-        self.quads.iter().enumerate().map(of).collect()
+        self.quads.iter().enumerate().map(states).collect()
     }
 
     /// The internal force at every node, N/mm: at prescribed nodes the reaction, at the others the residual.

@@ -80,8 +80,8 @@ impl Model {
         }
         if options.substrate_sensitivities {
             for (group, material) in self.materials().iter().enumerate() {
-                let of = |&parameter| Sensitivity { parameter, group: Some(group) };
-                parameters.extend(material.parameters().iter().map(of));
+                let of_group = |&parameter| Sensitivity { parameter, group: Some(group) };
+                parameters.extend(material.parameters().iter().map(of_group));
             }
         }
         Ok(Solution { instants, parameters })

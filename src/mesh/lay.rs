@@ -1,9 +1,10 @@
 //! Meshes laid on the zones of an image, with the pixels of their elements.
 
 use super::grid::Grid;
-use super::pixel_set::{PixelSet, ZonePixels, zone_pixels};
+use super::pixel_set::PixelSet;
 use super::pixels::{self, PixelMap};
 use super::q4::{Mesh, Part, checked};
+use super::zone_pixels::{ZonePixels, zone_pixels};
 use super::{MeshError, Roi, Zone, ZoneElements};
 use crate::units::Px;
 use std::sync::Arc;

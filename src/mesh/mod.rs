@@ -11,6 +11,7 @@ mod pixels;
 mod polygon;
 mod q4;
 mod zone;
+mod zone_pixels;
 
 pub use carried::CarriedZones;
 pub use element::{

@@ -41,11 +41,11 @@ impl Bins {
         let (columns, rows) = (count(0), count(1));
         let mut bins = Self { origin: low, size, columns, lists: vec![Vec::new(); columns * rows] };
         for (element, corners) in elements.iter().enumerate() {
-            let of = |k: usize, pick: fn(f64, f64) -> f64, start: f64| {
+            let bound = |k: usize, pick: fn(f64, f64) -> f64, start: f64| {
                 corners.iter().map(|&node| nodes[node as usize - first_node][k]).fold(start, pick)
             };
-            let from = bins.square([of(0, f64::min, f64::INFINITY), of(1, f64::min, f64::INFINITY)]);
-            let to = bins.square([of(0, f64::max, f64::NEG_INFINITY), of(1, f64::max, f64::NEG_INFINITY)]);
+            let from = bins.square([bound(0, f64::min, f64::INFINITY), bound(1, f64::min, f64::INFINITY)]);
+            let to = bins.square([bound(0, f64::max, f64::NEG_INFINITY), bound(1, f64::max, f64::NEG_INFINITY)]);
             for row in from[1]..=to[1] {
                 for column in from[0]..=to[0] {
                     bins.lists[row * columns + column].push(element as u32);

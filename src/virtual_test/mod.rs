@@ -157,7 +157,8 @@ impl VirtualTest {
             };
             let nodes = (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column)));
             let place = |row: usize, column: usize| [LEFT_PX + step * column as f64, top + step * row as f64];
-            let displacement = nodes.map(|(row, column)| change(place(row, column), displacement(row, column))).collect();
+            let displacement =
+                nodes.map(|(row, column)| change(place(row, column), displacement(row, column))).collect();
             GridField::new([LEFT_PX, top], step, JOINT, displacement).expect("a grid with all its nodes")
         };
         let [upper_face, lower_face] = faces_px();

@@ -7,6 +7,7 @@
 
 mod device;
 mod field;
+mod handle;
 mod layout;
 mod level;
 mod plane;
@@ -18,6 +19,7 @@ mod timed;
 pub use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
 pub use device::adapters;
 pub use field::GpuField;
+pub(super) use handle::Handle;
 pub use layout::{Mirror, mirrors};
 pub use level::GpuLevel;
 pub use plane::GpuFrame;
@@ -25,18 +27,15 @@ pub use profile::{Noted, Timing, Work};
 pub use shader::{Binding, Extent, KERNELS, Kernel, Part, source};
 pub use solver::GpuSolver;
 
-use crate::backend::choice::OnDevice;
 use crate::backend::{
-    Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums, Place, Step, Traffic,
+    Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums, Place,
+    Step, Traffic,
 };
 use crate::imaging::Image;
 use crate::linalg::{Solver, SolverChoice};
 use crate::mesh::PixelMesh;
 use device::Gpu;
 use std::sync::Arc;
-
-/// An adapter as its driver gives it.
-pub(super) type Handle = wgpu::Adapter;
 
 /// Does `work` on `adapter`.
 ///

@@ -121,18 +121,18 @@ fn find(table: &DeTable<'_>, section: &str, key: Option<&str>) -> Option<usize> 
             _ => None,
         }
     }
-    let of = |table: &DeTable<'_>, name: &str| -> Option<usize> {
+    let place = |table: &DeTable<'_>, name: &str| -> Option<usize> {
         table.iter().find(|(key, _)| key.get_ref() == name).map(|(key, _)| key.span().start)
     };
     let (mut here, mut at) = (table, None);
     for name in section.split('.') {
-        at = of(here, name).or(at);
+        at = place(here, name).or(at);
         let value = here.iter().find(|(key, _)| key.get_ref() == name).map(|(_, value)| value.get_ref());
         let Some(table) = value.and_then(inside) else { return at };
         here = table;
     }
     let Some(key) = key else { return at };
-    of(here, key).or_else(|| here.iter().find_map(|(_, value)| of(inside(value.get_ref())?, key))).or(at)
+    place(here, key).or_else(|| here.iter().find_map(|(_, value)| place(inside(value.get_ref())?, key))).or(at)
 }
 
 /// Line and column, from 1, of the byte `at`.

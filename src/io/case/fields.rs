@@ -1,5 +1,6 @@
 //! The sections of a correlation: images, options, zones.
 
+use super::guard::CaseGuard;
 use super::lists::{OneOrMore, four_numbers, one_or_list, one_or_more, polygon, polygons};
 use crate::field::{
     Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
@@ -145,39 +146,6 @@ pub struct CaseZone {
 pub enum CaseElements {
     /// Along the sides of its polygon, of four corners and convex: about as large as the element size, with nodes on every side.
     Mapped,
-}
-
-/// Width along the border of a zone whose pixels are left out, px.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-#[serde(untagged)]
-#[schemars(deny_unknown_fields)]
-pub enum CaseGuard {
-    /// The same everywhere.
-    All(f64),
-    /// One for each side of a polygon, in order; side k leads from corner k to the next.
-    Sides(Vec<f64>),
-    /// One for each side of a rectangle; in the file those left out are 0.
-    Rectangle {
-        /// Left.
-        #[schemars(default)]
-        left: f64,
-        /// Top.
-        #[schemars(default)]
-        top: f64,
-        /// Right.
-        #[schemars(default)]
-        right: f64,
-        /// Bottom.
-        #[schemars(default)]
-        bottom: f64,
-    },
-    /// Along a line alone.
-    Along {
-        /// Points of the line in order, px.
-        along: Vec<[f64; 2]>,
-        /// Distance from it, px.
-        width: f64,
-    },
 }
 
 impl CaseZone {

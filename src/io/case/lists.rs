@@ -1,8 +1,7 @@
 //! Lists as a user writes them, and what is said when they are none.
 
-use super::CaseGuard;
 use schemars::JsonSchema;
-use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
@@ -66,14 +65,14 @@ pub(super) fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result
 
 /// A corner of a polygon.
 #[derive(Deserialize)]
-struct Corner(#[serde(deserialize_with = "corner")] [f64; 2]);
+pub(super) struct Corner(#[serde(deserialize_with = "corner")] [f64; 2]);
 
 fn corner<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
     Exactly::read(deserializer, "a point ", "a point [x, y]")
 }
 
 /// Corners of polygons as plain pairs.
-fn pairs(corners: Vec<Corner>) -> Vec<[f64; 2]> {
+pub(super) fn pairs(corners: Vec<Corner>) -> Vec<[f64; 2]> {
     corners.into_iter().map(|Corner(at)| at).collect()
 }
 
@@ -126,70 +125,5 @@ pub(super) fn one_or_list<S: Serializer>(names: &Option<Vec<String>>, serializer
     match names.as_deref() {
         Some([name]) => name.serialize(serializer),
         names => names.serialize(serializer),
-    }
-}
-
-impl<'de> Deserialize<'de> for CaseGuard {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Widths;
-        impl<'de> Visitor<'de> for Widths {
-            type Value = CaseGuard;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(
-                    "a number of pixels, { left = 0, top = 0, right = 0, bottom = 3 }, or a list with one for each side",
-                )
-            }
-
-            fn visit_f64<E: de::Error>(self, guard: f64) -> Result<CaseGuard, E> {
-                Ok(CaseGuard::All(guard))
-            }
-
-            fn visit_i64<E: de::Error>(self, guard: i64) -> Result<CaseGuard, E> {
-                Ok(CaseGuard::All(guard as f64))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<CaseGuard, A::Error> {
-                all(list).map(CaseGuard::Sides)
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<CaseGuard, A::Error> {
-                const SIDES: [&str; 4] = ["left", "top", "right", "bottom"];
-                let mut widths = [0.0; 4];
-                let (mut along, mut width, mut n_sides) = (None, None, 0);
-                while let Some(key) = map.next_key::<String>()? {
-                    match key.as_str() {
-                        "along" => {
-                            along = Some(map.next_value::<Vec<Corner>>()?);
-                            continue;
-                        }
-                        "width" => {
-                            width = Some(map.next_value()?);
-                            continue;
-                        }
-                        _ => n_sides += 1,
-                    }
-                    let side = SIDES.iter().position(|side| *side == key);
-                    let side = side.ok_or_else(|| {
-                        de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
-                    })?;
-                    widths[side] = map.next_value()?;
-                }
-                match (along, width, n_sides) {
-                    (None, None, _) => {}
-                    (Some(along), Some(width), 0) if along.len() > 1 => {
-                        return Ok(CaseGuard::Along { along: pairs(along), width });
-                    }
-                    _ => {
-                        return Err(de::Error::custom(
-                            "a guard along a line needs along = [[x, y], ...] with two points or more, width, and no sides",
-                        ));
-                    }
-                }
-                let [left, top, right, bottom] = widths;
-                Ok(CaseGuard::Rectangle { left, top, right, bottom })
-            }
-        }
-        deserializer.deserialize_any(Widths)
     }
 }

@@ -97,10 +97,10 @@ fn with_laws(schema: &mut Value, laws: &[LawKeys]) -> Value {
                 .filter(|law| law.keys.iter().any(|other| other.key == key.key))
                 .map(|law| law.model)
                 .collect();
-            let of = if of.len() == laws.len() { String::new() } else { format!(" Of {}.", of.join(", ")) };
+            let of_laws = if of.len() == laws.len() { String::new() } else { format!(" Of {}.", of.join(", ")) };
             let unit = if key.unit == "1" { String::new() } else { format!(", {}", key.unit) };
-            let meaning = format!("{}{unit}.{of}", key.meaning.trim_end_matches('.'));
-            let std = format!("Standard uncertainty of {}{unit}.{of}", key.symbol);
+            let meaning = format!("{}{unit}.{of_laws}", key.meaning.trim_end_matches('.'));
+            let std = format!("Standard uncertainty of {}{unit}.{of_laws}", key.symbol);
             keys.insert(key.key.clone(), json!({ "type": "number", "description": meaning }));
             keys.insert(format!("{}{STD}", key.key), json!({ "type": "number", "description": std }));
         }

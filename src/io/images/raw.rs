@@ -40,7 +40,13 @@ pub(in crate::io) struct Raw {
 /// Refuses a size that cannot be meant, before anything is allocated for it.
 ///
 /// `decoded` are the bytes of the unpacked image; no method of the format shrinks data by more than `ratio`.
-pub(in crate::io) fn check_size(width: u64, height: u64, decoded: u128, ratio: u32, len: usize) -> Result<(), ImageFault> {
+pub(in crate::io) fn check_size(
+    width: u64,
+    height: u64,
+    decoded: u128,
+    ratio: u32,
+    len: usize,
+) -> Result<(), ImageFault> {
     if width == 0 || height == 0 {
         return Err(ImageFault::Corrupt(format!("the image is {width} x {height} px")));
     }

@@ -63,7 +63,7 @@ impl RunMatrix {
             matrix.iter().filter(|_| places.next() == Some(true)).sum()
         };
         let (mut left, mut taken) = (0.0, 0.0);
-        let of = |(matrix, noisy): (&ElementMatrix, &ElementMatrix)| -> ElementMatrix {
+        let without_noise = |(matrix, noisy): (&ElementMatrix, &ElementMatrix)| -> ElementMatrix {
             let (all, of_noise) = (trace(matrix), trace(noisy));
             let most = if of_noise > 0.0 { (1.0 - Self::LEAST_SHARE) * all / of_noise } else { 0.0 };
             let variance = (noise * noise).min(most);
@@ -71,7 +71,7 @@ impl RunMatrix {
             left += all - variance * of_noise;
             std::array::from_fn(|k| matrix[k] - variance * noisy[k])
         };
-        let matrices = self.matrices.iter().zip(&self.of_noise).map(of).collect();
+        let matrices = self.matrices.iter().zip(&self.of_noise).map(without_noise).collect();
         let kappa = if left > 0.0 { taken / left } else { 0.0 };
         (Self { matrices, ..self.clone() }, kappa)
     }

@@ -439,12 +439,12 @@ impl Opposite {
                 let [x, y] = minus(mesh.nodes()[a as usize], mesh.nodes()[b as usize]);
                 x * x + y * y
             };
-            let of = |&[node, _]: &[u32; 2]| {
+            let beside = |&[node, _]: &[u32; 2]| {
                 let others = borders[1 - from].iter().map(|edge| edge[0]);
                 let order = |a: &u32, b: &u32| distance(node, *a).total_cmp(&distance(node, *b)).then(a.cmp(b));
                 others.min_by(order).map(|other| (node, other))
             };
-            borders[from].iter().filter_map(of).collect()
+            borders[from].iter().filter_map(beside).collect()
         };
         let (ours, theirs) = (nearest(0), nearest(1));
         let paired = |node: u32| ours.get(&node).copied().filter(|other| theirs.get(other) == Some(&node));

@@ -38,8 +38,9 @@ pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
         (Some(std), None) => format!("{} {std:.3e} {}", line.name, line.unit),
         (None, _) => line.name.clone(),
     };
-    let list =
-        |source: &str| fit.budget.iter().filter(|line| line.source == source).map(uncertainty).collect::<Vec<_>>().join(", ");
+    let list = |source: &str| {
+        fit.budget.iter().filter(|line| line.source == source).map(uncertainty).collect::<Vec<_>>().join(", ")
+    };
     let (defaults, unknown) = (list("default"), list("not stated"));
     let mut said = Vec::new();
     if !defaults.is_empty() {

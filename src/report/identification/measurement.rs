@@ -84,8 +84,8 @@ impl IdentificationReport<'_> {
         for &at in shown.iter().skip(1) {
             let (number, field) = &self.frames[at];
             for (c, name) in [(0, "u_x, to the right"), (1, "u_y, up")] {
-                let of = |&u: &[f64; 2]| 1e3 * self.pixel_size.to_mm(Vector::new(u)).components()[c];
-                let values: Vec<f64> = field.displacement.iter().map(of).collect();
+                let micrometres = |&u: &[f64; 2]| 1e3 * self.pixel_size.to_mm(Vector::new(u)).components()[c];
+                let values: Vec<f64> = field.displacement.iter().map(micrometres).collect();
                 maps.push(self.map(
                     &backdrop,
                     field,
