@@ -10,7 +10,7 @@ use common::*;
 use quadrille::backend::gpu::{GpuBackend, GpuOptions};
 use quadrille::backend::{Backend, BackendError};
 use quadrille::correlate::{
-    Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
+    Correlate, Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
 };
 use quadrille::field::{Brightness, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation, Pixels};
@@ -26,8 +26,6 @@ use std::sync::Arc;
 
 /// Both sides iterate to this; the requirement on their difference says so.
 const TOLERANCE_PX: f64 = 1e-5;
-
-type Gpu = GpuBackend;
 
 fn tight(options: Options) -> Options {
     Options { tolerance_px: TOLERANCE_PX, tolerance_by_sigma: 0.0, ..options }
@@ -116,7 +114,13 @@ fn named(faults: &[TextureFault]) -> Vec<(usize, &'static str)> {
 
 /// Correlates `deformed` cold on both devices and compares.
 #[track_caller]
-fn assert_parity(gpu: &Gpu, what: &str, pair: &[Arc<Image>; 2], zones: &[Zone], options: Options) -> Correlation {
+fn assert_parity(
+    gpu: &GpuBackend,
+    what: &str,
+    pair: &[Arc<Image>; 2],
+    zones: &[Zone],
+    options: Options,
+) -> Correlation {
     let [reference, deformed] = pair;
     let options = tight(options);
     let on_cpu = prepared(reference, zones, options.clone());
@@ -416,6 +420,20 @@ fn bits(correlation: &Correlation) -> Vec<u64> {
 }
 
 #[test]
+fn an_image_that_lies_on_a_device_of_another_kind_is_brought_to_the_right_one() {
+    let Some(gpu) = device() else { return };
+    let pair = noisy_pair(&Translation([0.3, -0.2]), &eight_bit(96, 96));
+    let zones = inside(96, 96, 16);
+    let cpu = prepared(&pair[0], &zones, Options::default());
+    let gpu = prepared_on(gpu, &pair[0], &zones, Options::default());
+    for [on, of] in [[&cpu as &dyn Correlate, &gpu], [&gpu, &cpu]] {
+        let uploaded = of.upload(pair[1].clone()).unwrap();
+        let own = on.correlate_uploaded(on.upload(pair[1].clone()).unwrap(), None).unwrap();
+        assert!(bits(&on.correlate_uploaded(uploaded, None).unwrap()) == bits(&own), "{}", on.device());
+    }
+}
+
+#[test]
 fn every_run_of_one_device_gives_the_same_bits() {
     let Some(gpu) = device() else { return };
     let side = 340;
@@ -616,7 +634,7 @@ fn starts_that_are_wild_end_as_on_the_cpu() {
 
 /// A reference and a frame on a device that fails after some readbacks: the error, if any came.
 fn whole_run(
-    gpu: &Gpu,
+    gpu: &GpuBackend,
     pair: &[Arc<Image>; 2],
     zones: &[Zone],
     options: &Options,
