@@ -329,7 +329,7 @@ fn a_turned_joint_has_the_turned_solution_and_its_results_follow_it_from_end_to_
     // Positions and displacements turned, y up; strips paired by geometry.
     let solved = |degrees: f64, lower: Option<u32>| {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        let out = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
+        let out = move |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
         let parts = JointParts {
             nodes: mesh.nodes().iter().map(|&x| out(x)).collect(),
             elements: mesh.elements().to_vec(),
