@@ -720,7 +720,7 @@ mod tests {
             assert_eq!(face, rows[0]);
             assert_eq!((&zone.group, &zone.elements), (&zone.name, &None));
         }
-        let mut refused = |name: &str, groups: &[(&str, Vec<Vec<Point>>)], words: &[&str]| {
+        let refused = |name: &str, groups: &[(&str, Vec<Vec<Point>>)], words: &[&str]| {
             std::fs::write(folder.path().join(name), msh(groups)).unwrap();
             let message = case_in(folder.path(), &format!("[[zone]]\nmesh = '{name}'\n")).unwrap_err();
             words.iter().for_each(|word| assert!(message.contains(word), "'{word}' in: {message}"));
