@@ -256,6 +256,26 @@ fn box_of(corners: [[f64; 2]; 4]) -> String {
     format!("roi = [{:?}, {:?}, {:?}, {:?}]", least(0), least(1), most(0), most(1))
 }
 
+/// All curves of opening and sliding in the report of a run: place along the joint, mm, jump, um, and half the width of its band: two
+/// standard uncertainties, zero of what is computed.
+fn jumps(run: &Path) -> [Vec<[f64; 3]>; 2] {
+    let html = std::fs::read_to_string(run.join("report.html")).unwrap();
+    ["Opening along the joint", "Sliding along the joint"].map(|title| {
+        let figure = html.split("<figure data-title=\"").find(|rest| rest.starts_with(title)).expect(title);
+        let data = figure.split("data-series=\"").nth(1).unwrap().split('"').next().unwrap();
+        let series: serde_json::Value =
+            serde_json::from_str(&data.replace("&quot;", "\"").replace("&amp;", "&")).unwrap();
+        let list = |one: &serde_json::Value, key: &str| -> Vec<f64> {
+            one[key].as_array().into_iter().flatten().map(|v| v.as_f64().unwrap()).collect()
+        };
+        let of = |one: &serde_json::Value| -> Vec<[f64; 3]> {
+            let (x, y, high) = (list(one, "x"), list(one, "y"), list(one, "high"));
+            (0..x.len()).map(|k| [x[k], y[k], high.get(k).map_or(0.0, |high| high - y[k])]).collect()
+        };
+        series.as_array().unwrap().iter().flat_map(of).collect()
+    })
+}
+
 #[test]
 fn the_law_of_a_joint_is_found_however_the_joint_is_turned_and_its_zones_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
@@ -306,6 +326,20 @@ fn the_law_of_a_joint_is_found_however_the_joint_is_turned_and_its_zones_are_dra
     assert!(notes[0].contains("17 nodes") && notes[0].contains("63.0 degrees"), "{notes:?}");
     assert_same(&polygons, &meshed, "mesh file");
 
+    // Jumps across the joint and places along it are the same, measured and computed, but for noise: four standard uncertainties of
+    // the difference of two, where computed jumps have at most those of the measured ends of the joint, which are prescribed.
+    let level = jumps(&folder_of("level").join("run"));
+    let largest = level.iter().flatten().fold(0.0, |most: f64, jump| most.max(jump[2]));
+    assert!(level[0].len() == 2 * 3 * 17 && level[0].iter().any(|jump| jump[1] > 15.0), "{:?}", level[0]);
+    assert!(largest > 0.0 && largest < 0.7, "{largest} um, of openings of up to 20 um");
+    for run in ["upright/run", "tilted/polygons", "tilted/groups"] {
+        for (found, wanted) in jumps(&folder_of(run)).iter().flatten().zip(level.iter().flatten()) {
+            let band = if found[2] > 0.0 { found[2].hypot(wanted[2]) } else { 2f64.sqrt() * largest };
+            let off = [found[0] - wanted[0], found[1] - wanted[1]].map(f64::abs);
+            assert!(off[0] < 1e-9 && off[1] < 2.0 * band, "{run}: {found:?} {wanted:?}");
+        }
+    }
+
     // Other pixels and other noise: as far apart as both uncertainties allow.
     for (what, found) in [("upright", &found), ("tilted", &polygons)] {
         for (name, [value, std]) in found {
@@ -329,7 +363,7 @@ fn a_turned_joint_has_the_turned_solution_and_its_results_follow_it_from_end_to_
     // Positions and displacements turned, y up; strips paired by geometry.
     let solved = |degrees: f64, lower: Option<u32>| {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        let out = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
+        let out = move |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
         let parts = JointParts {
             nodes: mesh.nodes().iter().map(|&x| out(x)).collect(),
             elements: mesh.elements().to_vec(),
