@@ -1,7 +1,7 @@
 //! The profile likelihood of one parameter: the objective with it prescribed and the others fitted.
 
-use super::error::wrong;
 use super::bootstrap::Base;
+use super::error::wrong;
 use super::fit::{Fit, FitOptions, fit};
 use super::intervals::Intervals;
 use super::objective::Problem;
