@@ -167,7 +167,7 @@ fn whatever_is_accepted_is_read_whole() {
         assert_eq!(lost(&plain, &typed), None, "seed {seed} of the run\n{text}");
     }
     // Comments, texts and digits can be changed; less means that the test tries nothing.
-    assert!(accepted > 1000 && run > 800, "{accepted} accepted, {run} as a run");
+    assert!(accepted > 700 && run > 600, "{accepted} accepted, {run} as a run");
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn a_section_for_another_command_is_refused_with_that_command() {
 #[test]
 fn faults_in_the_sections_of_a_joint_are_told_with_line_section_key_and_the_key_meant() {
     for (from, to, wanted) in [
-        ("refine = 2", "refin = 2", "line 57: unknown key `refin` in [mesh]; did you mean `refine`? expected one of"),
+        ("refine = 2", "refin = 2", "line 40: unknown key `refin` in [mesh]; did you mean `refine`? expected one of"),
         ("seed = 7", "seeds = 7", "unknown key `seeds` in [fit]; did you mean `seed`?"),
         ("seed = 7", "colour = 7", "unknown key `colour` in [fit]; expected one of"),
         ("[output]", "[outputs]", "unknown key `outputs` at the top level; did you mean `output`?"),
@@ -272,7 +272,7 @@ fn the_schema_refuses_what_the_parser_refuses() {
         ("refine = 2", "refin = 2"),
         ("refine = 2", "refine = -2"),
         ("r = 4.0", "r = \"4\""),
-        ("r_std", "q_std"),
+        ("r_std", "s_std"),
         ("\"linear-elastic\"", "\"wood\""),
         ("nu = 0.3\n", "nu = true\n"),
         ("\"strain\"", "\"bending\""),

@@ -44,7 +44,7 @@ pub struct CaseQuantityOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
-    /// The load file: CSV with a row for each image, or with a column that names them (docs/quantities.md).
+    /// The load file: CSV with names and units in its header and a row for each image, or with a column `frame` (docs/quantities.md).
     #[schemars(extend("x-flag" = "--load"))]
     pub file: String,
 }

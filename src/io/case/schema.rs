@@ -90,20 +90,31 @@ fn tidy(schema: &mut Value) {
 fn with_laws(schema: &mut Value, laws: &[LawKeys]) -> Value {
     let models: Vec<&str> = laws.iter().map(|law| law.model).collect();
     let mut keys = Map::new();
-    for law in laws {
-        for key in &law.keys {
-            let of: Vec<&str> = laws
-                .iter()
-                .filter(|law| law.keys.iter().any(|other| other.key == key.key))
-                .map(|law| law.model)
-                .collect();
-            let of_laws = if of.len() == laws.len() { String::new() } else { format!(" Of {}.", of.join(", ")) };
-            let unit = if key.unit == "1" { String::new() } else { format!(", {}", key.unit) };
-            let meaning = format!("{}{unit}.{of_laws}", key.meaning.trim_end_matches('.'));
-            let std = format!("Standard uncertainty of {}{unit}.{of_laws}", key.symbol);
-            keys.insert(key.key.clone(), json!({ "type": "number", "description": meaning }));
-            keys.insert(format!("{}{STD}", key.key), json!({ "type": "number", "description": std }));
+    for LawKey { key, symbol, unit, .. } in laws.iter().flat_map(|law| &law.keys) {
+        if keys.contains_key(key) {
+            continue;
         }
+        let unit = if *unit == "1" { String::new() } else { format!(", {unit}") };
+        // What it is, and of which laws; the same key may be something else in others.
+        let mut meanings: Vec<(&str, Vec<&str>)> = Vec::new();
+        for law in laws {
+            for meaning in law.keys.iter().filter(|other| other.key == *key).map(|other| other.meaning) {
+                match meanings.iter_mut().find(|(there, _)| *there == meaning) {
+                    Some((_, models)) => models.push(law.model),
+                    None => meanings.push((meaning, vec![law.model])),
+                }
+            }
+        }
+        let of_models = |models: &[&str]| match models.len() == laws.len() {
+            true => String::new(),
+            false => format!(" Of {}.", models.join(", ")),
+        };
+        let told = meanings.iter().map(|(meaning, models)| format!("{meaning}{unit}.{}", of_models(models)));
+        let told = told.collect::<Vec<_>>().join(" ");
+        let models: Vec<&str> = meanings.iter().flat_map(|(_, models)| models.iter().copied()).collect();
+        let std = format!("Standard uncertainty of {symbol}{unit}.{}", of_models(&models));
+        keys.insert(key.clone(), json!({ "type": "number", "description": told }));
+        keys.insert(format!("{key}{STD}"), json!({ "type": "number", "description": std }));
     }
     schema["properties"]["model"]["enum"] = models.into();
     if let Some(properties) = schema["properties"].as_object_mut() {
