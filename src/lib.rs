@@ -64,8 +64,7 @@ pub mod backend;
 pub mod bench;
 #[cfg(feature = "cli")]
 pub mod cli;
-#[doc(hidden)]
-pub mod clock;
+mod clock;
 pub mod correlate;
 pub mod field;
 pub mod identify;
