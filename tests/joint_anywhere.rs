@@ -318,6 +318,8 @@ fn the_law_of_a_joint_is_found_however_the_joint_is_turned_and_its_zones_are_dra
     assert_true(&polygons, "tilted");
     // On the screen the joint is turned clockwise, its normal from upwards to the right.
     assert!(notes[0].contains("63.0 degrees"), "{notes:?}");
+    let report = std::fs::read_to_string(folder_of("tilted").join("polygons/report.html")).unwrap();
+    assert!(report.contains("squares of 16 px"), "elements along the sides of rectangles, however tilted");
 
     // The same as groups of a mesh file, with the same nodes.
     std::fs::write(folder_of("tilted").join("strips.msh"), mesh_file(tilted)).unwrap();

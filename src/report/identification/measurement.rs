@@ -18,10 +18,10 @@ impl IdentificationReport<'_> {
         let noise = (!noise.is_empty()).then(|| noise.iter().sum::<f64>() / noise.len() as f64);
         let sigma = self.sigma_px();
         let reference = &summary.reference;
-        let of_grids = |(_, field): &(usize, Measurement<Px>)| {
-            (0..field.mesh.zones().len()).all(|zone| field.mesh.whole_grid(zone).is_some())
+        let of_squares = |(_, field): &(usize, Measurement<Px>)| {
+            (0..field.mesh.n_elements()).all(|element| is_square(field.mesh.corners(element), self.element_px))
         };
-        let shape = if self.frames.iter().all(of_grids) { "squares of" } else { "quadrilaterals of about" };
+        let shape = if self.frames.first().is_none_or(of_squares) { "squares of" } else { "quadrilaterals of about" };
         let mut facts = vec![
             (
                 "images".into(),
@@ -186,4 +186,11 @@ impl IdentificationReport<'_> {
         let end = |v: f64| format!("{} {unit}", significant(v, 3));
         Ok(Block::Map(Map::new(&picture, [end(low), end(high)], caption)?))
     }
+}
+
+/// Whether an element is a square with this side, but for rounding: sides and diagonals are as long.
+fn is_square(corners: [[f64; 2]; 4], side: f64) -> bool {
+    let length = |a: usize, b: usize| (corners[b][0] - corners[a][0]).hypot(corners[b][1] - corners[a][1]);
+    let near = |length: f64, wanted: f64| (length - wanted).abs() < 1e-3 * side;
+    (0..4).all(|k| near(length(k, (k + 1) % 4), side)) && near(length(0, 2), length(1, 3))
 }
