@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         found.residual_rms
     );
     println!("node 0: u = {:?} px, standard uncertainty {:?} px", field.displacement[0], field.sigma[0]);
-    let known: Vec<f64> = strain.elements.iter().flatten().map(|strain| strain.0[0]).collect();
+    let known: Vec<f64> = strain.elements.iter().flatten().map(|strain| strain.xx).collect();
     println!("exx = {:.5}, mean of {} elements", known.iter().sum::<f64>() / known.len() as f64, known.len());
     let table = std::env::temp_dir().join("quadrille_pair.csv");
     write_displacements(File::create(&table)?, &["an example".into()], field, Some(&strain), None)?;

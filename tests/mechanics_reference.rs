@@ -157,10 +157,9 @@ fn brittle_sets_converge_or_say_where_they_do_not() {
     let model = model_of(&mesh, &boundary, ModelOptions::default());
     for factors in [[3.0, 0.4, 0.4, 1.0], [1.0, 0.2, 0.2, 1.0], [3.0, 0.4, 0.2, 1.0], [5.0, 0.2, 0.2, 1.0]] {
         let law = adhesive(factors);
-        let begin = std::time::Instant::now();
         let solution = model.forward(&law, &boundary, &WITH_LAW()).unwrap();
-        let seconds = begin.elapsed().as_secs_f64();
-        println!("{factors:?}: T_n,max {:.0} MPa, {seconds:.2} s", law.peak().normal);
+        let linear_solves: u32 = solution.instants.iter().map(|i| i.iterations + i.rescue_iterations).sum();
+        println!("{factors:?}: T_n,max {:.0} MPa, {linear_solves} iterations", law.peak().normal);
         for (k, instant) in solution.instants.iter().enumerate() {
             let Instant { status, iterations, halvings, rescue_iterations, residual, snapped, .. } = instant;
             println!(
@@ -176,7 +175,7 @@ fn brittle_sets_converge_or_say_where_they_do_not() {
             }
         }
         if factors[..3] == [3.0, 0.4, 0.4] {
-            assert!(solution.converged() && seconds < 20.0);
+            assert!(solution.converged() && linear_solves < 4000);
         }
     }
 }
