@@ -27,7 +27,7 @@ fn tree(source: &Source, mut at: usize, prefix: &[String], paths: &mut Vec<Vec<S
         match source.word(at) {
             "{" => {
                 at += 1;
-                while !["}", ""].contains(&source.word(at)) {
+                while !["}", ";", ""].contains(&source.word(at)) {
                     at = tree(source, at, &path, paths);
                     at += usize::from(source.word(at) == ",");
                 }
@@ -109,9 +109,12 @@ pub fn circles(sources: &[Source]) -> Vec<Vec<String>> {
     let mut names: BTreeMap<&Module, BTreeSet<Module>> = BTreeMap::new();
     for (own, says) in &named {
         for (mut to, name) in says.uses.iter().filter_map(|path| resolved(&modules, own, path)) {
-            let further = |to: &Module| handed_on.get(&(to.clone(), name.clone()?)).filter(|further| *further != to);
-            while let Some(further) = further(&to) {
-                to.clone_from(further);
+            // From hand to hand, as often as names may be handed on.
+            for _ in 0..8 {
+                match name.clone().and_then(|name| handed_on.get(&(to.clone(), name))) {
+                    Some(further) => to.clone_from(further),
+                    None => break,
+                }
             }
             if to != *own {
                 names.entry(own).or_default().insert(to);
