@@ -1,5 +1,5 @@
 // The reference: grey levels and the gradient of their spline at the pixels, row by row f, fx, fy.
-// Twin: `gradient` in src/backend/cpu/pixels.rs. Thread = column of ROWS
+// Twin: `gradient` in src/backend/cpu/gradient.rs. Thread = column of ROWS
 // pixels: going down, sums along four of five rows of coefficients stay in registers.
 #import types
 

@@ -19,8 +19,8 @@ use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
 use quadrille::report::{
-    Area, Axis, Backdrop, Figure, FigureOptions, Format, MapOptions, MeshOptions, Palette, Picture, Plot, ReportError,
-    Series, Style, deformed_mesh, draw_frame, element_map, mesh_figure, nodal_map, nodal_map_on, register_figure,
+    Area, Axis, Backdrop, Figure, FigureOptions, Format, MapOptions, MeshOptions, Palette, Picture, Plot, PlotSeries,
+    ReportError, Style, deformed_mesh, draw_frame, element_map, mesh_figure, nodal_map, nodal_map_on, register_figure,
 };
 use quadrille::units::{PixelSize, Px};
 use resvg::{tiny_skia, usvg};
@@ -158,12 +158,12 @@ fn load_curves() -> Plot {
         x: Axis::linear("opening (mm)"),
         y: Axis::linear("load (N)"),
         series: vec![
-            Series::new("model", Style::Line, x, y).with_band(vec![1.5; 200]),
-            Series::new("test 1", Style::Markers, xm.clone(), ym.clone()).with_band(vec![1.0; 15]),
-            Series::new("test 2", Style::LineAndMarkers, xm.clone(), scaled(0.9)),
-            Series::new("limit", Style::Dashed, vec![0.0, 1.0], vec![20.0, 20.0]),
-            Series::new("a", Style::Markers, xm.clone(), scaled(0.6)),
-            Series::new("b", Style::Markers, xm.clone(), scaled(0.3)),
+            PlotSeries::new("model", Style::Line, x, y).with_band(vec![1.5; 200]),
+            PlotSeries::new("test 1", Style::Markers, xm.clone(), ym.clone()).with_band(vec![1.0; 15]),
+            PlotSeries::new("test 2", Style::LineAndMarkers, xm.clone(), scaled(0.9)),
+            PlotSeries::new("limit", Style::Dashed, vec![0.0, 1.0], vec![20.0, 20.0]),
+            PlotSeries::new("a", Style::Markers, xm.clone(), scaled(0.6)),
+            PlotSeries::new("b", Style::Markers, xm.clone(), scaled(0.3)),
         ],
         notes: vec!["Band and bars: \u{b1}2 standard uncertainties <k = 2> & \"more\".".into()],
     }
@@ -197,7 +197,7 @@ fn points_stand_where_their_values_say_on_linear_and_logarithmic_axes() {
         ),
     ];
     for (x, y, point, want) in cases {
-        let series = vec![Series::new("", Style::Markers, vec![point[0]], vec![point[1]])];
+        let series = vec![PlotSeries::new("", Style::Markers, vec![point[0]], vec![point[1]])];
         let picture = Plot { x, y, series, ..Plot::default() }.draw().unwrap();
         let area = picture.map_area();
         let (at, n) = centre_of(&picture, area, BLUE);
@@ -217,7 +217,7 @@ fn what_no_axis_can_show_is_left_out_and_said() {
     let plot = |y: Vec<f64>, axis| Plot {
         x: Axis::linear("frame (1)"),
         y: axis,
-        series: vec![Series::new("", Style::Line, x.clone(), y)],
+        series: vec![PlotSeries::new("", Style::Line, x.clone(), y)],
         ..Plot::default()
     };
     let picture = plot(y.clone(), Axis::log("load (N)")).draw().unwrap();
@@ -247,7 +247,7 @@ fn any_span_of_values_gets_axes_with_two_numbers_at_least() {
             [(1e-9, 3e9), (0.9, 1.1), (0.02, 0.05), (3.0, 3.0), (4.0, 128.0), (1e-280, 1e280), (99.0, 101.0)]
         {
             let axis = |label: &str| Axis { log, ..Axis::linear(label) };
-            let series = vec![Series::new("", Style::LineAndMarkers, vec![low, high], vec![low, high])];
+            let series = vec![PlotSeries::new("", Style::LineAndMarkers, vec![low, high], vec![low, high])];
             let picture = Plot { x: axis("x"), y: axis("y"), series, ..Plot::default() }.draw().unwrap();
             check("span", &picture);
             let numbers =
@@ -263,7 +263,7 @@ fn long_names_and_many_series_stay_on_the_sheet() {
     let series = (0..23).map(|k| {
         let (x, y) = curve(30, |x| (f64::from(k) * x).sin());
         let name = if k == 7 { word.clone() } else { format!("series {k}") };
-        Series::new(name, [Style::Line, Style::Dashed, Style::Markers][k as usize % 3], x, y)
+        PlotSeries::new(name, [Style::Line, Style::Dashed, Style::Markers][k as usize % 3], x, y)
     });
     let plot = Plot {
         title: word.clone(),
@@ -660,12 +660,12 @@ fn a_profile_follows_the_field_and_breaks_where_nothing_was_measured() {
 
 #[test]
 fn what_cannot_be_drawn_is_refused() {
-    let series = |band: Option<Vec<f64>>, y: usize| Series {
+    let series = |band: Option<Vec<f64>>, y: usize| PlotSeries {
         name: "odd".into(),
         x: vec![1.0; 3],
         y: vec![1.0; y],
         band: band.map(|half| [half.clone(), half]),
-        ..Series::default()
+        ..PlotSeries::default()
     };
     for series in [series(None, 2), series(Some(vec![1.0; 4]), 3)] {
         let error = Plot { series: vec![series], ..Plot::default() }.draw().unwrap_err();

@@ -5,7 +5,7 @@ use super::{Outcome, Result, plural, pool, without_doubles};
 use crate::backend::choice::choose;
 use crate::backend::gpu::{GpuAdapter, adapters};
 use crate::bench::{Device, Plan, Record, SizeCost};
-use crate::report::{Axis, Plot, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::RunFolder;
 
 /// Runs the command.
@@ -87,7 +87,7 @@ fn plot(record: &Record) -> Plot {
         let mut curve = |what: &str, style, value: &dyn Fn(&SizeCost) -> f64| {
             let x = device.sizes.iter().map(|cost| cost.size_px as f64).collect();
             let y = device.sizes.iter().map(|cost| 1e3 * value(cost)).collect();
-            series.push(Series::new(format!("{short}: {what}"), style, x, y));
+            series.push(PlotSeries::new(format!("{short}: {what}"), style, x, y));
         };
         let pair = |cost: &SizeCost| cost.pair.reference_s.wall.fastest + cost.pair.frame_s.wall.fastest;
         let pass = |cost: &SizeCost| {

@@ -5,7 +5,7 @@ use super::{Outcome, Result, plural};
 use crate::identify::{Case, FitStatus, SweepRow, sweep};
 use crate::io::joint::read_joint;
 use crate::report::fit::{FitRecord, SweepRecord, budget_lines, defaults_used, write_sweep};
-use crate::report::{Axis, Plot, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::{Event, FIGURES, RunFolder, identify};
 use std::path::Path;
 use std::time::Instant;
@@ -138,16 +138,16 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
 fn draw_sweep(folder: &RunFolder, name: &str, rows: &[SweepRow]) -> Result<()> {
     let x: Vec<f64> = rows.iter().map(|row| row.value).collect();
     let first = &rows[0].fit;
-    let mut series: Vec<Series> = (0..first.parameters.len())
+    let mut series: Vec<PlotSeries> = (0..first.parameters.len())
         .map(|k| {
             let y = rows.iter().map(|row| row.fit.parameters[k].value / first.parameters[k].value).collect();
-            Series::new(first.parameters[k].parameter.name, Style::LineAndMarkers, x.clone(), y)
+            PlotSeries::new(first.parameters[k].parameter.name, Style::LineAndMarkers, x.clone(), y)
         })
         .collect();
     for (k, quantity) in first.derived.iter().enumerate() {
         if quantity.quantity.name == "initial_normal_stiffness" {
             let y = rows.iter().map(|row| row.fit.derived[k].quantity.value / quantity.quantity.value).collect();
-            series.push(Series::new("initial normal stiffness", Style::Dashed, x.clone(), y));
+            series.push(PlotSeries::new("initial normal stiffness", Style::Dashed, x.clone(), y));
         }
     }
     let plot = Plot {

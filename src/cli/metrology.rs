@@ -7,7 +7,7 @@ use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
-use crate::report::{Axis, Plot, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::RunFolder;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -173,7 +173,7 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
     let series = |name: &str, style, factor: f64, value: fn(&SizeResult) -> Option<f64>| {
         let sizes = found.sizes.iter();
         let (x, y) = sizes.filter_map(|r| Some((r.element_size_px as f64, factor * value(r)?))).unzip();
-        Series::new(name, style, x, y)
+        PlotSeries::new(name, style, x, y)
     };
     let uncertainty = |name, style, value| series(&format!("uncertainty, {name}"), style, 1e3, value);
     let period = |name, style, value| series(&format!("period, {name}"), style, 1.0, value);

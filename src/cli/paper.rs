@@ -15,7 +15,7 @@ use crate::paper::{
     sweeps,
 };
 use crate::report::joint::{JointMap, JointProfiles, JointReport};
-use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, Series, Style, deformed_mesh};
+use crate::report::{Axis, Backdrop, MeshOptions, Picture, Plot, PlotSeries, Style, deformed_mesh};
 use crate::run::{Existing, FIGURES, Overlay, Plan, RunFolder, Session, run_series};
 use crate::virtual_test::{VirtualOptions, VirtualTest};
 use std::io::Write as _;
@@ -161,7 +161,7 @@ fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
             }
             let style = if fineness == 1 { Style::Line } else { Style::Markers };
             let name = if fineness == 1 { format!("instant {instant}") } else { String::new() };
-            series.push(Series { colour: Some(k), ..Series::new(name, style, along, y) });
+            series.push(PlotSeries { colour: Some(k), ..PlotSeries::new(name, style, along, y) });
         }
     }
     let plot = Plot {
@@ -244,7 +244,7 @@ fn figure_10(out: &Output, levels: &[&LevelFits]) -> Result<()> {
         let omega: Vec<f64> = accepted.collect();
         let x = (0..omega.len()).map(|k| k as f64).collect();
         rows.extend(omega.iter().enumerate().map(|(k, omega)| (vec![k as u64, *seed], vec![level.s_px, *omega])));
-        series.push(Series::new(format!("s = {} px", level.s_px), Style::LineAndMarkers, x, omega));
+        series.push(PlotSeries::new(format!("s = {} px", level.s_px), Style::LineAndMarkers, x, omega));
     }
     let plot = Plot {
         title: "Objective against iteration, r = 6".into(),
@@ -334,7 +334,7 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
                 let style = if *r == 4.0 { Style::Line } else { Style::Dashed };
                 let name = if *r == 4.0 { format!("instant {shown}, r = 4") } else { String::new() };
                 let y = tractions.iter().map(pick).collect();
-                series.push(Series { colour: Some(k), ..Series::new(name, style, along.clone(), y) });
+                series.push(PlotSeries { colour: Some(k), ..PlotSeries::new(name, style, along.clone(), y) });
             }
         }
         let plot = Plot {
@@ -348,7 +348,7 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
     }
     let series = (of.iter().filter(|(r, instant, ..)| *r == 4.0 && PROFILES.contains(instant)))
         .map(|(_, instant, along, _, mixity, _)| {
-            Series::new(format!("instant {instant}"), Style::Line, along.clone(), mixity.clone())
+            PlotSeries::new(format!("instant {instant}"), Style::Line, along.clone(), mixity.clone())
         })
         .collect();
     let plot = Plot {

@@ -8,7 +8,7 @@ use crate::io::case::{
 };
 use crate::io::load::name_and_unit;
 use crate::io::store::Store;
-use crate::report::{Axis, Plot, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::Record;
 use crate::run::quantities::{FOLDER, write_of_store};
 use std::path::Path;
@@ -67,7 +67,7 @@ fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
     for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
         let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
-        let series = Series::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
+        let series = PlotSeries::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
         // What is drawn is in px or has no unit, and may have blanks in its name: `strain_engineering`.
         let quantity = curve.quantity.strip_suffix("_px").map_or((&*curve.quantity, "1"), |quantity| (quantity, "px"));
         let against = name_and_unit(&curve.against);

@@ -1,7 +1,7 @@
 //! From measurements to an element size, with the reasons.
 
 use super::noise::{Noise, Origin};
-use super::texture::Texture;
+use super::texture::TextureFigures;
 use super::trials::Bias;
 use super::{Options, SizeResult};
 use crate::imaging::Interpolation;
@@ -41,7 +41,7 @@ impl Advice {
     /// period is to be resolved, the largest that resolves it.
     pub(super) fn new(
         noise: &Noise,
-        texture: &Texture,
+        texture: &TextureFigures,
         results: &[SizeResult],
         bias: &[Bias],
         options: &Options,
@@ -123,7 +123,7 @@ impl Advice {
 /// From this factor on the standard uncertainty, noise that is not white is worth a word.
 const CORRELATED: f64 = 1.1;
 
-fn about_images(noise: &Noise, texture: &Texture) -> Vec<String> {
+fn about_images(noise: &Noise, texture: &TextureFigures) -> Vec<String> {
     let mut hints = Vec::new();
     if noise.origin == Origin::Assumed {
         hints.push(

@@ -20,7 +20,7 @@ pub use advice::Advice;
 pub use colour::{NoiseCorrelation, PhotonFit};
 pub use error::MetrologyError;
 pub use noise::{GreyNoise, Noise, Origin, StaticPair};
-pub use texture::Texture;
+pub use texture::TextureFigures;
 pub use theory::{Crest, RESOLVED, displacement_sigma_px, strain_sigma, wave_gain};
 pub use trials::{Bias, Resolved, Scatter};
 
@@ -126,7 +126,7 @@ pub struct Metrology {
     /// Noise of one image.
     pub noise: Noise,
     /// Texture of the reference.
-    pub texture: Texture,
+    pub texture: TextureFigures,
     /// Element size by element size.
     pub sizes: Vec<SizeResult>,
     /// Element size of the bias, px.
@@ -151,7 +151,7 @@ pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> R
     }
     let sizes = sizes(options, &region)?;
     let noise = noise::noise(reference, stills, options.noise, &region)?;
-    let texture = Texture::new(&part, &region, noise.in_reference());
+    let texture = TextureFigures::new(&part, &region, noise.in_reference());
     if texture.weaker_gradient() <= 0.0 {
         return Err(MetrologyError::OnlyNoise { sigma_grey: noise.sigma_grey });
     }
@@ -216,7 +216,7 @@ fn sizes(options: &Options, region: &Region) -> Result<Vec<usize>, MetrologyErro
 fn size_result(
     trials: &Trials<'_>,
     part: &Arc<Image>,
-    texture: &Texture,
+    texture: &TextureFigures,
     size: usize,
     measured: Option<Scatter>,
 ) -> Result<SizeResult, MetrologyError> {
@@ -250,7 +250,7 @@ fn size_result(
 }
 
 /// The size whose bias is shown: 16 px, or what holds three speckles if that is more.
-fn bias_size(results: &[SizeResult], texture: &Texture) -> usize {
+fn bias_size(results: &[SizeResult], texture: &TextureFigures) -> usize {
     let least = (3.0 * texture.larger_speckle_px().unwrap_or(0.0)).max(16.0);
     let usable = || results.iter().filter(|result| result.sigma_predicted_px.is_some());
     let large_enough = usable().find(|result| result.element_size_px as f64 >= least);

@@ -3,7 +3,7 @@
 use super::colour::{ByGrey, NoiseCorrelation, PhotonFit, Products};
 use super::region::Region;
 use super::spline::Spline;
-use super::texture::Texture;
+use super::texture::TextureFigures;
 use super::wave::WavePicture;
 use super::{MetrologyError, Still, grey_levels};
 use crate::backend::cpu::CpuBackend;
@@ -215,7 +215,7 @@ struct Bins {
 impl Bins {
     fn new(reference: &Image, region: &Region) -> Self {
         let sorted = grey_levels(reference, region);
-        let [low, high] = Texture::percentiles(&sorted);
+        let [low, high] = TextureFigures::percentiles(&sorted);
         Self {
             edges: [0.0, 1.0, 2.0, 3.0].map(|k| low + k / 3.0 * (high - low)),
             sum: [0.0; 3],

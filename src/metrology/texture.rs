@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Texture of the zone.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Texture {
+pub struct TextureFigures {
     /// Root mean square of the gradient along x and y of the cubic spline through the grey levels, without
     /// what noise adds, grey levels per px.
     pub gradient_grey_per_px: [f64; 2],
@@ -39,7 +39,7 @@ const NOISE_SHARE: f64 = 0.25;
 /// Weights of the spline's slope beyond this distance are below 1e-7.
 const TAPS: usize = 12;
 
-impl Texture {
+impl TextureFigures {
     pub(super) fn new(image: &Image, region: &Region, noise: f64) -> Self {
         let sorted = grey_levels(image, region);
         let with_noise = gradient_squares(image, region);

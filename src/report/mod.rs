@@ -27,7 +27,7 @@ pub use figures::draw_frame;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};
-pub use plot::{Axis, Plot, Series, Style};
+pub use plot::{Axis, Plot, PlotSeries, Style};
 pub use scale::Palette;
 
 use crate::field::QuantityError;

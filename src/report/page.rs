@@ -150,7 +150,7 @@ impl Curves {
 
 /// The numbers that `plot` draws, as JSON: of each series `name`, `x`, `y` and, where it has a band, `low` and `high`.
 fn numbers_of(plot: &Plot) -> String {
-    let numbers_of = |series: &super::Series| {
+    let numbers_of = |series: &super::PlotSeries| {
         let mut numbers = serde_json::json!({ "name": series.name, "x": series.x, "y": series.y });
         if let Some([below, above]) = &series.band {
             let edge = |reach: &[f64], sign: f64| -> Vec<f64> {
@@ -293,7 +293,7 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{Axis, Series, Style};
+    use crate::report::{Axis, PlotSeries, Style};
 
     #[test]
     fn what_users_write_is_text_and_nothing_is_fetched() {
@@ -301,7 +301,7 @@ mod tests {
             title: "<b>".into(),
             x: Axis::linear("x"),
             y: Axis::linear("y"),
-            series: vec![Series::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0])],
+            series: vec![PlotSeries::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0])],
             notes: vec![],
         };
         let blocks = vec![

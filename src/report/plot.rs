@@ -18,7 +18,7 @@ const NEAR: f64 = 0.1;
 /// Curves over a pair of axes, with a legend when a series has a name.
 ///
 /// ```
-/// use quadrille::report::{Axis, Plot, Series, Style};
+/// use quadrille::report::{Axis, Plot, PlotSeries, Style};
 /// let size: Vec<f64> = vec![8.0, 16.0, 32.0, 64.0];
 /// let sigma: Vec<f64> = size.iter().map(|l| 0.4 / l).collect();
 /// let plot = Plot {
@@ -26,8 +26,8 @@ const NEAR: f64 = 0.1;
 ///     x: Axis::log("element size (px)"),
 ///     y: Axis::log("standard uncertainty (px)"),
 ///     series: vec![
-///         Series::new("formula", Style::Line, size.clone(), sigma.clone()),
-///         Series::new("measured", Style::Markers, size, sigma).with_band(vec![0.002; 4]),
+///         PlotSeries::new("formula", Style::Line, size.clone(), sigma.clone()),
+///         PlotSeries::new("measured", Style::Markers, size, sigma).with_band(vec![0.002; 4]),
 ///     ],
 ///     notes: vec!["Bars: +-2 standard deviations of ten repetitions.".into()],
 /// };
@@ -44,7 +44,7 @@ pub struct Plot {
     /// The vertical axis.
     pub y: Axis,
     /// The curves, drawn in this order.
-    pub series: Vec<Series>,
+    pub series: Vec<PlotSeries>,
     /// Lines of text below the picture.
     pub notes: Vec<String>,
 }
@@ -80,7 +80,7 @@ impl Axis {
 
 /// One curve of a [`Plot`].
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Series {
+pub struct PlotSeries {
     /// In the legend; nothing stands there when it is empty.
     pub name: String,
     /// Abscissae.
@@ -95,7 +95,7 @@ pub struct Series {
     pub colour: Option<usize>,
 }
 
-/// How a [`Series`] is drawn. Colours and markers follow the order of the series; they differ for
+/// How a [`PlotSeries`] is drawn. Colours and markers follow the order of the series; they differ for
 /// colour-blind readers and in print without colours, too.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -111,7 +111,7 @@ pub enum Style {
     LineAndMarkers,
 }
 
-impl Series {
+impl PlotSeries {
     /// A curve without a band.
     pub fn new(name: impl Into<String>, style: Style, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { name: name.into(), x, y, band: None, style, colour: None }
@@ -222,11 +222,11 @@ impl Plot {
         }
         let [width, height] = size.map(|side| side.max(120));
         let usable = |axis: &Axis, v: f64| v.abs() <= LARGEST && (!axis.log || v > 0.0);
-        let shown = |s: &Series, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
+        let shown = |s: &PlotSeries, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
         let points =
             || self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| shown(s, at)).map(move |at| (s, at)));
         // What is given and finite, but not shown: at or below zero on a logarithmic axis.
-        let finite = |s: &Series, at: usize| s.x[at].abs() <= LARGEST && s.y[at].abs() <= LARGEST;
+        let finite = |s: &PlotSeries, at: usize| s.x[at].abs() <= LARGEST && s.y[at].abs() <= LARGEST;
         let all = self.series.iter().map(|s| (0..s.x.len()).filter(|&at| finite(s, at)).count()).sum::<usize>();
         let hidden = all - points().count();
 
@@ -317,7 +317,7 @@ fn colour_of(number: usize) -> Rgb {
 }
 
 /// The stretches of a series without a gap, as numbers of its points.
-fn stretches(series: &Series, shown: &dyn Fn(&Series, usize) -> bool) -> Vec<Vec<usize>> {
+fn stretches(series: &PlotSeries, shown: &dyn Fn(&PlotSeries, usize) -> bool) -> Vec<Vec<usize>> {
     let mut stretches = vec![Vec::new()];
     for at in 0..series.x.len() {
         if shown(series, at) {
@@ -332,9 +332,9 @@ fn stretches(series: &Series, shown: &dyn Fn(&Series, usize) -> bool) -> Vec<Vec
 
 fn draw_band(
     scene: &mut Scene,
-    series: &Series,
+    series: &PlotSeries,
     number: usize,
-    shown: &dyn Fn(&Series, usize) -> bool,
+    shown: &dyn Fn(&PlotSeries, usize) -> bool,
     place: &dyn Fn(f64, f64) -> [f64; 2],
 ) {
     let mut path = Path::default();
@@ -348,9 +348,9 @@ fn draw_band(
 
 fn draw_series(
     scene: &mut Scene,
-    series: &Series,
+    series: &PlotSeries,
     number: usize,
-    shown: &dyn Fn(&Series, usize) -> bool,
+    shown: &dyn Fn(&PlotSeries, usize) -> bool,
     place: &dyn Fn(f64, f64) -> [f64; 2],
 ) {
     let stretches = stretches(series, shown);
@@ -394,7 +394,7 @@ fn draw_series(
     }
 }
 
-fn line_stroke(series: &Series, colour: Rgb) -> Stroke {
+fn line_stroke(series: &PlotSeries, colour: Rgb) -> Stroke {
     let dash: &[f64] = if series.style == Style::Dashed { &[8.0, 5.0] } else { &[] };
     Stroke { dash, ..Stroke::new(colour, 2.0) }
 }
@@ -414,12 +414,12 @@ fn mark(path: &mut Path, number: usize, [x, y]: [f64; 2]) {
 /// Names of the series in rows above the axes, where they cannot cover a curve.
 struct Legend<'a> {
     /// Series, number, name as it fits, and its place from the upper left corner.
-    entries: Vec<(&'a Series, usize, String, [i32; 2])>,
+    entries: Vec<(&'a PlotSeries, usize, String, [i32; 2])>,
     height: i32,
 }
 
 impl<'a> Legend<'a> {
-    fn new(letters: &Letters, series: &'a [Series], width: i32) -> Self {
+    fn new(letters: &Letters, series: &'a [PlotSeries], width: i32) -> Self {
         let (mut x, mut row) = (0, 0);
         let mut entries = Vec::new();
         let line = letters.small.line() + 2;

@@ -2,7 +2,7 @@
 
 use super::figure::{FigureOptions, Values};
 use super::map::warnings;
-use super::{Axis, Plot, ReportError, Series, Style};
+use super::{Axis, Plot, PlotSeries, ReportError, Style};
 use crate::field::{Measurement, NodalNoise, Segment, at_point};
 use crate::mesh::shape_functions;
 use crate::units::Px;
@@ -72,7 +72,8 @@ pub(super) fn profile_plot(
         notes.push(format!("band: \u{b1}{K} standard uncertainties{bound}"));
     }
     let s = points.iter().map(|(s, _)| *s).collect();
-    let series = Series { band: half.map(|half| [half.clone(), half]), ..Series::new("", Style::Line, s, values) };
+    let series =
+        PlotSeries { band: half.map(|half| [half.clone(), half]), ..PlotSeries::new("", Style::Line, s, values) };
     Ok(Plot {
         x: Axis::linear("distance from A (px)").with_range(0.0, length),
         series: vec![series],

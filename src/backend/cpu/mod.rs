@@ -3,8 +3,8 @@
 //! The unit of parallel work is a fixed number of elements or rows and every sum has a fixed order, so
 //! results have the same bits for any number of threads.
 
+mod gradient;
 mod normal_matrix;
-mod pixels;
 mod plane;
 mod prefilter;
 mod residual;
@@ -289,19 +289,20 @@ impl Backend for CpuBackend {
         mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        let (fx, fy) = pixels::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
+        let (fx, fy) =
+            gradient::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
         frame.coefficients[level] = None;
         let f = if level == 0 {
             let image = &frame.grey.image;
             let (width, height, offset) = (image.width(), image.height(), options.grey_offset);
             match image.pixels() {
-                Pixels::U8(p) => pixels::plane_of(&self.pool, p, width, height, offset),
-                Pixels::U16(p) => pixels::plane_of(&self.pool, p, width, height, offset),
-                Pixels::F32(p) => pixels::plane_of(&self.pool, p, width, height, offset),
+                Pixels::U8(p) => plane::plane_of(&self.pool, p, width, height, offset),
+                Pixels::U16(p) => plane::plane_of(&self.pool, p, width, height, offset),
+                Pixels::F32(p) => plane::plane_of(&self.pool, p, width, height, offset),
             }
         } else {
             let grey = frame.grey.level(level);
-            pixels::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
+            plane::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
         }?;
         let elements = mesh.pixels.elements.clone();
         let narrow = elements.iter().all(|e| e.nx <= 8);

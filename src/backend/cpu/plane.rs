@@ -1,7 +1,9 @@
 //! A plane of `f32` with a border, laid out for unaligned vector loads.
 
 use crate::backend::BackendError;
+use crate::backend::pyramid::Grey;
 use memmap2::MmapMut;
+use rayon::prelude::*;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -166,4 +168,24 @@ impl View<'_> {
 fn index(stride: usize, x: isize, y: isize) -> usize {
     debug_assert!(x >= -(BORDER as isize) && y >= -(BORDER_ROWS as isize));
     ((y + BORDER_ROWS as isize) * stride as isize + x + BORDER as isize) as usize
+}
+
+/// Grey levels as a plane (its border is not filled).
+pub(super) fn plane_of<G: Grey>(
+    pool: &Pool,
+    grey: &[G],
+    width: usize,
+    height: usize,
+    offset: f32,
+) -> Result<Plane, BackendError> {
+    let mut plane = pool.plane(width, height)?;
+    let (stride, first) = (plane.stride, plane.at(0, 0));
+    plane.data_mut()[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(
+        |(out, row)| {
+            for (out, grey) in out.iter_mut().zip(row) {
+                *out = grey.value() - offset;
+            }
+        },
+    );
+    Ok(plane)
 }

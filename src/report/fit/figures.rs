@@ -2,7 +2,7 @@
 
 use super::FitReport;
 use crate::identify::{Iteration, NORMAL_95};
-use crate::report::{Axis, Picture, Plot, ReportError, Series, Style};
+use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 
 impl FitReport<'_> {
     /// Draws the history of the fit, the parameters, the law and the tractions at the `chosen` instants (from 1), each with
@@ -25,7 +25,7 @@ impl FitReport<'_> {
                 x: Axis::linear(format!("{jump} (\u{b5}m)")),
                 y: Axis::linear(format!("{traction} (MPa)")),
                 series: vec![
-                    Series::new("fit, 95 % band", Style::Line, um, curve.traction.clone())
+                    PlotSeries::new("fit, 95 % band", Style::Line, um, curve.traction.clone())
                         .with_limits(&curve.low, &curve.high),
                 ],
                 notes: Vec::new(),
@@ -35,12 +35,12 @@ impl FitReport<'_> {
         for (name, label, normal) in [("tn", "T_n (MPa)", true), ("tt", "T_t (MPa)", false)] {
             let along: Vec<f64> =
                 self.case.problem.joint.model.pair_positions().into_iter().map(|(_, along)| along).collect();
-            let series: Vec<Series> = (self.bands.iter().filter(|band| chosen.contains(&band.instant)))
+            let series: Vec<PlotSeries> = (self.bands.iter().filter(|band| chosen.contains(&band.instant)))
                 .map(|band| {
                     let pick = |t: &crate::mechanics::cohesive::Traction| if normal { t.normal } else { t.tangential };
                     let [y, low, high] =
                         [&band.traction, &band.low, &band.high].map(|list| list.iter().map(pick).collect::<Vec<f64>>());
-                    Series::new(format!("instant {}", band.instant), Style::Line, along.clone(), y)
+                    PlotSeries::new(format!("instant {}", band.instant), Style::Line, along.clone(), y)
                         .with_limits(&low, &high)
                 })
                 .collect();
@@ -63,7 +63,7 @@ impl FitReport<'_> {
                 title: format!("Profile likelihood of {}", profile.name),
                 x: Axis::linear(profile.name),
                 y: Axis::linear("rise of the objective"),
-                series: vec![Series::new("", Style::LineAndMarkers, profile.values.clone(), profile.rise.clone())],
+                series: vec![PlotSeries::new("", Style::LineAndMarkers, profile.values.clone(), profile.rise.clone())],
                 notes: vec![format!("95 % interval: where the rise is below {:.2}", NORMAL_95 * NORMAL_95)],
             };
             save("profile".into(), plot.draw()?)?;
@@ -88,13 +88,13 @@ impl FitReport<'_> {
             };
             let (x, y) = points(true);
             let name = if n_stages > 1 { format!("stage {stage}") } else { "accepted".into() };
-            series.push(Series::new(name, Style::LineAndMarkers, x, y));
+            series.push(PlotSeries::new(name, Style::LineAndMarkers, x, y));
             let (x, y) = points(false);
             x_refused.extend(x);
             y_refused.extend(y);
         }
         if !x_refused.is_empty() {
-            series.push(Series::new("refused", Style::Markers, x_refused, y_refused));
+            series.push(PlotSeries::new("refused", Style::Markers, x_refused, y_refused));
         }
         Plot {
             title: "Objective against evaluation".into(),
@@ -112,7 +112,7 @@ impl FitReport<'_> {
         for (k, p) in self.fit.parameters.iter().enumerate() {
             let accepted = self.fit.history.iter().enumerate().filter(|(_, i)| i.accepted);
             let (x, y): (Vec<f64>, Vec<f64>) = accepted.map(|(e, i)| (e as f64, i.z[k] / p.value)).unzip();
-            let mut one = Series::new(p.parameter.name, Style::LineAndMarkers, x, y);
+            let mut one = PlotSeries::new(p.parameter.name, Style::LineAndMarkers, x, y);
             if let Some([low, high]) = p.interval95 {
                 // How far the interval reaches from the value, about every point.
                 let reach = |end: f64| (end - p.value) / p.value.abs();

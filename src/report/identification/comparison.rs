@@ -5,7 +5,7 @@ use super::{IdentificationReport, chosen};
 use crate::mechanics::cohesive::Jump;
 use crate::report::fit::{Banded, LawRows};
 use crate::report::page::{Block, Curves, Section};
-use crate::report::{Axis, Plot, ReportError, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use crate::units::Vector;
 
 impl IdentificationReport<'_> {
@@ -55,7 +55,12 @@ impl IdentificationReport<'_> {
                 let u = &self.computed[at];
                 let line = |k: usize| 1e3 * along_axis(k, u[pairs[k][0] as usize], u[pairs[k][1] as usize]);
                 let along: Vec<f64> = positions.iter().map(|(_, along)| *along).collect();
-                series.push(Series::new(self.name_of(at), Style::Line, along, (0..pairs.len()).map(line).collect()));
+                series.push(PlotSeries::new(
+                    self.name_of(at),
+                    Style::Line,
+                    along,
+                    (0..pairs.len()).map(line).collect(),
+                ));
             }
             for at in self.drawn() {
                 let (mut x, mut y, mut half) = (Vec::new(), Vec::new(), Vec::new());
@@ -73,7 +78,10 @@ impl IdentificationReport<'_> {
                 }
                 // The colour of its line.
                 let colour = Some(self.drawn().iter().position(|&other| other == at).unwrap_or(0));
-                series.push(Series { colour, ..Series::new(String::new(), Style::Markers, x, y).with_band(half) });
+                series.push(PlotSeries {
+                    colour,
+                    ..PlotSeries::new(String::new(), Style::Markers, x, y).with_band(half)
+                });
             }
             let plot = Plot {
                 title: format!("{title} along the joint, measured and computed"),
@@ -113,8 +121,8 @@ impl IdentificationReport<'_> {
                 y: Axis::linear("root mean square (px)")
                     .with_range(0.0, 1.3 * off.iter().chain(&noise).fold(1e-6, |most: f64, v| most.max(*v))),
                 series: vec![
-                    Series::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
-                    Series::new("uncertainty of the measurement", Style::Dashed, instant, noise),
+                    PlotSeries::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
+                    PlotSeries::new("uncertainty of the measurement", Style::Dashed, instant, noise),
                 ],
                 notes: Vec::new(),
             };
@@ -134,13 +142,13 @@ impl IdentificationReport<'_> {
                 let one = match self.bands.iter().find(|band| band.instant == at + 1) {
                     Some(band) => {
                         let Banded { value, low, high, .. } = &band.tractions[c];
-                        Series::new(self.name_of(at), Style::Line, band.along_mm.clone(), value.clone())
+                        PlotSeries::new(self.name_of(at), Style::Line, band.along_mm.clone(), value.clone())
                             .with_limits(low, high)
                     }
                     None => {
                         let values = model.tractions(self.law, &self.computed[at]).into_iter();
                         let values = values.map(|t| if c == 0 { t.normal } else { t.tangential }).collect();
-                        Series::new(self.name_of(at), Style::Line, along.clone(), values)
+                        PlotSeries::new(self.name_of(at), Style::Line, along.clone(), values)
                     }
                 };
                 series.push(one);
@@ -188,7 +196,7 @@ impl IdentificationReport<'_> {
             Some(modes) => {
                 let LawRows { jump_mm, traction: Banded { value, low, high, .. } } = &modes[c];
                 let um = jump_mm.iter().map(|jump| 1e3 * jump).collect();
-                Series::new("", Style::Line, um, value.clone()).with_limits(low, high)
+                PlotSeries::new("", Style::Line, um, value.clone()).with_limits(low, high)
             }
             None => {
                 let most = |pick: fn(&Jump) -> f64| {
@@ -203,7 +211,7 @@ impl IdentificationReport<'_> {
                     _ => self.law.response(Jump { normal: 0.0, tangential: d }).traction.tangential,
                 };
                 let values = jumps.iter().map(traction).collect();
-                Series::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values)
+                PlotSeries::new("", Style::Line, jumps.iter().map(|d| 1e3 * d).collect(), values)
             }
         };
         let plot = Plot {

@@ -4,7 +4,7 @@ use super::IdentificationReport;
 use super::words::{plain_or_dash, significant};
 use crate::report::fit::{FitRecord, IterationRecord, StartRecord};
 use crate::report::page::{Block, Curves, Section};
-use crate::report::{Axis, Plot, ReportError, Series, Style};
+use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use std::collections::BTreeMap;
 
 impl IdentificationReport<'_> {
@@ -29,27 +29,27 @@ impl IdentificationReport<'_> {
             stages.entry(entry.stage).or_default().push(k);
         }
         let n_stages = stages.len();
-        let stages: Vec<Series> = stages
+        let stages: Vec<PlotSeries> = stages
             .into_iter()
             .map(|(number, stage)| {
                 let last = stage.last().map_or(1.0, |&k| omega[k]);
                 let name = if n_stages > 1 { format!("stage {number}") } else { String::new() };
                 let (x, y) = stage.iter().map(|&k| (step[k], omega[k] / last)).unzip();
-                Series::new(name, Style::LineAndMarkers, x, y)
+                PlotSeries::new(name, Style::LineAndMarkers, x, y)
             })
             .collect();
         let mut curves = vec![Block::Curves(Curves::new(
             &plot("Objective of the fit", Axis::log("omega / last of its stage"), stages),
             "The objective at every iteration; a stage is a run of the trust region with one kind of weights, the last with those asked for",
         )?)];
-        let series: Vec<Series> = names
+        let series: Vec<PlotSeries> = names
             .iter()
             .enumerate()
             .filter_map(|(k, name)| {
                 let of: Vec<f64> = history.iter().map(|entry| entry.x.get(k).copied().unwrap_or(f64::NAN)).collect();
                 let last = *of.last()?;
                 (last != 0.0 && last.is_finite()).then(|| {
-                    Series::new(
+                    PlotSeries::new(
                         name.clone(),
                         Style::LineAndMarkers,
                         step.clone(),

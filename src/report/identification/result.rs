@@ -5,7 +5,7 @@ use super::words::{capital, plain, plain_or_dash, significant};
 use crate::identify::NORMAL_95;
 use crate::report::fit::{BudgetRecord, FitRecord, GroupRecord, MisfitRecord, ParameterRecord, QuantityRecord};
 use crate::report::page::{Block, Curves, Part, Section};
-use crate::report::{Axis, Name, Plot, ReportError, Series, Style};
+use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
 
 impl IdentificationReport<'_> {
     pub(super) fn result(&self, fit: &FitRecord) -> Result<Section, ReportError> {
@@ -254,7 +254,7 @@ fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
         title: "Measured less computed, over what noise and element size leave".into(),
         x: Axis::linear("instant"),
         y: Axis::linear("root mean square (times expected)").with_range(0.0, highest),
-        series: vec![Series::new("", Style::LineAndMarkers, place, ratio)],
+        series: vec![PlotSeries::new("", Style::LineAndMarkers, place, ratio)],
         notes: Vec::new(),
     };
     let caption =

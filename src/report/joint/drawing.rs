@@ -4,7 +4,7 @@ use crate::report::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
 use crate::report::raster::Layer;
 use crate::report::scale::{Palette, Range, colour, ticks};
 use crate::report::scene::{Anchor, BLACK, Path, Rect, Scene, Stroke};
-use crate::report::{Axis, Picture, Plot, ReportError, Series, Style};
+use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 
 /// Longer side of the map.
 const LONGER_SIDE: f64 = 820.0;
@@ -164,8 +164,8 @@ impl JointProfiles {
     /// # Errors
     /// Another number of values than of node pairs.
     pub fn draw(&self) -> Result<Picture, ReportError> {
-        let mut series: Vec<Series> = (self.instants.iter())
-            .map(|(name, values, _)| Series::new(name, Style::Line, self.along.clone(), values.clone()))
+        let mut series: Vec<PlotSeries> = (self.instants.iter())
+            .map(|(name, values, _)| PlotSeries::new(name, Style::Line, self.along.clone(), values.clone()))
             .collect();
         let (mut x, mut y) = (Vec::new(), Vec::new());
         for (_, values, front) in &self.instants {
@@ -177,7 +177,7 @@ impl JointProfiles {
             y.push(values[after - 1] + share * (values[after] - values[after - 1]));
         }
         if !x.is_empty() {
-            series.push(Series::new("crack front", Style::Markers, x, y));
+            series.push(PlotSeries::new("crack front", Style::Markers, x, y));
         }
         Plot {
             title: self.title.clone(),

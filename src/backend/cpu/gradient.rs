@@ -1,32 +1,11 @@
-//! Conversion and gradients of pixels.
+//! The gradient of the reference at its pixels.
 
 use super::plane::{Plane, Pool, View};
 use crate::backend::BackendError;
-use crate::backend::pyramid::Grey;
 use crate::backend::spline::at_pixel;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
 use rayon::prelude::*;
-
-/// Grey levels as a plane (its border is not filled).
-pub(super) fn plane_of<G: Grey>(
-    pool: &Pool,
-    grey: &[G],
-    width: usize,
-    height: usize,
-    offset: f32,
-) -> Result<Plane, BackendError> {
-    let mut plane = pool.plane(width, height)?;
-    let (stride, first) = (plane.stride, plane.at(0, 0));
-    plane.data_mut()[first..].par_chunks_mut(stride).with_min_len(64).zip(grey.par_chunks(width)).for_each(
-        |(out, row)| {
-            for (out, grey) in out.iter_mut().zip(row) {
-                *out = grey.value() - offset;
-            }
-        },
-    );
-    Ok(plane)
-}
 
 /// Gradient at the pixels of the spline with these coefficients: d/dx and d/dy, grey levels per px.
 pub(super) fn gradient(
