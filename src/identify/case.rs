@@ -17,7 +17,9 @@ use crate::io::case::{
     CaseWeights,
 };
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
-use crate::mechanics::Joint;
+use crate::io::run_case::RunCase;
+use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::{Joint, law_of_case, materials_of_case};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
@@ -64,6 +66,25 @@ impl<'a> Case<'a> {
         Self::of(joint, input, path).map_err(|error| error.in_case(&input.case.text))
     }
 
+    /// Whether the laws, materials and parameters of a case are some that there are: what can be told before anything is measured.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn check(case: &RunCase) -> Result<(), FitError> {
+        let checked = || {
+            let (Some(cohesive), Some(substrate)) = (&case.joint.cohesive, &case.joint.substrate) else {
+                return Ok(());
+            };
+            let (law, ..) = law_of_case(cohesive)?;
+            materials_of_case(substrate, &case.interface.zones)?;
+            if let Some(fit) = &case.joint.fit {
+                starts(&unknowns(&*law, fit)?, fit)?;
+            }
+            Ok(())
+        };
+        checked().map_err(|error: FitError| error.in_case(&case.text))
+    }
+
     fn of(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
         let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
         let case = &input.case;
@@ -74,7 +95,7 @@ impl<'a> Case<'a> {
             return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
         };
         let mut doubts = Vec::new();
-        let unknowns = unknowns(joint, table)?;
+        let unknowns = unknowns(&*joint.law, table)?;
         let of_run = matches!(measured, MeasurementInput::Run(_));
         let weights = match measurement.weights {
             None if of_run => WeightKind::Covariance,
@@ -184,8 +205,7 @@ fn names(unknowns: &Unknowns) -> String {
     unknowns.law().parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", ")
 }
 
-fn unknowns(joint: &Joint, table: &CaseFit) -> Result<Unknowns, FitError> {
-    let law = &*joint.law;
+fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError> {
     let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
     if table.parameters.is_empty() {
         return Err(wrong("fit", "parameters", format!("parameters is empty; give some of {}", known.join(", "))));

@@ -3,7 +3,7 @@
 //! It holds the sections of a correlation ([`CaseFile`]), and those of a joint (as in
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
-use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, read_document};
+use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, CaseText, read_document};
 use super::joint::LAW;
 use facing::{Faces, face_each_other};
 use std::path::{Path, PathBuf};
@@ -25,6 +25,8 @@ pub struct RunCase {
     pub interface: CaseInterface,
     /// The other sections of the joint, as they stand in the file.
     pub joint: Case,
+    /// The text of the file.
+    pub text: CaseText,
     /// Thickness of the adhesive: the gap between the facing edges of the zones, mm.
     pub thickness_mm: f64,
     /// Unit normal of the joint, from the first zone of the interface to the second; x to the right, y up.
@@ -129,7 +131,7 @@ impl CaseDocument {
             );
             return Err(refused("interface", "thickness_mm", what).into());
         }
-        Ok(RunCase { correlation, interface, joint, thickness_mm, normal, notes })
+        Ok(RunCase { correlation, interface, joint, text: text.clone(), thickness_mm, normal, notes })
     }
 }
 

@@ -71,6 +71,8 @@ impl CaseRun {
 pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
     let CaseRun { case: file, output, overwrite, device, gpu, stop } = asked;
     let case = read_run_case(file)?;
+    // Not after hours of correlation.
+    Case::check(&case)?;
     case.notes.iter().for_each(|note| watcher(Event::Note(note)));
     let mut steps = Steps::open(output, *overwrite)?;
     let correlation = correlation_in(output);
