@@ -357,6 +357,32 @@ fn every_heavy_crate_is_seen_where_it_lives() {
     assert!(named > 50, "only {named} names of modules are seen");
 }
 
+/// The paths `src/a/b.rs` that stand in a text.
+fn paths_named(text: &str) -> impl Iterator<Item = &str> {
+    let ends = |c: char| !(c.is_ascii_alphanumeric() || "_/.".contains(c));
+    text.match_indices("src/").filter_map(move |(at, _)| {
+        let word = &text[at..at + text[at..].find(ends).unwrap_or(text.len() - at)];
+        word.find(".rs").map(|end| &word[..end + 3])
+    })
+}
+
+#[test]
+fn every_file_that_a_document_or_a_shader_names_is_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut texts = vec![root.join("README.md"), root.join("CONTRIBUTING.md")];
+    for folder in ["docs", "shaders", "shaders/shared"] {
+        texts.extend(std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path()));
+    }
+    let mut n = 0;
+    for path in texts.iter().filter(|path| path.extension().is_some_and(|ending| ending == "md" || ending == "wgsl")) {
+        for named in paths_named(&std::fs::read_to_string(path).unwrap()) {
+            assert!(root.join(named).is_file(), "{} names {named}, which is not there", path.display());
+            n += 1;
+        }
+    }
+    assert!(n > 50, "only {n} paths are seen");
+}
+
 #[test]
 fn no_files_name_each_other_in_a_circle() {
     let found = circles::circles(&source_tree());
