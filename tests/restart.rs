@@ -664,8 +664,9 @@ fn memory_grows_with_the_series_by_the_summary_alone() {
     if short == 0 {
         return println!("SKIPPED: there is no /proc here");
     }
-    // Names, SHA-256 and the entry in summary.json; the field of a frame would be 20 KiB more.
-    assert!(long < short + 4 * n as u64, "50 frames {short} KiB, {n} frames {long} KiB");
+    // Names, SHA-256 and the entry in summary.json take 3 to 5 KiB a frame (the allocator rounds); its field would be
+    // 20 KiB more.
+    assert!(long < short + 8 * (n - 50) as u64, "50 frames {short} KiB, {n} frames {long} KiB");
 }
 
 #[test]
