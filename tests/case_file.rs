@@ -35,6 +35,7 @@ regularisation = "equilibrium-gap"
 cutoff_px = 64.5
 poisson = 0.3
 strain = "hencky"
+strain_window = 5
 drop_textureless = true
 
 [[zone]]
@@ -92,6 +93,7 @@ fn full() -> CaseFile {
             cutoff_px: Some(64.5),
             poisson: Some(0.3),
             strain: Some(StrainDefinition::Hencky),
+            strain_window: Some(5),
             drop_textureless: Some(true),
         },
         zones: vec![

@@ -5,7 +5,9 @@
 mod program;
 
 use program::{Desk, INSIDE, moved};
-use quadrille::field::{Measurement, ModelError, Status, StrainDefinition, StrainField, TensorStrain};
+use quadrille::field::{
+    Measurement, ModelError, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows, TensorStrain,
+};
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
@@ -53,7 +55,9 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
 }
 
 fn strain(field: &Measurement<Px>) -> StrainField {
-    StrainField::of(field, StrainDefinition::Hencky)
+    let windows = StrainWindows::new(&field.mesh, StrainWindow::new(3).unwrap(), false);
+    let window = Some(windows.of(field, StrainDefinition::Hencky));
+    StrainField { window, ..StrainField::of(field, StrainDefinition::Hencky) }
 }
 
 fn header() -> StoreHeader {
@@ -69,6 +73,7 @@ fn header() -> StoreHeader {
         range_grey: 231.3,
         element_size_px: 16.0,
         strain: StrainDefinition::Hencky,
+        strain_window: StrainWindow::new(3),
         case: "[correlation]\nnoise = 2.0\n".into(),
     }
 }

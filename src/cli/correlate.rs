@@ -70,6 +70,8 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         drop_textureless: args.drop_textureless,
         export: args.export.as_ref().map(|tables| tables.iter().map(|&table| table.into()).collect()),
         strain: args.strain,
+        strain_window: args.strain_window,
+        no_report: args.no_report,
         device: args.device.clone(),
         gpu: devices::options(),
         isa: args.isa.clone(),

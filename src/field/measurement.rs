@@ -109,6 +109,9 @@ impl fmt::Display for Misfit {
     }
 }
 
+/// Standard uncertainty, in medians over the field, above which a node is to be doubted.
+pub const DOUBTFUL: f64 = 5.0;
+
 /// The displacement field of one deformed image, on the nodes of a mesh of the reference image.
 ///
 /// A node that was not measured (without texture, or outside the deformed image) has
@@ -157,6 +160,21 @@ impl Measurement<Px> {
 }
 
 impl<U: Length> Measurement<U> {
+    /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is above
+    /// [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
+    pub fn doubtful(&self) -> Vec<bool> {
+        let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
+        let mut known: Vec<f64> =
+            self.sigma.iter().zip(&self.measured).filter(|(_, measured)| **measured).map(|(s, _)| rms(s)).collect();
+        let middle = known.len() / 2;
+        let median = match known.get(middle) {
+            Some(_) => *known.select_nth_unstable_by(middle, f64::total_cmp).1,
+            None => return vec![false; self.measured.len()],
+        };
+        let is_doubtful = |(s, &measured): (&[f64; 2], &bool)| measured && rms(s) > DOUBTFUL * median;
+        self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
+    }
+
     /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.
     pub fn misfit(&self) -> Option<Misfit> {
         let not_followed = &self.model_error.as_ref()?.misfit;

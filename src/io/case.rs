@@ -12,6 +12,7 @@ mod law;
 mod lists;
 mod quantities;
 mod schema;
+mod setup;
 
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
@@ -28,6 +29,7 @@ pub use quantities::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
 };
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
+pub use setup::CaseReport;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,6 +67,9 @@ pub struct Case {
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
+    /// What the program cannot know of the test, for the reporting table of `report.html`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub report: CaseReport,
     /// Where the adhesive is in the images: between two zones.
     pub interface: Option<CaseInterface>,
     /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
@@ -122,6 +127,8 @@ pub struct CaseFile {
     pub extensometers: Vec<CaseExtensometer>,
     /// The sections `[[opening]]`, in order.
     pub openings: Vec<CaseOpening>,
+    /// The section `[report]`.
+    pub report: CaseReport,
     /// The section `[run]`: how a finished run came about.
     pub run: Option<toml::Table>,
 }
@@ -132,9 +139,14 @@ impl CaseFile {
         self.base.join(name)
     }
 
-    /// What this case draws from the fields, with the load file as a path that starts at the current folder.
+    /// What this case draws from the fields, with the load files as paths that start at the current folder.
     pub fn drawn(&self) -> CaseQuantities {
-        let load = |load: &CaseLoad| CaseLoad { file: self.resolve(&load.file).display().to_string() };
+        let path = |name: &String| self.resolve(name).display().to_string();
+        let load = |load: &CaseLoad| CaseLoad {
+            file: path(&load.file),
+            frame_times: load.frame_times.as_ref().map(path),
+            ..load.clone()
+        };
         CaseQuantities {
             options: self.quantities.clone(),
             load: self.load.as_ref().map(load),

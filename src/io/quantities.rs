@@ -1,7 +1,9 @@
 //! Quantities of a series as tables: long, a row for each frame and place.
 
 use super::load::LoadTable;
-use crate::field::{Curve, FrameQuantities, Measurement, NodalNoise, PointValues, Quantities, Status, Value};
+use crate::field::{
+    Curve, FrameQuantities, Measurement, NodalNoise, PointValues, Quantities, Status, StrainWindows, Value,
+};
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
@@ -21,6 +23,7 @@ pub struct QuantityTables<'a, W: Write> {
     load: &'a LoadTable,
     tables: [Option<Table<W>>; 6],
     noise: Option<NodalNoise>,
+    windows: Option<StrainWindows>,
     bound: bool,
     traces: Vec<Trace>,
     frames: Vec<usize>,
@@ -87,6 +90,8 @@ const POINT: [&str; 12] = [
     "sigma_eyy",
     "sigma_exy",
 ];
+const WINDOW: [&str; 6] =
+    ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
 const ALONG: [&str; 1] = ["along_px"];
 const EXTENSOMETER: [&str; 7] = [
     "length_px",
@@ -121,9 +126,10 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
         let q = quantities;
+        let point = if q.window.is_some() { [&POINT[..], &WINDOW].concat() } else { POINT.to_vec() };
         let wanted = [
-            (!q.points.is_empty(), vec!["point"], POINT.to_vec()),
-            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &POINT].concat()),
+            (!q.points.is_empty(), vec!["point"], point.clone()),
+            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &point].concat()),
             (!q.extensometers.is_empty(), vec!["extensometer"], EXTENSOMETER.to_vec()),
             (!q.openings.is_empty(), vec!["opening", "part"], [&OPENING[..], &JUMP].concat()),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
@@ -154,7 +160,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             traces.push(Trace { name: name.to_owned(), quantity, values: Vec::new() });
         };
         for (name, _) in &q.points {
-            PointValues::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
+            PointValues::quantities(q.window).iter().for_each(|(quantity, _)| trace(name, *quantity));
         }
         for (name, _) in &q.extensometers {
             crate::field::Elongation::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
@@ -176,6 +182,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             load,
             tables,
             noise: None,
+            windows: None,
             bound: regularised,
             traces,
             frames: Vec::new(),
@@ -203,7 +210,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 true => NodalNoise::unknown(&field.mesh, &field.measured),
                 false => NodalNoise::new(&field.mesh, &field.measured),
             });
-            self.quantities.draw(field, self.noise.insert(noise))
+            let noise = self.noise.insert(noise);
+            if let (None, Some(window)) = (&self.windows, self.quantities.window) {
+                self.windows = Some(StrainWindows::new(&field.mesh, window, self.bound));
+            }
+            self.quantities.draw(field, noise, self.windows.as_ref())
         });
         self.frames.push(number);
         match &drawn {
@@ -226,14 +237,17 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
                 let values = drawn.and_then(|drawn| drawn.points[k]);
-                table.row(&with(&[name]), &point_cells(*at, values))?;
+                table.row(&with(&[name]), &point_cells(*at, values, q.window.is_some()))?;
             }
         }
         if let Some(table) = lines {
             for (k, (name, line)) in q.lines.iter().enumerate() {
                 for (i, (along, at)) in line.points().into_iter().enumerate() {
                     let values = drawn.and_then(|drawn| drawn.lines[k][i]);
-                    table.row(&with(&[name]), &[&[Some(along)][..], &point_cells(at, values)].concat())?;
+                    table.row(
+                        &with(&[name]),
+                        &[&[Some(along)][..], &point_cells(at, values, q.window.is_some())].concat(),
+                    )?;
                 }
             }
         }
@@ -301,7 +315,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         let mut values = Vec::with_capacity(self.traces.len());
         for k in 0..q.points.len() {
             let point = drawn.and_then(|drawn| drawn.points[k]);
-            values.extend(PointValues::QUANTITIES.map(|(_, value)| point.as_ref().and_then(value)));
+            values.extend(PointValues::quantities(q.window).iter().map(|(_, value)| point.as_ref().and_then(value)));
         }
         for k in 0..q.extensometers.len() {
             let read = drawn.and_then(|drawn| drawn.extensometers[k]);
@@ -337,7 +351,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 curves.extend(over(&column.name, &|frame| column.at(frame)));
             }
         }
-        let mut notes = Vec::new();
+        let mut notes = self.load.notes.clone();
         if let Some(first) = self.without_field.first() {
             let n = self.without_field.len();
             notes.push(format!(
@@ -368,11 +382,11 @@ fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
     crate::field::Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
 }
 
-fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
+fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec<Option<f64>> {
     let cell = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
     let strain = values.and_then(|v| v.strain);
     let (strain, sigma) = (strain.map(|s| s.0.components()), strain.map(|s| s.1));
-    [
+    let mut cells = vec![
         Some(at[0]),
         Some(at[1]),
         cell(|v| v.displacement[0]),
@@ -385,7 +399,13 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
         sigma.map(|e| e[0]),
         sigma.map(|e| e[1]),
         sigma.map(|e| e[2]),
-    ]
+    ];
+    if windowed {
+        let window = values.and_then(|v| v.window);
+        cells.extend([0, 1, 2].map(|k| window.map(|w| w.0.components()[k])));
+        cells.extend([0, 1, 2].map(|k| window.map(|w| w.1[k])));
+    }
+    cells
 }
 
 /// What the columns of a table mean.
@@ -417,6 +437,7 @@ fn definitions(
         "points" | "lines" => {
             said.extend(quantities.strain.describe(element_size_px));
             said.push("strain at a point: interpolated between the nodes, so over twice the element size".to_owned());
+            said.extend(quantities.window.iter().flat_map(|window| window.describe(element_size_px)));
         }
         "extensometers" => said.push(
             "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length)"

@@ -29,6 +29,8 @@ pub struct MapOptions {
     pub pixel_size: Option<PixelSize>,
     /// A line to show from (x0, y0), marked A, to (x1, y1), marked B, px.
     pub line: Option<[f64; 4]>,
+    /// Elements that are hatched, since their values are to be doubted; none where it is empty.
+    pub hatched: Vec<bool>,
     /// Lines of text below the picture.
     pub notes: Vec<String>,
 }
@@ -45,6 +47,7 @@ impl MapOptions {
             opacity: 0.7,
             pixel_size: None,
             line: None,
+            hatched: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -122,7 +125,7 @@ pub(super) fn nodal_cells(measurement: &Measurement<Px>, values: &[f64]) -> Resu
     Ok(cells.collect())
 }
 
-fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
+pub(super) fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
     let mesh = &measurement.mesh;
     if values.len() != mesh.n_elements() {
         return Err(ReportError::Length { what: "elements", expected: mesh.n_elements(), got: values.len() });
@@ -210,11 +213,49 @@ fn draw(
             }
         }
         layout.lay(&mut scene, &layer, bar.opacity);
+        hatch(&mut scene, &layout, measurement, cells, &options.hatched);
     }
     if let Some(line) = options.line {
         draw_line(&mut scene, &layout, line);
     }
     Ok(layout.finish(scene))
+}
+
+/// Distance of the lines of a hatch on the sheet.
+const HATCH: f64 = 7.0;
+
+/// Hatches the elements that are drawn and marked.
+fn hatch(
+    scene: &mut Scene,
+    layout: &FigureLayout<'_>,
+    measurement: &Measurement<Px>,
+    cells: &[Cell],
+    hatched: &[bool],
+) {
+    let mesh = &measurement.mesh;
+    let marked =
+        cells.iter().zip(hatched).zip(mesh.elements()).filter(|((cell, hatched), _)| **hatched && cell.is_some());
+    let mut within = Path::default();
+    let mut ends: Option<[f64; 4]> = None;
+    for (_, nodes) in marked {
+        let corners = nodes.map(|node| layout.place(mesh.nodes()[node as usize]));
+        for [x, y] in corners {
+            ends = Some(ends.map_or([x, y, x, y], |[a, b, c, d]| [a.min(x), b.min(y), c.max(x), d.max(y)]));
+        }
+        within.polygon(corners);
+    }
+    let Some([x0, y0, x1, y1]) = ends else { return };
+    // Lines x + y = constant, at the same places whatever is hatched.
+    let mut lines = Path::default();
+    let mut at = ((x0 + y0) / HATCH).ceil() * HATCH;
+    while at < x1 + y1 {
+        lines.line([[at - y0, y0], [at - y1, y1]]);
+        at += HATCH;
+    }
+    scene.clip_to(&within);
+    scene.stroke(&lines, &Stroke::new(WHITE, 2.2));
+    scene.stroke(&lines, &Stroke::new(BLACK, 1.0));
+    scene.unclip();
 }
 
 /// A line from A to B.

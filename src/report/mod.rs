@@ -2,6 +2,7 @@
 
 mod axes;
 mod backdrop;
+pub mod correlation;
 mod edges;
 mod figure;
 mod figures;
@@ -20,6 +21,7 @@ mod raster;
 mod scale;
 mod scene;
 pub mod summary;
+mod words;
 
 pub use backdrop::Backdrop;
 pub use figure::{Figure, FigureOptions, Format};
@@ -106,6 +108,9 @@ pub enum ReportError {
         /// What was asked for.
         factor: f64,
     },
+    /// Strains over a window that nobody gave.
+    #[error("strains over a window of nodes need its size, and the run has none; give --strain-window N, such as 5")]
+    NoWindow,
     /// Per cent of an unknown range.
     #[error("the residual in per cent needs the range of grey levels of the reference; ask for `residual`")]
     Percent,

@@ -79,6 +79,8 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
 
     let asked = Overlay { device: device.clone(), gpu: gpu.clone(), ..Overlay::default() };
     let mut plan = Plan::of(&asked, &case.correlation)?;
+    // That of the whole run says the same and more.
+    plan.report = false;
     // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.
     plan.options.whole_borders = case.interface.zones.to_vec();
     let inputs = inputs_of(&plan)?;

@@ -38,6 +38,8 @@ pub struct RunFolder(PathBuf);
 impl RunFolder {
     /// What the frames of a run came to.
     pub(crate) const SUMMARY: &str = "summary.json";
+    /// What was measured, to be looked at.
+    pub(crate) const REPORT: &str = "report.html";
     /// Folder of the records of the frames.
     pub(crate) const FRAMES: &str = "restart/frames";
     /// Folder of the states of a run whose reference is renewed.
@@ -88,7 +90,7 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, INTERFACE_SERIES, Self::SUMMARY].into_iter().chain(FITS) {
+        for name in [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY].into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;

@@ -89,6 +89,10 @@ pub struct Overlay {
     pub export: Option<Vec<Export>>,
     /// Definition of the strains.
     pub strain: Option<StrainDefinition>,
+    /// Nodes along a side of the window of further strains; 1 for none.
+    pub strain_window: Option<u32>,
+    /// Whether the report is left out.
+    pub no_report: bool,
     /// Where the pixel work is done.
     pub device: DeviceChoice,
     /// How a graphics device is opened.

@@ -7,8 +7,10 @@ use super::zones;
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
-use crate::field::{Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages};
+use crate::field::{
+    Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
+};
+use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
@@ -46,6 +48,8 @@ pub struct Plan {
     pub gpu: GpuOptions,
     /// Definition of the strains.
     pub strain: StrainDefinition,
+    /// Window of nodes of further strains.
+    pub strain_window: Option<StrainWindow>,
     /// Whether a CSV file is written per frame.
     pub csv: bool,
     /// Whether a VTU file is written per frame.
@@ -54,6 +58,10 @@ pub struct Plan {
     pub export_asked: bool,
     /// No tables, because there are many frames, or nobody knows how many, and nobody asked for them.
     pub store_only: bool,
+    /// Whether the series ends with a report.
+    pub report: bool,
+    /// What is said of the test in the report.
+    pub setup: CaseReport,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
 }
@@ -129,10 +137,14 @@ impl Plan {
             device: asked.device.clone(),
             gpu: asked.gpu.clone(),
             strain: asked.strain.or(given.strain).unwrap_or_default(),
+            strain_window: strain_window(asked.strain_window.or(given.strain_window))?,
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
+            // Who wants nothing beside the store wants no report.
+            report: !asked.no_report && !export.contains(&Export::None),
             export_asked: asked.export.is_some(),
             store_only,
+            setup: case.report.clone(),
             drawn: drawn(case),
         })
     }
@@ -196,8 +208,10 @@ impl Plan {
                     _ => None,
                 },
                 strain: Some(self.strain),
+                strain_window: self.strain_window.map(u32::from),
                 drop_textureless: Some(options.drop_textureless),
             },
+            report: self.setup.clone(),
             zones: zones::resolved(&self.zones, self.guard_px, width, height),
             ..CaseFile::default()
         }
@@ -244,6 +258,20 @@ fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<O
     })
 }
 
+/// The window of that many nodes; none for 1.
+///
+/// # Errors
+/// A number that is even or too large.
+pub fn strain_window(nodes: Option<u32>) -> Result<Option<StrainWindow>> {
+    match nodes {
+        None | Some(1) => Ok(None),
+        Some(nodes) => Ok(Some(StrainWindow::new(nodes).ok_or_else(|| {
+            let most = StrainWindow::MOST;
+            format!("the strain window is {nodes} nodes; give an odd number from 3 to {most}, such as 5, or 1 for none")
+        })?)),
+    }
+}
+
 /// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
 /// file says for another kind.
 fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisation> {
@@ -278,11 +306,12 @@ fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisat
     })
 }
 
-/// What the case draws from the fields, with a load file that is found from anywhere.
+/// What the case draws from the fields, with load files that are found from anywhere.
 fn drawn(case: &CaseFile) -> CaseQuantities {
     let mut drawn = case.drawn();
     if let Some(load) = &mut drawn.load {
         load.file = absolute(Path::new(&load.file));
+        load.frame_times = load.frame_times.as_ref().map(|file| absolute(Path::new(file)));
     }
     drawn
 }

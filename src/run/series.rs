@@ -18,10 +18,11 @@ use super::session::{Existing, Outcome, Ran, Session};
 use super::tally::Tally;
 use super::text::chain;
 use super::zones::Zones;
-use super::{pipeline, quantities, said};
+use super::{pipeline, quantities, report, said};
 use crate::correlate::Correlate;
-use crate::field::{Status, UpdateReference};
+use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
 use crate::imaging::{Image, Saturation};
+use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
 use rayon::ThreadPool;
@@ -297,7 +298,12 @@ impl<'a> PreparedSeries<'a> {
         let written = std::thread::scope(|scope| -> Result<()> {
             let (finished, to_write) = sync_channel(BEHIND);
             let in_series = std::mem::take(&mut tally.in_series);
-            let output = Output { plan, folder, store: writer, fields: store, about, alone, in_series, writing };
+            let windows = plan.strain_window.map(|window| {
+                let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
+                StrainWindows::new(correlator.mesh(), window, regularised)
+            });
+            let output =
+                Output { plan, folder, store: writer, fields: store, about, windows, alone, in_series, writing };
             let writer = scope.spawn(move || output.write_all(&to_write));
             let mut last_summary = Instant::now();
             let mut summary_every = SUMMARY_EVERY;
@@ -370,8 +376,8 @@ impl<'a> PreparedSeries<'a> {
             tally.summary.frames.sort_by_key(|frame| frame.number);
             tally.summary.seconds_total = begin.elapsed().as_secs_f64();
         }
-        if !self.plan.drawn.is_empty() && complete {
-            self.draw_quantities(n_frames, watcher)?;
+        if complete {
+            self.look_back(n_frames, &tally.summary, watcher)?;
         }
         if shard.is_some() {
             tally.summary.frames = own_frames;
@@ -392,13 +398,32 @@ impl<'a> PreparedSeries<'a> {
         Ok(Ran { outcome, complete, summary, busy })
     }
 
+    /// What is made of a series as a whole: the quantities that are asked for, and the report.
+    fn look_back(&self, n_frames: usize, summary: &Summary, watcher: Watcher<'_>) -> Result<()> {
+        let drawn = match self.plan.drawn.is_empty() {
+            true => QuantitySummary::default(),
+            false => self.draw_quantities(n_frames, watcher)?,
+        };
+        if self.plan.report
+            && let Err(error) = report::write(self.folder, &self.plan, summary, &self.reference, &drawn)
+        {
+            // The measurement is there.
+            watcher(Event::Note(&format!("warning: there is no {}: {}", RunFolder::REPORT, chain(&error))));
+        }
+        Ok(())
+    }
+
     /// Draws the quantities that the plan asks for from all fields.
-    fn draw_quantities(&self, n_frames: usize, watcher: Watcher<'_>) -> Result<()> {
+    fn draw_quantities(&self, n_frames: usize, watcher: Watcher<'_>) -> Result<QuantitySummary> {
         let numbers: Vec<usize> = (1..=n_frames).collect();
         let store = Store::open(self.folder.path())?;
-        let drawn = quantities::write_of_store(&store, &self.plan.drawn, None, &numbers, self.folder.path(), |_, _| ());
+        let drawn =
+            quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, self.folder.path(), |_, _| ());
         match drawn {
-            Ok(drawn) => drawn.notes.iter().for_each(|note| watcher(Event::Note(note))),
+            Ok(drawn) => {
+                drawn.notes.iter().for_each(|note| watcher(Event::Note(note)));
+                return Ok(drawn);
+            }
             // How long the load file has to be is known only now.
             Err(error) if self.camera.is_some() => {
                 let line = format!("warning: no numbers are drawn from the fields: {}", chain(&error));
@@ -406,7 +431,7 @@ impl<'a> PreparedSeries<'a> {
             }
             Err(error) => return Err(error),
         }
-        Ok(())
+        Ok(QuantitySummary::default())
     }
 }
 
@@ -451,6 +476,7 @@ fn header_of(
         range_grey: correlator.grey_range(),
         element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
         strain: plan.strain,
+        strain_window: plan.strain_window,
         case: record.without_images(),
     }
 }

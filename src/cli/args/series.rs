@@ -186,6 +186,13 @@ pub struct CorrelateArgs {
     /// Definition of the strains. Default green-lagrange.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
+    /// Strains over a window of N x N nodes as well, N odd, with their standard uncertainty: a virtual strain gauge of N
+    /// elements, (N - 1) L_step + L_subset with the element size for both. Default 1: those of elements and nodes alone.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub strain_window: Option<u32>,
+    /// Write no DIR/report.html at the end. `--export none` leaves it out as well.
+    #[arg(long)]
+    pub no_report: bool,
     /// Where the pixel work is done: `auto` (a discrete or integrated GPU, else the CPU), `cpu`, `gpu` (also a software
     /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]

@@ -6,7 +6,7 @@
 
 mod extensometer;
 mod facing;
-mod noise;
+pub(super) mod noise;
 mod plan;
 mod point;
 mod reading;

@@ -48,8 +48,8 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 9] =
-    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening"];
+const OF_CORRELATION: [&str; 10] =
+    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening", "report"];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 /// Of a finished run.
@@ -118,6 +118,7 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            report,
             run,
             interface,
             mesh,
@@ -139,6 +140,7 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            report,
             run,
         };
         let joint =
@@ -160,6 +162,7 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            report,
             run,
         } = case;
         Self {
@@ -172,6 +175,7 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            report,
             run,
             ..Self::default()
         }

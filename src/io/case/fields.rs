@@ -99,6 +99,10 @@ pub struct CaseCorrelation {
     /// Definition of the strains.
     #[schemars(extend("default" = "green-lagrange", "x-flag" = "--strain"))]
     pub strain: Option<StrainDefinition>,
+    /// Strains over a window of this many nodes along a side, odd, 3 to 51, beside those of elements and nodes: a virtual
+    /// strain gauge of so many elements (docs/correlation.md, 2.11); 1: none.
+    #[schemars(extend("default" = 1, "x-flag" = "--strain-window"))]
+    pub strain_window: Option<u32>,
     /// Whether nodes without texture are left out, however many; if not, at most 5 % of a zone are, none on the face of a
     /// joint.
     #[schemars(extend("default" = false, "x-flag" = "--drop-textureless"))]

@@ -41,12 +41,28 @@ pub struct CaseQuantityOptions {
 }
 
 /// What other instruments recorded.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
-    /// The load file: CSV with names and units in its header and a row for each image, or with a column `frame` (docs/quantities.md).
+    /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image, or with a
+    /// column `frame`, or with a column of times (docs/quantities.md).
     #[schemars(extend("x-flag" = "--load"))]
     pub file: String,
+    /// The column of the file that says when its rows were taken: rows are then joined with the frames by time, interpolated.
+    #[schemars(extend("x-flag" = "--load-time"))]
+    pub time: Option<String>,
+    /// Time between two frames, s: frame n was taken n times that after the reference.
+    #[schemars(extend("x-flag" = "--frame-interval"))]
+    pub frame_interval_s: Option<f64>,
+    /// A file with the times of the frames instead: a row per image, with a column `time`.
+    #[schemars(extend("x-flag" = "--frame-times"))]
+    pub frame_times: Option<String>,
+    /// Time of the reference in the load file, s; with `frame_times` what is added to these.
+    #[schemars(extend("default" = 0, "x-flag" = "--load-start"))]
+    pub start_s: Option<f64>,
+    /// Area of the cross-section, mm2: adds a column `stress_MPa`, the force over it.
+    #[schemars(extend("x-flag" = "--area"))]
+    pub area_mm2: Option<f64>,
 }
 
 /// A point.
