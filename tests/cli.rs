@@ -818,7 +818,6 @@ fn a_run_ends_with_a_report_of_what_was_measured_unless_nobody_wants_it() {
         "Lens &lt;50 mm&gt;",
         "128 x 96 px",
         "16 px = 0.16 mm",
-        "Every frame converged",
         "over a virtual strain gauge of 48 px, frame 3",
         "load against strain engineering",
         "________",

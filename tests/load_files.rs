@@ -168,6 +168,8 @@ fn units_in_a_line_of_their_own_are_understood_and_converted() {
         assert!(off.fold(0.0, f64::max) < 1e-12, "{text:?}: {table:?}");
         assert_eq!(table.notes.len(), 1, "{:?}", table.notes);
     }
+    let read = columns("Axial_Force;Axial_Way\nkN;mm\n1;2\n", 1);
+    assert_eq!(read[0], ("Axial_Force_N".to_owned(), vec![Some(1000.0)]), "a name with a mark in it has no unit");
     // A name that only looks as if it ended in a unit keeps its numbers.
     assert_eq!(columns("force_min,load_N\n1,2\n", 1)[0], ("force_min".to_owned(), vec![Some(1.0)]));
     assert_eq!(columns("T,cycle\n\u{b0}C,-\n20,7\n", 1)[0], ("T_\u{b0}C".to_owned(), vec![Some(20.0)]));

@@ -1,7 +1,7 @@
 //! A load file as it stands: names, units, cells.
 
 use super::LoadError;
-use super::units::Named;
+use super::units::{Named, is_unit};
 use ::csv::{ReaderBuilder, StringRecord};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -64,10 +64,12 @@ impl RawTable {
         let are_units = |row: &StringRecord| {
             row.iter().all(|cell| !cell.starts_with(|c: char| c.is_ascii_digit()) && number(cell, true).is_none())
         };
-        let units = match header.iter().any(lacks_unit) {
-            true => records.next_if(are_units),
-            false => None,
-        };
+        // A name such as Axial_Force looks as if it had a unit.
+        let is_blank = |cell: &str| ["", "-"].contains(&cell);
+        let are_known =
+            |row: &StringRecord| row.iter().all(|cell| is_blank(cell) || is_unit(cell)) && !row.iter().all(is_blank);
+        let lacks = header.iter().any(lacks_unit);
+        let units = records.next_if(|row| are_units(row) && (lacks || are_known(row)));
         let line = line_of(&header);
         let mut table = Self {
             path,

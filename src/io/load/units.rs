@@ -83,6 +83,11 @@ impl Named {
     }
 }
 
+/// Whether a cell holds a unit that is known.
+pub(super) fn is_unit(cell: &str) -> bool {
+    KNOWN.iter().any(|(name, ..)| *name == bare(cell))
+}
+
 /// `load [N]` or `load (N)` as name and unit.
 fn bracketed(cell: &str) -> Option<(&str, &str)> {
     [('[', ']'), ('(', ')')].into_iter().find_map(|(open, close)| {

@@ -132,8 +132,8 @@ impl CorrelationReport<'_> {
             "displacement noise floor",
             format!(
                 "ux {}, uy {}: standard uncertainty, median of frame {}",
-                self.length(sigma[0]),
-                self.length(sigma[1]),
+                self.uncertainty(sigma[0]),
+                self.uncertainty(sigma[1]),
                 first.number
             ),
         );

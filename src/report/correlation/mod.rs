@@ -106,8 +106,16 @@ impl CorrelationReport<'_> {
     /// A length in px, and in mm where the scale is known.
     fn length(&self, px: f64) -> String {
         match self.pixel_size {
-            Some(size) => format!("{} px = {} mm", plain(px), significant(size.mm_from_px(px), 4)),
+            Some(size) => format!("{} px = {} mm", plain(px), plain(size.mm_from_px(px))),
             None => format!("{} px", plain(px)),
+        }
+    }
+
+    /// The same of a standard uncertainty.
+    fn uncertainty(&self, px: f64) -> String {
+        match self.pixel_size {
+            Some(size) => format!("{} px = {} mm", significant(px, 3), significant(size.mm_from_px(px), 3)),
+            None => format!("{} px", significant(px, 3)),
         }
     }
 
@@ -150,8 +158,8 @@ impl CorrelationReport<'_> {
                 "standard uncertainty of a nodal displacement (median)".into(),
                 format!(
                     "ux {}, uy {}, frame {}",
-                    self.length(last.sigma_px[0]),
-                    self.length(last.sigma_px[1]),
+                    self.uncertainty(last.sigma_px[0]),
+                    self.uncertainty(last.sigma_px[1]),
                     last.number
                 ),
             ));
