@@ -112,10 +112,10 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
-        let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
+        let bare_borders = bare_borders(&reference, &laid.mesh, zones, &level.keep);
         let sigma: Vec<f64> = {
             let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
