@@ -56,7 +56,7 @@ impl Found {
             let name = if parts.len() == 1 { "specimen".to_owned() } else { format!("specimen{}", at + 1) };
             match &part.bits {
                 None => found.rectangle(name, part.bounds, [width, height], size, margin, guard),
-                Some(_) => found.mask(name, part, reference, guard, folder)?,
+                Some(_) => found.mask(name, part, reference, [size, margin], guard, folder)?,
             }
         }
         let percent = |part: &&SpecimenPart| format!("{:.0} %", 100.0 * part.n_pixels as f64 / (width * height) as f64);
@@ -85,14 +85,10 @@ impl Found {
         margin: usize,
         guard: Option<f64>,
     ) {
-        let centred = |low: usize, high: usize| {
-            let length = (high - low) / size * size;
-            let low = low + (high - low - length) / 2;
-            (low as f64, (low + length) as f64)
-        };
         let beside = |is_margin: bool| if is_margin { 0.0 } else { GUARD_PX };
         let sides = [x0 == margin, y0 == margin, x1 + margin == width, y1 + margin == height].map(beside);
-        let ((left, right), (top, bottom)) = (centred(x0, x1), centred(y0, y1));
+        let ((left, right), (top, bottom)) =
+            (whole_elements(x0, x1, width, size, margin), whole_elements(y0, y1, height, size, margin));
         let roi = Roi { x0: left, y0: top, x1: right, y1: bottom };
         let (guard, guard_px) = match guard {
             Some(guard) => (Guard::All(guard), Some(CaseGuard::All(guard))),
@@ -108,8 +104,20 @@ impl Found {
     }
 
     /// A zone of any shape, by its mask.
-    fn mask(&mut self, name: String, part: &SpecimenPart, image: &Image, guard: Option<f64>, folder: &Path) -> Result<()> {
+    fn mask(
+        &mut self,
+        name: String,
+        part: &SpecimenPart,
+        image: &Image,
+        [size, margin]: [usize; 2],
+        guard: Option<f64>,
+        folder: &Path,
+    ) -> Result<()> {
         let (width, height) = (image.width(), image.height());
+        let [x0, y0, x1, y1] = part.bounds;
+        let ((left, right), (top, bottom)) =
+            (whole_elements(x0, x1, width, size, margin), whole_elements(y0, y1, height, size, margin));
+        let roi = Roi { x0: left, y0: top, x1: right, y1: bottom };
         let pixels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let bits: Vec<bool> = pixels().map(|(x, y)| part.contains(x, y)).collect();
         let levels = bits.iter().map(|&bit| if bit { u8::MAX } else { 0 }).collect();
@@ -120,9 +128,10 @@ impl Found {
         self.masks.push((path.clone(), png_bytes(&drawn)?));
         let guard = guard.unwrap_or(GUARD_PX);
         let mask = Mask::new(width, height, bits).map(Arc::new);
-        self.zones.push(Zone { name: name.clone(), mask, guard: Guard::All(guard), ..Zone::default() });
+        self.zones.push(Zone { mask, guard: Guard::All(guard), ..Zone::rectangle(name.clone(), roi) });
         let (mask, guard_px) = (Some(absolute(&path)), Some(CaseGuard::All(guard)));
-        self.cases.push(CaseZone { name: Some(name), mask, guard_px, ..CaseZone::default() });
+        let roi = Some([left, top, right, bottom]);
+        self.cases.push(CaseZone { name: Some(name), roi, mask, guard_px, ..CaseZone::default() });
         Ok(())
     }
 
@@ -143,6 +152,20 @@ impl Found {
         }
         Ok(())
     }
+}
+
+/// An extent from `low` to `high`, cut to whole elements at the margin of the image: there an element that is half outside
+/// would do no good.
+fn whole_elements(low: usize, high: usize, n: usize, size: usize, margin: usize) -> (f64, f64) {
+    let rest = (high - low) % size;
+    let (low, high) = match (low == margin, high + margin == n) {
+        _ if high - low < size => (low, high),
+        (true, true) => (low + rest / 2, high - (rest - rest / 2)),
+        (true, false) => (low + rest, high),
+        (false, true) => (low, high - rest),
+        (false, false) => (low, high),
+    };
+    (low as f64, high as f64)
 }
 
 /// Whether a mesh on the part has an element: squares of `size` px from the corner of its box that hold their share of pixels.
