@@ -17,6 +17,7 @@ use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
 use super::search::{Motion, motions};
 use super::start::Start;
+use super::texture::{SeenByNode, lost_in_noise};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
@@ -62,6 +63,8 @@ pub struct Correlator<B: Backend> {
     misfit_test: MisfitTest,
     mesh_lines: MeshLines,
     enough_px: Vec<f64>,
+    /// What the nodes see; none where the noise is stated or a regularisation holds them.
+    seen: Vec<SeenByNode>,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
 }
@@ -112,10 +115,10 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
-        let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference.clone(), &kernel)?;
-        let Finest { level, spread, dropped, held } =
+        let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
+        let bare_borders = bare_borders(&reference, &laid.mesh, zones, &level.keep);
         let sigma: Vec<f64> = {
             let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
@@ -174,6 +177,7 @@ impl<B: Backend> Correlator<B> {
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
             enough_px,
+            seen: if reference.is_regularised || reference.options.noise.constant().is_some() { Vec::new() } else { seen },
             rounding,
             backend,
             reference,
@@ -417,7 +421,7 @@ impl<B: Backend> Correlator<B> {
             least: self.rounding * self.rounding,
         };
         let photon_noise = by_grey.photon(self.options.noise);
-        let mut freedom_left = Vec::new();
+        let (mut freedom_left, mut of_pair) = (Vec::new(), Vec::new());
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
@@ -437,6 +441,7 @@ impl<B: Backend> Correlator<B> {
             let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
             let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer, by_sums.then_some(sums));
             // Identical images still hold the same rounding.
+            of_pair.push(gain.residual * freedom_left[zone].max(f64::MIN_POSITIVE));
             let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
             let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
             let noise = given.unwrap_or(residual_noise);
@@ -455,6 +460,13 @@ impl<B: Backend> Correlator<B> {
                 noise,
                 residual_noise,
             });
+        }
+        let in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
+        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
+            }
         }
         // What has no finite uncertainty is not measured.
         for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
@@ -526,6 +538,7 @@ impl<B: Backend> Correlator<B> {
             zones,
             start,
             nodes_left,
+            nodes_in_noise: in_noise.len(),
             nodes_at_bound,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
@@ -561,6 +574,15 @@ impl<B: Backend> Correlator<B> {
             *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
         }
         (measured, left)
+    }
+
+    /// The measured nodes whose texture does not stand out of the noise that the residual shows. THEORY 2.
+    fn lost_in_noise(&self, elements: &[ElementMatch], of_pair: &[f64], measured: &[bool]) -> Vec<usize> {
+        if self.seen.is_empty() {
+            return Vec::new();
+        }
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
     }
 
     fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64]) -> Status {

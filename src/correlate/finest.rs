@@ -5,7 +5,7 @@ use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass
 use super::level::{Level, elimination_order, support};
 use super::options::Options;
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
-use super::texture::{faults, least_determined, undetermined};
+use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, KernelOptions};
 use crate::linalg::{BlockMatrix, Pattern, Solver};
@@ -19,6 +19,8 @@ pub(super) struct Finest<B: Backend> {
     pub level: Level<B>,
     /// Variances for image noise of one grey level, per node.
     pub spread: NodalSpread,
+    /// What the nodes see of texture and noise together.
+    pub seen: Vec<SeenByNode>,
     /// Nodes left out.
     pub dropped: Vec<TextureFault>,
     /// Nodes without texture that the regularisation holds.
@@ -49,6 +51,7 @@ pub(super) fn finest_level<B: Backend>(
         let support = support(&mesh, &moments);
         let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
         let mut found = faults(&mesh, &with_noise, &support, noise, kernel.interpolation);
+        let seen_by_nodes = seen_by_nodes(&with_noise, &support);
         drop(with_noise);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
@@ -106,7 +109,7 @@ pub(super) fn finest_level<B: Backend>(
                 dropped.sort_by_key(|fault| fault.node);
                 let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
-                return Ok(Finest { level, spread, dropped, held });
+                return Ok(Finest { level, spread, seen: seen_by_nodes, dropped, held });
             }
         }
         if !options.drop_textureless

@@ -4,8 +4,10 @@ mod depth;
 mod image;
 mod interpolation;
 mod mean;
+mod specimen;
 
 pub use depth::{GreyDepth, Saturation};
 pub use image::{Image, ImageError, Pixels};
 pub use interpolation::Interpolation;
 pub use mean::{Mean, small_shift};
+pub use specimen::{LeftOut, Specimen, SpecimenPart};

@@ -184,6 +184,9 @@ pub struct FrameSummary {
     pub nodes_measured: usize,
     /// Nodes without one because they moved out of the image.
     pub nodes_left_image: usize,
+    /// Nodes without one because their texture does not stand out of the noise that the residual shows.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub nodes_in_noise: usize,
     /// Nodes whose standard uncertainty is a lower bound: there is little beside noise around them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub nodes_at_noise_bound: usize,
@@ -367,6 +370,7 @@ impl FrameSummary {
             zones: Vec::new(),
             nodes_measured: 0,
             nodes_left_image: 0,
+            nodes_in_noise: 0,
             nodes_at_noise_bound: 0,
             elements_poor: 0,
             misfit: None,
@@ -428,6 +432,7 @@ impl FrameSummary {
             zones: zones.collect(),
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
+            nodes_in_noise: result.nodes_in_noise,
             nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
             misfit: field.and_then(Measurement::misfit),

@@ -193,7 +193,7 @@ fn inputs_of(plan: &Plan) -> Result<String> {
         }
     }
     let images: Vec<String> = files.iter().map(|frame| format!("{frame} {}", hashes[frame.path.as_path()])).collect();
-    let options = crate::io::case::write_case(&plan.resolved(0, 0));
+    let options = crate::io::case::write_case(&plan.resolved());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))
 }

@@ -13,6 +13,7 @@ mod error;
 mod event;
 mod feed;
 mod folder;
+mod found;
 mod identification;
 mod kept;
 mod lock;

@@ -28,9 +28,11 @@ pub struct Plan {
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
-    /// What is measured; the whole image where there is none.
+    /// What is measured; where there is none, the specimen is looked for in the reference.
     pub zones: Vec<CaseZone>,
-    /// Guard of the whole image, when there is no zone, px.
+    /// Whether the zones were found so, now or in the run that this one repeats.
+    pub zone_found: bool,
+    /// Guard of the zones that are found, px, instead of the usual one.
     pub guard_px: Option<f64>,
     /// Options of the correlation.
     pub options: Options,
@@ -116,11 +118,14 @@ impl Plan {
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
-        Ok(Self {
+        let names_zone = !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
+        let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
+        let mut plan = Self {
             reference,
             deformed,
             pixel_size,
             zones,
+            zone_found,
             guard_px: asked.guard,
             options,
             update,
@@ -134,7 +139,11 @@ impl Plan {
             export_asked: asked.export.is_some(),
             store_only,
             drawn: drawn(case),
-        })
+        };
+        if zone_found {
+            plan.found();
+        }
+        Ok(plan)
     }
 
     /// The device that does the pixel work.
@@ -166,8 +175,13 @@ impl Plan {
         plan
     }
 
+    /// Its zones were found where there is texture: a node there that lacks it is no reason to refuse the reference.
+    pub(super) fn found(&mut self) {
+        (self.zone_found, self.options.textureless_share) = (true, 1.0);
+    }
+
     /// The plan as a case file that gives the same result from anywhere on this machine.
-    pub fn resolved(&self, width: usize, height: usize) -> CaseFile {
+    pub fn resolved(&self) -> CaseFile {
         let options = &self.options;
         CaseFile {
             images: CaseImages {
@@ -198,7 +212,7 @@ impl Plan {
                 strain: Some(self.strain),
                 drop_textureless: Some(options.drop_textureless),
             },
-            zones: zones::resolved(&self.zones, self.guard_px, width, height),
+            zones: zones::resolved(&self.zones),
             ..CaseFile::default()
         }
         .with_drawn(&self.drawn)

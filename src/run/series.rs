@@ -7,6 +7,7 @@ use super::error::{Result, RunError};
 use super::event::{Event, Watcher};
 use super::feed::Feed;
 use super::folder::{About, RunFolder, csv_name, vtu_name};
+use super::found::{self, Found};
 use super::kept::Kept;
 use super::lock::Lock;
 use super::output::{Output, ToWrite};
@@ -85,6 +86,8 @@ struct PreparedSeries<'a> {
     /// What is to be said of reference and zones.
     notes: Vec<String>,
     saturation: Option<Saturation>,
+    /// Zones that were found, when none was named.
+    found: Option<Found>,
     record: RunToml,
     about: About,
     writer: StoreWriter,
@@ -125,15 +128,15 @@ impl<'a> PreparedSeries<'a> {
             }
             _ => None,
         };
-        let plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
+        let mut plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
         // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
         if camera.is_none() {
             quantities::load(&plan.drawn, plan.deformed.len())?;
         }
         let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
         let (width, height) = (image.width(), image.height());
-        let Zones { zones, notes: zone_notes, files: zone_files } =
-            Zones::on(&plan.zones, plan.guard_px, plan.options.element_size, [width, height])?;
+        let Zones { zones, notes: zone_notes, files: zone_files, found } =
+            pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
         let reference = Arc::new(image);
         let prepare = Instant::now();
         let device = plan.device()?;
@@ -142,7 +145,7 @@ impl<'a> PreparedSeries<'a> {
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
         quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
-        let record = RunToml::new(&plan, &correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+        let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
         let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
@@ -155,6 +158,7 @@ impl<'a> PreparedSeries<'a> {
             quantities::remove(folder.path())?;
         }
         folder.make_folders(plan.csv, plan.vtu)?;
+        found.as_ref().map_or(Ok(()), Found::write)?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
             let made = made_or_found(folder, &header, &*correlator, same_run)?;
@@ -179,6 +183,7 @@ impl<'a> PreparedSeries<'a> {
             seconds_reference,
             notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).collect(),
             saturation,
+            found,
             record,
             about: About::new(header)?,
             writer,
@@ -257,6 +262,7 @@ impl<'a> PreparedSeries<'a> {
                 folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
             }
         }
+        self.draw_found()?;
         let (n_decoders, in_flight) = pipeline::widths(engine, self.pool, plan.options.start);
         let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
         Ok(Tally {
@@ -390,6 +396,17 @@ impl<'a> PreparedSeries<'a> {
         }
         watcher(Event::Note(&format!("results in {}", folder.path().display())));
         Ok(Ran { outcome, complete, summary, busy })
+    }
+
+    /// Draws the zones when they were found: the first of the shards does.
+    fn draw_found(&self) -> Result<()> {
+        let Self { plan, folder, session, reference, correlator, .. } = self;
+        match &self.found {
+            Some(found) if session.shard.is_none_or(|shard| shard.i == 1) => {
+                found::draw(plan, reference, correlator, folder.path(), &found.note)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Draws the quantities that the plan asks for from all fields.
