@@ -158,6 +158,9 @@ impl Progress {
         if let Some(line) = about_misfit(frames) {
             eprintln!("{line}");
         }
+        if let Some(line) = about_ambiguity(frames) {
+            eprintln!("{line}");
+        }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
         let rate = self.done as f64 / seconds;
@@ -192,6 +195,13 @@ fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
     let advice = "smaller elements follow shorter waves; over a crack, a blur or a shadow none do; model_error_px holds the \
                   estimated error";
     Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(with().count(), "frame")))
+}
+
+/// The frame whose displacement is told worst, where the texture repeats, and how many there are.
+fn about_ambiguity(frames: &[FrameSummary]) -> Option<String> {
+    let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.ambiguity.as_ref()?)));
+    let (number, worst) = with().max_by(|a, b| a.1.from_expected_px.total_cmp(&b.1.from_expected_px))?;
+    Some(format!("warning: {} with a texture that repeats; frame {number}: {worst}", plural(with().count(), "frame")))
 }
 
 /// One frame in words.

@@ -256,7 +256,8 @@ impl ReferenceChain {
                 let baseline = self.baseline.iter().flatten();
                 residuals(correlation).into_iter().zip(baseline).any(beyond)
             }
-            Status::LeftImage | Status::Unreadable => false,
+            // Another reference repeats itself as this one does.
+            Status::LeftImage | Status::Unreadable | Status::Ambiguous => false,
         }
     }
 

@@ -8,6 +8,7 @@
 mod busy;
 mod camera;
 mod case;
+mod doubts;
 mod engine;
 mod error;
 mod event;
@@ -37,6 +38,7 @@ mod stop;
 mod tally;
 pub(crate) mod text;
 mod watching;
+mod which_reference;
 mod zones;
 
 pub use busy::Busy;
@@ -54,6 +56,7 @@ pub use simulation::simulate;
 pub use stop::Stop;
 pub use watching::{Watching, watch};
 
+pub(crate) use error::shell_word;
 pub(crate) use folder::{About, FIGURES, frame_in_words, locks_in};
 pub(crate) use lock::{Holder, holders};
 pub(crate) use page::read_json;

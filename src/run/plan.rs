@@ -3,7 +3,7 @@
 use super::error::Result;
 use super::overlay::{Export, Overlay};
 use super::text::absolute;
-use super::zones;
+use super::{which_reference, zones};
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
@@ -58,6 +58,8 @@ pub struct Plan {
     pub store_only: bool,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
+    /// Files that were named and are no images: they are left out, which is said.
+    pub left_out: Vec<PathBuf>,
 }
 
 impl Plan {
@@ -74,7 +76,7 @@ impl Plan {
     /// # Errors
     /// Options that contradict each other.
     pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
-        let Images { reference, deformed, grows } = images;
+        let Images { reference, deformed, grows, left_out } = images;
         let given = &case.correlation;
         let options = options_of(asked, case, reference.len())?;
         let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
@@ -139,6 +141,7 @@ impl Plan {
             export_asked: asked.export.is_some(),
             store_only,
             drawn: drawn(case),
+            left_out,
         };
         if zone_found {
             plan.found();
@@ -342,6 +345,8 @@ pub struct Images {
     pub deformed: Vec<Frame>,
     /// Whether there are more to come.
     pub grows: bool,
+    /// Files that were named and are no images.
+    pub left_out: Vec<PathBuf>,
 }
 
 /// The files of the reference that is named; none when none is.
@@ -365,8 +370,10 @@ impl Images {
         } else {
             expand_series(&asked.deformed, Path::new(""))?
         };
+        let left_out = which_reference::without_texts(&mut deformed);
         let mut reference = references(asked, case)?;
         if reference.is_empty() {
+            which_reference::check(&deformed)?;
             let Some(first) = deformed.first() else {
                 return Err("no image is given; name the reference and the deformed images, or a --case file".into());
             };
@@ -399,7 +406,7 @@ impl Images {
         if frames.is_empty() {
             return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
         }
-        Ok(Self { reference, deformed: frames, grows: false })
+        Ok(Self { reference, deformed: frames, grows: false, left_out })
     }
 }
 

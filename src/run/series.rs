@@ -18,11 +18,12 @@ use super::run_toml::RunToml;
 use super::session::{Existing, Outcome, Ran, Session};
 use super::tally::Tally;
 use super::text::chain;
+use super::which_reference::about_texts;
 use super::zones::Zones;
-use super::{pipeline, quantities, said};
+use super::{doubts, pipeline, quantities, said};
 use crate::correlate::Correlate;
 use crate::field::{Status, UpdateReference};
-use crate::imaging::{Image, Saturation};
+use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
 use rayon::ThreadPool;
@@ -234,6 +235,8 @@ impl<'a> PreparedSeries<'a> {
         let threads = self.pool.current_num_threads();
         let border_notes: Vec<String> = correlator.bare_borders().iter().map(said::bare_border).collect();
         let mut lines = vec![said::begin_line(plan, correlator, reference, threads)];
+        let left_out = about_texts(&plan.left_out);
+        lines.extend(left_out.clone());
         lines.extend(self.notes.iter().chain(&self.lock.remark).cloned());
         lines.extend(said::about_nodes(correlator));
         lines.extend(said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending));
@@ -242,7 +245,7 @@ impl<'a> PreparedSeries<'a> {
         let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
         let mut summary = Summary {
             seconds_reference: self.seconds_reference,
-            messages: border_notes,
+            messages: left_out.into_iter().chain(border_notes).collect(),
             counts: counts(&frames),
             reference_updates: reference_updates(&frames),
             frames,
@@ -280,10 +283,12 @@ impl<'a> PreparedSeries<'a> {
         } = self;
         let Session { stop, shard, .. } = session;
         let windows = windows(correlator.mesh());
+        let flat = FlatBlocks::of(&self.reference);
         let frames = pipeline::Frames {
             known: &plan.deformed,
             settle: camera.as_ref().map(Camera::settle),
             windows: &windows,
+            flat: &flat,
             start: plan.options.start,
             update: plan.update,
             kept: &before.kept,
@@ -359,7 +364,11 @@ impl<'a> PreparedSeries<'a> {
                 tally.hashes.insert(number, sha256);
             }
         }
+        let mut doubts = Vec::new();
         if shard.is_none() || complete {
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+            doubts = doubts::about_series(&tally.summary, &tally.hashes, &self.store.header().reference_sha256);
+            tally.summary.messages.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));
             let closed = closed.and_then(|()| tally.write_summary(folder, begin));
@@ -385,6 +394,7 @@ impl<'a> PreparedSeries<'a> {
         }
         let Tally { summary, busy, .. } = tally;
         watcher(Event::Finished { frames: &summary.frames, seconds: summary.seconds_total });
+        doubts.iter().for_each(|line| watcher(Event::Note(line)));
         if let Some(camera) = &mut self.camera {
             let stopped = self.session.stop.is_asked();
             camera.ending(stopped).iter().for_each(|line| watcher(Event::Note(line)));
