@@ -8,6 +8,7 @@
 mod busy;
 mod camera;
 mod case;
+mod cracks;
 mod engine;
 mod error;
 mod event;

@@ -2,10 +2,10 @@
 
 use super::error::Result;
 use super::text::absolute;
-use crate::io::case::{CaseElements, CaseGuard, CaseZone};
+use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
-use crate::mesh::{Guard, Mask, MeshError, Roi, Zone, ZoneElements};
+use crate::mesh::{Crack, Guard, Mask, MeshError, Roi, Zone, ZoneElements};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,6 +42,7 @@ impl Zones {
                 mask: None,
                 elements: None,
                 guard: guard_of(&name, zone)?,
+                cracks: Vec::new(),
             };
             if zone.polygon.as_ref().is_some_and(Vec::is_empty) {
                 return Err(
@@ -109,6 +110,24 @@ impl Zones {
         }
         Ok(())
     }
+}
+
+/// Cuts the zones along cracks.
+///
+/// # Errors
+/// A zone with elements of its own.
+pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
+    if cracks.is_empty() {
+        return Ok(());
+    }
+    for zone in zones {
+        if zone.elements.is_some() {
+            return Err(MeshError::CrackInOwnElements { zone: zone.name.clone() }.to_string().into());
+        }
+        let of_case = |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
+        zone.cracks = cracks.iter().map(of_case).collect();
+    }
+    Ok(())
 }
 
 /// Zones as a case file has them, with names and with file names that hold from anywhere.
