@@ -25,7 +25,7 @@ pub use law::{
     CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
 };
 pub use quantities::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+    CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
 };
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
 
@@ -65,6 +65,9 @@ pub struct Case {
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
+    /// Cracks and joints: paths along which the mesh is cut, with opening, sliding, tip and stress intensity along them.
+    #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.
     pub interface: Option<CaseInterface>,
     /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
@@ -122,6 +125,8 @@ pub struct CaseFile {
     pub extensometers: Vec<CaseExtensometer>,
     /// The sections `[[opening]]`, in order.
     pub openings: Vec<CaseOpening>,
+    /// The sections `[[crack]]`, in order.
+    pub cracks: Vec<CaseCrack>,
     /// The section `[run]`: how a finished run came about.
     pub run: Option<toml::Table>,
 }
@@ -142,13 +147,14 @@ impl CaseFile {
             lines: self.lines.clone(),
             extensometers: self.extensometers.clone(),
             openings: self.openings.clone(),
+            cracks: self.cracks.clone(),
         }
     }
 
     /// This case with other quantities.
     pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
-        let CaseQuantities { options, load, probes, lines, extensometers, openings } = drawn.clone();
-        Self { quantities: options, load, probes, lines, extensometers, openings, ..self }
+        let CaseQuantities { options, load, probes, lines, extensometers, openings, cracks } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, openings, cracks, ..self }
     }
 }
 

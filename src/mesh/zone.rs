@@ -1,6 +1,6 @@
 //! Regions of interest.
 
-use super::MeshError;
+use super::{Crack, MeshError};
 use std::sync::Arc;
 
 /// A rectangle of the reference image, in pixels; coordinates may be fractional.
@@ -127,6 +127,8 @@ pub struct Zone {
     pub elements: Option<Arc<ZoneElements>>,
     /// Pixels along the border that are left out.
     pub guard: Guard,
+    /// Paths along which its mesh is cut. A zone with elements of its own is not cut again: there they are for coarser levels.
+    pub cracks: Vec<Crack>,
 }
 
 impl Zone {

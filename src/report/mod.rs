@@ -2,6 +2,7 @@
 
 mod axes;
 mod backdrop;
+mod crack;
 mod edges;
 mod figure;
 mod figures;
@@ -22,6 +23,7 @@ mod scene;
 pub mod summary;
 
 pub use backdrop::Backdrop;
+pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures};
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::draw_frame;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};

@@ -55,6 +55,9 @@ pub struct Summary {
     pub reference_updates: Vec<usize>,
     /// Number of frames by status.
     pub counts: BTreeMap<Name, usize>,
+    /// The cracks along which the mesh is cut, when the series is done.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<super::CrackSummary>,
     /// The frames, in series order.
     pub frames: Vec<FrameSummary>,
 }

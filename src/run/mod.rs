@@ -8,6 +8,7 @@
 mod busy;
 mod camera;
 mod case;
+mod cracks;
 mod doubts;
 mod engine;
 mod error;

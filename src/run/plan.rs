@@ -8,7 +8,7 @@ use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
 use crate::field::{Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages};
+use crate::io::case::{CaseCorrelation, CaseCrack, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
@@ -140,7 +140,7 @@ impl Plan {
             vtu: export.contains(&Export::Vtu),
             export_asked: asked.export.is_some(),
             store_only,
-            drawn: drawn(case),
+            drawn: CaseQuantities { cracks: wanted_cracks(asked, case, pixel_size)?, ..drawn(case) },
             left_out,
         };
         if zone_found {
@@ -302,6 +302,54 @@ fn drawn(case: &CaseFile) -> CaseQuantities {
         load.file = absolute(Path::new(&load.file));
     }
     drawn
+}
+
+/// The cracks that are asked for, by flags or by the case.
+fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>) -> Result<Vec<CaseCrack>> {
+    let mut cracks: Vec<CaseCrack> = match asked.crack.is_empty() {
+        true => case.cracks.clone(),
+        false => asked.crack.iter().map(|path| CaseCrack { path: path.clone(), ..CaseCrack::default() }).collect(),
+    };
+    let flags = [
+        ("--crack-guard", asked.crack_guard),
+        ("--crack-young", asked.crack_young),
+        ("--crack-poisson", asked.crack_poisson),
+        ("--crack-radius", asked.crack_radius),
+    ];
+    if let Some((flag, _)) = flags.iter().find(|(_, value)| value.is_some())
+        && cracks.is_empty()
+    {
+        return Err(format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into());
+    }
+    for (at, crack) in cracks.iter_mut().enumerate() {
+        crack.guard_px = asked.crack_guard.or(crack.guard_px);
+        crack.young_mpa = asked.crack_young.or(crack.young_mpa);
+        crack.poisson = asked.crack_poisson.or(crack.poisson);
+        crack.radius_px = asked.crack_radius.or(crack.radius_px);
+        let name = crack.name.clone().unwrap_or_else(|| format!("crack{}", at + 1));
+        let wrong = |what: String| -> Result<Vec<CaseCrack>> { Err(format!("{name}: {what}").into()) };
+        match (crack.young_mpa, crack.poisson, pixel_size) {
+            (Some(young), ..) if !(young.is_finite() && young > 0.0) => {
+                return wrong(format!("Young's modulus is {young} MPa; give a positive number"));
+            }
+            (_, Some(nu), _) if !(-1.0..=0.5).contains(&nu) || nu == -1.0 => {
+                return wrong(format!("Poisson's ratio is {nu}; give a number above -1, up to 0.5"));
+            }
+            (Some(_), None, _) | (None, Some(_), _) => {
+                return wrong("stress intensity needs Young's modulus and Poisson's ratio together; give both or none".into());
+            }
+            (Some(_), _, None) => {
+                return wrong("stress intensity needs the size of a pixel; give --pixel-size MM or pixel_size_mm".into());
+            }
+            _ => {}
+        }
+        if let Some(radius) = crack.radius_px
+            && !(radius.is_finite() && radius > 0.0)
+        {
+            return wrong(format!("the radius of its domain is {radius} px; give a positive number"));
+        }
+    }
+    Ok(cracks)
 }
 
 /// The zones that are asked for, with file names that hold from the current folder.

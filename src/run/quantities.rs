@@ -3,7 +3,7 @@
 use super::error::{Result, RunError};
 use super::record::Record;
 use crate::field::{
-    Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
 };
 use crate::io::case::CaseQuantities;
 use crate::io::load::{LoadTable, read_load};
@@ -23,7 +23,12 @@ pub(crate) const FOLDER: &str = "quantities";
 /// # Errors
 /// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
-pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
+pub(crate) fn resolve(
+    asked: &CaseQuantities,
+    strain: StrainDefinition,
+    pixel_size: Option<PixelSize>,
+    mesh: &Mesh<Px>,
+) -> Result<Quantities> {
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
@@ -59,6 +64,25 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
         let facing = Facing::between(mesh, plus, minus).map_err(|error| format!("opening '{name}': {error}"))?;
         quantities.openings.push((name, facing));
     }
+    for (at, crack) in asked.cracks.iter().enumerate() {
+        let name = named(&crack.name, "crack", at);
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) && mesh.zones().len() > 1 {
+            return Err(format!(
+                "crack '{name}': the rigid motion of each zone is removed, which changes what lies between zones; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| Elasticity {
+            young_mpa,
+            poisson,
+            mm_per_unit: size.mm_per_px(),
+            radius: crack.radius_px,
+        });
+        let line = CrackLine::on(mesh, crack.path.clone(), elasticity)
+            .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?;
+        quantities.cracks.push((name, line));
+    }
     fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
         let twice = (0..list.len()).find(|&k| list[..k].iter().any(|(name, _)| *name == list[k].0));
         twice.map_or(Ok(()), |k| Err(format!("two {what} are named '{}'; names must differ", list[k].0).into()))
@@ -67,6 +91,7 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
     once("lines", &quantities.lines)?;
     once("extensometers", &quantities.extensometers)?;
     once("openings", &quantities.openings)?;
+    once("cracks", &quantities.cracks)?;
     Ok(quantities)
 }
 
@@ -159,7 +184,7 @@ pub(crate) fn write_of_store(
     look: impl FnMut(usize, &FrameQuantities),
 ) -> Result<QuantitySummary> {
     let header = store.header();
-    let quantities = resolve(asked, strain.unwrap_or(header.strain), store.mesh())?;
+    let quantities = resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, store.mesh())?;
     let load = load(asked, store.n_frames())?;
     let mut lines = vec![
         format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),

@@ -102,6 +102,7 @@ pub(super) fn empty_summary(
         messages: Vec::new(),
         counts: BTreeMap::new(),
         reference_updates: Vec::new(),
+        cracks: Vec::new(),
         frames: Vec::new(),
     }
 }

@@ -136,8 +136,9 @@ impl<'a> PreparedSeries<'a> {
         }
         let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
         let (width, height) = (image.width(), image.height());
-        let Zones { zones, notes: zone_notes, files: zone_files, found } =
+        let Zones { mut zones, notes: zone_notes, files: zone_files, found } =
             pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
+        super::zones::cut(&mut zones, &plan.drawn.cracks)?;
         let reference = Arc::new(image);
         let prepare = Instant::now();
         let device = plan.device()?;
@@ -145,7 +146,7 @@ impl<'a> PreparedSeries<'a> {
         let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
-        quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
+        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
         let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
         let may_grow = session.shard.is_none();
@@ -386,7 +387,7 @@ impl<'a> PreparedSeries<'a> {
             tally.summary.seconds_total = begin.elapsed().as_secs_f64();
         }
         if !self.plan.drawn.is_empty() && complete {
-            self.draw_quantities(n_frames, watcher)?;
+            self.draw_quantities(n_frames, &mut tally.summary, watcher)?;
         }
         if shard.is_some() {
             tally.summary.frames = own_frames;
@@ -420,12 +421,15 @@ impl<'a> PreparedSeries<'a> {
     }
 
     /// Draws the quantities that the plan asks for from all fields.
-    fn draw_quantities(&self, n_frames: usize, watcher: Watcher<'_>) -> Result<()> {
+    fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<()> {
         let numbers: Vec<usize> = (1..=n_frames).collect();
         let store = Store::open(self.folder.path())?;
         let drawn = quantities::write_of_store(&store, &self.plan.drawn, None, &numbers, self.folder.path(), |_, _| ());
         match drawn {
-            Ok(drawn) => drawn.notes.iter().for_each(|note| watcher(Event::Note(note))),
+            Ok(drawn) => {
+                drawn.notes.iter().for_each(|note| watcher(Event::Note(note)));
+                super::cracks::tell(self.folder, summary, &drawn.cracks)?;
+            }
             // How long the load file has to be is known only now.
             Err(error) if self.camera.is_some() => {
                 let line = format!("warning: no numbers are drawn from the fields: {}", chain(&error));

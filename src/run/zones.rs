@@ -4,11 +4,11 @@ use super::error::Result;
 use super::found::Found;
 use super::plan::Plan;
 use super::text::absolute;
-use crate::io::case::{CaseElements, CaseGuard, CaseZone};
+use crate::imaging::Image;
+use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
-use crate::imaging::Image;
-use crate::mesh::{Guard, Mask, MeshError, Zone, ZoneElements};
+use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -53,6 +53,7 @@ impl Zones {
                 mask: None,
                 elements: None,
                 guard: guard_of(&name, zone)?,
+                cracks: Vec::new(),
             };
             if zone.polygon.as_ref().is_some_and(Vec::is_empty) {
                 return Err(
@@ -120,6 +121,24 @@ impl Zones {
         }
         Ok(())
     }
+}
+
+/// Cuts the zones along cracks.
+///
+/// # Errors
+/// A zone with elements of its own.
+pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
+    if cracks.is_empty() {
+        return Ok(());
+    }
+    for zone in zones {
+        if zone.elements.is_some() {
+            return Err(MeshError::CrackInOwnElements { zone: zone.name.clone() }.to_string().into());
+        }
+        let of_case = |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
+        zone.cracks = cracks.iter().map(of_case).collect();
+    }
+    Ok(())
 }
 
 /// Zones as a case file has them, with names and with file names that hold from anywhere.

@@ -5,6 +5,7 @@ use super::shared::Threads;
 use super::words::Polygon;
 use super::words::interpolation;
 use super::words::pages;
+use super::words::path;
 use super::words::polygon;
 use super::words::rectangle;
 use super::words::seconds;
@@ -114,6 +115,24 @@ pub struct CorrelateArgs {
     /// border. Default 0; 3 beside bands without texture.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub guard: Option<f64>,
+    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
+    /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
+    /// several cracks. Replaces the cracks of the case file.
+    #[arg(long, value_name = "'x,y x,y ...'", value_parser = path, allow_hyphen_values = true)]
+    pub crack: Vec<Polygon>,
+    /// Leave out the pixels that lie this close to a crack, px. Default 3.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub crack_guard: Option<f64>,
+    /// Young's modulus around the cracks, MPa: with --crack-poisson and --pixel-size the stress intensity factors at the tips are
+    /// found, MPa sqrt(m).
+    #[arg(long, value_name = "MPA", allow_hyphen_values = true)]
+    pub crack_young: Option<f64>,
+    /// Poisson's ratio around the cracks.
+    #[arg(long, value_name = "NU", allow_hyphen_values = true)]
+    pub crack_poisson: Option<f64>,
+    /// Outer radius of the domain that the stress intensity is found in, px. Default: the largest that fits, up to twelve elements.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub crack_radius: Option<f64>,
     /// Drop elements with less than this share of their pixels inside a polygon or a mask, above 0 to 1.
     /// Default 0.5.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]

@@ -38,6 +38,14 @@ pub(super) fn polygon(text: &str) -> Result<Polygon, String> {
     }
 }
 
+pub(super) fn path(text: &str) -> Result<Polygon, String> {
+    let points: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    match points.len() {
+        0 | 1 => Err(format!("'{text}' has fewer than two points; write x,y x,y ... along the crack")),
+        _ => Ok(Polygon(points)),
+    }
+}
+
 pub(super) fn pages(text: &str) -> Result<Pages, String> {
     match text {
         "all" => Ok(Pages::All),

@@ -118,6 +118,7 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            cracks,
             run,
             interface,
             mesh,
@@ -139,6 +140,7 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            cracks,
             run,
         };
         let joint =
@@ -160,6 +162,7 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            cracks,
             run,
         } = case;
         Self {
@@ -172,6 +175,7 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            cracks,
             run,
             ..Self::default()
         }

@@ -219,7 +219,8 @@ fn plain(message: &str) -> String {
         | "struct CaseProbe"
         | "struct CaseLine"
         | "struct CaseExtensometer"
-        | "struct CaseOpening" => "a section in double brackets [[..]]",
+        | "struct CaseOpening"
+        | "struct CaseCrack" => "a section in double brackets [[..]]",
         "a map" => "a section",
         section if section.starts_with("struct Case") => "a section",
         other => other,
@@ -236,7 +237,7 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
 }
 
 /// Sections that may be there several times.
-const LISTS: [&str; 5] = ["zone", "probe", "line", "extensometer", "opening"];
+const LISTS: [&str; 6] = ["zone", "probe", "line", "extensometer", "opening", "crack"];
 
 /// A key of the file and the sections above it.
 struct Located {
