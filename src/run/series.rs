@@ -130,7 +130,7 @@ impl<'a> PreparedSeries<'a> {
         if camera.is_none() {
             quantities::load(&plan.drawn, plan.deformed.len())?;
         }
-        let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
+        let Reference { image, sha256, notes: reference_notes } = Reference::of(&plan)?;
         let (width, height) = (image.width(), image.height());
         let Zones { zones, notes: zone_notes, files: zone_files } =
             Zones::on(&plan.zones, plan.guard_px, plan.options.element_size, [width, height])?;
