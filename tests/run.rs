@@ -416,10 +416,11 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     refused("delta_n_mm = ", "delta_n_m = ", &["case.toml, line ", "delta_n_m:"]);
     refused("parameters = [\"phi_n\"", "parameters = [\"phi\"", &["case.toml, line ", "'phi'"]);
     // So is what only the whole of it shows: frames, nodes, materials and border of the joint that will be measured.
-    refused("[measurement]", "[measurement]\ninstant_weights = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]", &[
-        "case.toml, line ",
-        "instant_weights has 20 entries, but there are 19 instants",
-    ]);
+    refused(
+        "[measurement]",
+        "[measurement]\ninstant_weights = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]",
+        &["case.toml, line ", "instant_weights has 20 entries, but there are 19 instants"],
+    );
     refused("nodes = \"free\"", "nodes = [1000000]", &["case.toml, line ", "the mesh has", "node 1000000"]);
     refused("nodes = \"free\"", "nodes = \"selected\"", &["case.toml, line ", "selected_nodes"]);
     refused("weights = \"covariance\"", "weights = \"paper\"\nnoise_mm = -1", &["case.toml, line ", "noise_mm = -1"]);
@@ -427,7 +428,11 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     refused("[fit]", "[fit]\nprofile = \"r\"", &["case.toml, line ", "profile = \"r\""]);
     refused("[fit]", "[fit]\nmax_seconds = 0", &["case.toml, line ", "max_seconds = 0"]);
     refused("[fit]", "[mesh]\nrefine = 0\n[fit]", &["case.toml, line "]);
-    refused("exact = true                          # the images", "alpha_std = 0 #", &["case.toml, line ", "alpha_std"]);
+    refused(
+        "exact = true                          # the images",
+        "alpha_std = 0 #",
+        &["case.toml, line ", "alpha_std"],
+    );
     assert!(!folder.path().join("out/correlation").exists());
     // Another folder's results are not written over.
     let taken = folder.path().join("taken");

@@ -47,7 +47,11 @@ fn a_flag_of_one_letter_and_an_output_that_is_a_file_are_told_with_what_is_meant
     refused(&desk, "correlate -o out ref.png a.png", &["there is no flag -o; did you mean --output?"]);
     refused(&desk, "correlate -x out ref.png a.png", &["there is no flag -x"]);
     desk.write("notes", "something");
-    refused(&desk, "correlate --output notes ref.png a.png", &["notes: cannot be written, it is a file", "a folder", "another --output folder"]);
+    refused(
+        &desk,
+        "correlate --output notes ref.png a.png",
+        &["notes: cannot be written, it is a file", "a folder", "another --output folder"],
+    );
     assert_eq!(desk.read("notes"), "something");
 }
 
@@ -123,7 +127,16 @@ fn tables_fit_a_terminal_and_frames_that_failed_come_first() {
     for line in ["status out", "devices", "metrology ref.png --element-sizes 8,16"] {
         fits(&desk.run(line).stdout, line);
     }
-    fits(&desk.run("bench --device cpu --size 128 --frames 2 --runs 1 --threads 1").stdout.lines().skip(2).collect::<Vec<_>>().join("\n"), "bench");
+    fits(
+        &desk
+            .run("bench --device cpu --size 128 --frames 2 --runs 1 --threads 1")
+            .stdout
+            .lines()
+            .skip(2)
+            .collect::<Vec<_>>()
+            .join("\n"),
+        "bench",
+    );
 }
 
 #[test]

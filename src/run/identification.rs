@@ -49,10 +49,8 @@ pub fn identify(
     of_case.problem.watch = watch.clone();
     let mut found = heard.during(pool, watcher, || fit(&of_case.problem, &of_case.options))?;
     let seconds = begin.elapsed().as_secs_f64();
-    let profile = match of_case.profile {
-        Some(k) => Some(heard.during(pool, watcher, || profile(&of_case.problem, &of_case.options, &found, k))),
-        None => None,
-    };
+    let profile =
+        of_case.profile.map(|k| heard.during(pool, watcher, || profile(&of_case.problem, &of_case.options, &found, k)));
     let profile = match (profile, watch.ended()) {
         (Some(_), Some(ended)) => {
             let cut = found.cut_short.get_or_insert(CutShort { ended, missing: Vec::new() });
