@@ -1,16 +1,18 @@
 //! `quadrille correlate`.
 
 use super::args::{CorrelateArgs, ProgressKind};
-use super::progress::{Progress, Talk};
+use super::paint::Paint;
+use super::progress::Progress;
+use super::talk::Talk;
 use super::{Outcome, Result, devices, signals};
 use crate::io::case::read_case;
 use crate::run::{Existing, Overlay, Plan, RunError, RunFolder, Session, run_series, shell_word};
 
 /// Runs the command.
-pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
+pub(super) fn run(args: &CorrelateArgs, paint: Paint) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
     let plan = Plan::of(&overlay(args), &case).map_err(with_command)?;
-    let mut progress = Progress::new(talk(args));
+    let mut progress = Progress::new(talk(args), paint);
     let (folder, pool) = (RunFolder::writable(&args.output)?, args.threads.pool()?);
     let ran = run_series(&plan, &folder, &pool, session(args)?, &mut |event| progress.take(event))?;
     draw(args, ran.complete)?;

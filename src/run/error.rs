@@ -60,6 +60,12 @@ pub enum RunError {
         /// Which process, on which machine, since when.
         who: String,
     },
+    /// A file in the place of the folder.
+    #[error("{}: cannot be written, it is a file; results need a folder: choose another --output folder", path.display())]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
+    },
     /// A folder that cannot be written to.
     #[error("{}: cannot be written ({source}); choose another --output folder", folder.display())]
     Folder {

@@ -24,6 +24,8 @@ pub(super) const MANY: usize = 1000;
 pub struct Plan {
     /// One reference image, or several whose mean is taken.
     pub reference: Vec<Frame>,
+    /// Whether it was named, and is not just the first of the images.
+    pub reference_named: bool,
     /// The deformed images, in order.
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
@@ -77,6 +79,7 @@ impl Plan {
     /// Options that contradict each other.
     pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
         let Images { reference, deformed, grows, left_out } = images;
+        let reference_named = !(asked.reference.is_empty() && case.images.reference.is_none());
         let given = &case.correlation;
         let options = options_of(asked, case, reference.len())?;
         let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
@@ -124,6 +127,7 @@ impl Plan {
         let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
         let mut plan = Self {
             reference,
+            reference_named,
             deformed,
             pixel_size,
             zones,

@@ -134,7 +134,7 @@ impl<'a> PreparedSeries<'a> {
         if camera.is_none() {
             quantities::load(&plan.drawn, plan.deformed.len())?;
         }
-        let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
+        let Reference { image, sha256, notes: reference_notes } = Reference::of(&plan)?;
         let (width, height) = (image.width(), image.height());
         let Zones { mut zones, notes: zone_notes, files: zone_files, found } =
             pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;

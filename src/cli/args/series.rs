@@ -9,6 +9,7 @@ use super::words::path;
 use super::words::polygon;
 use super::words::rectangle;
 use super::words::seconds;
+use super::words::slurm_time;
 use crate::backend::choice::DeviceChoice;
 use crate::cli::frames::Frames;
 use crate::field::Brightness;
@@ -311,7 +312,7 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "N", default_value = "4")]
     pub cpus: NonZeroUsize,
     /// Time of each task, as Slurm takes it. A task that runs out of it goes on when it is submitted again.
-    #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00")]
+    #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00", value_parser = slurm_time)]
     pub time: String,
     /// Memory of each task, as Slurm takes it, such as 8G. Default: that of the cluster.
     #[arg(long, value_name = "SIZE")]
