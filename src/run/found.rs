@@ -67,11 +67,8 @@ impl Found {
             format!("{} zones found: {}", shares.len(), shares.join(", "))
         };
         let picture = folder.join(FIGURES).join(PICTURE);
-        found.note = format!(
-            "{which} of the image; left out: {} (drawn in {})",
-            in_words(specimen.left_out),
-            picture.display()
-        );
+        found.note =
+            format!("{which} of the image; left out: {} (drawn in {})", in_words(specimen.left_out), picture.display());
         Ok(found)
     }
 
