@@ -70,10 +70,14 @@ def contrast(_x, _y, frame):
     return (0.1, 0.1) if "X0.10" in frame["file"] else (0.0, 0.0)
 
 
-def star(_x, y, _frame):
-    # The truth: v = cos(2 pi (y - 250) / p) / 2; where p is long against the elements.
-    period = 10 + 290 * _x / 4000
-    return (0.0, 0.5 * math.cos(2 * math.pi * (y - 250) / period)) if _x > 2500 else None
+def pages(_x, _y, frame):
+    return (1.4, 1.4) if "def2" in frame["file"] else (0.4, 0.4)
+
+
+def star(x, y, _frame):
+    # v = cos(2 pi (y - 250) / p) / 2; where p is long against the elements.
+    period = 10 + 290 * x / 4000
+    return (0.0, 0.5 * math.cos(2 * math.pi * (y - 250) / period)) if x > 2500 else None
 
 
 def turned(x, y, _frame):
@@ -171,7 +175,7 @@ KNOWN = {
     "sundic-necking": points({k: [(x, 300, u, None) for x, u in zip((300, 850, 1350), us)] for k, us in NECKING.items()}),
     "crack-heterogeneous, png": points({10: [(500, 60, 2.1, -33.8), (500, 600, -9.1, -34.1), (500, 1140, 2.2, -35.0)], 19: [(500, 600, -16.6, -56.4)]}),
     "crack-heterogeneous, tif": table("reference/fe-global_img_0570_tif_alpha1.csv", (0, 1, 2, 3)),
-    "format-multipage": points({1: [(256, 256, 0.4, 0.4)], 2: [(256, 256, 1.4, 1.4)]}),
+    "format-multipage": against(pages),
 }
 
 
