@@ -20,7 +20,7 @@ const SOLID: f64 = 0.95;
 /// Parts smaller than this share of the largest are no bodies of their own.
 const LEAST_PART: f64 = 0.1;
 /// The smallest part worth measuring, in elements.
-const LEAST_ELEMENTS: usize = 4;
+const LEAST_ELEMENTS: usize = 1;
 
 /// The specimen in an image, in one part or several that do not touch.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,7 +71,7 @@ impl Specimen {
     /// texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
     ///
     /// The result does not depend on the number of threads. It costs about as much as reading the image once
-    /// ([docs/correlation.md](https://docs.rs/quadrille), 2.1.1).
+    /// (THEORY 2).
     ///
     /// ```
     /// use quadrille::imaging::{Image, Pixels, Specimen};
