@@ -2,11 +2,9 @@
 //! see, and texture that turns out to be noise. The pictures are drawn here, disc by disc, and not by the program's renderer.
 
 mod common;
-#[path = "common/data.rs"]
-mod data;
 mod program;
 
-use common::{drawn, prepared, zone};
+use common::{data, drawn, prepared, zone};
 use program::Desk;
 use quadrille::correlate::Options;
 use quadrille::imaging::{Image, Pixels, Specimen};
