@@ -72,7 +72,7 @@ pub(super) fn bare_borders(reference: &Image, mesh: &Mesh<Px>, zones: &[Zone], k
                 let [a, b] = ends(edge);
                 (b[0] - a[0]).hypot(b[1] - a[1])
             };
-            let bare: Vec<[u32; 2]> = bare_edges(&chains, &seen);
+            let bare: Vec<[u32; 2]> = bare_edges(&chains, &seen, is_within);
             let Some(longest) = bare.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b))) else { continue };
             let length_px = bare.iter().map(|&edge| length(edge)).sum();
             let [a, b] = ends(longest);
@@ -123,8 +123,8 @@ fn chains(edges: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<[u32; 2]>> {
     chains
 }
 
-/// The edges beside which there is no texture.
-fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>) -> Vec<[u32; 2]> {
+/// The edges beside which there is no texture. Where that `is_known` (the nodes there were left out for it), chance is not asked.
+fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_known: bool) -> Vec<[u32; 2]> {
     let longest = chains.iter().map(Vec::len).max().unwrap_or(0);
     let mut n = LEAST_EDGES;
     while n <= longest {
@@ -134,7 +134,7 @@ fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>) -> Vec
             let mean = |get: &dyn Fn(&Beside) -> f64| strip.iter().map(|edge| get(&seen[edge])).sum::<f64>() / n as f64;
             let rows: [f64; N_WITHIN] = std::array::from_fn(|k| mean(&|beside| beside.within[k]));
             let within = rows.iter().sum::<f64>() / N_WITHIN as f64;
-            by_chance |= rows.iter().any(|row| *row < NEARLY_BARE * within);
+            by_chance |= !is_known && rows.iter().any(|row| *row < NEARLY_BARE * within);
             if mean(&|beside| beside.beyond) < BARE * within {
                 bare.extend(strip.iter().filter(|edge| !bare.contains(edge)).copied().collect::<Vec<_>>());
             }

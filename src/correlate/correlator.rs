@@ -182,7 +182,11 @@ impl<B: Backend> Correlator<B> {
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
             enough_px,
-            seen: if reference.is_regularised || reference.options.noise.constant().is_some() { Vec::new() } else { seen },
+            seen: if reference.is_regularised || reference.options.noise.constant().is_some() {
+                Vec::new()
+            } else {
+                seen
+            },
             rounding,
             backend,
             reference,

@@ -112,10 +112,8 @@ pub(super) fn finest_level<B: Backend>(
                 return Ok(Finest { level, spread, seen: seen_by_nodes, dropped, held });
             }
         }
-        if !options.drop_textureless
-            && let Some(too_many) = refused(&mesh, &dropped, &found, options)
-        {
-            return Err(CorrelationError::NoTexture { faults: too_many, n_nodes: mesh.n_nodes() });
+        if !options.drop_textureless {
+            may_be_left_out(&mesh, &dropped, &found, options)?;
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             return Err(CorrelationError::Textureless);
@@ -135,27 +133,32 @@ pub(super) fn finest_level<B: Backend>(
     }
 }
 
-/// The nodes without texture, when they are not few: more than their share of a zone, or on a border of which none may be
-/// left out. `dropped` went before, because of others; `found` would follow.
-fn refused(
+/// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left out.
+/// `dropped` went before, because of others; `found` would follow.
+fn may_be_left_out(
     mesh: &Mesh<Px>,
     dropped: &[TextureFault],
     found: &[TextureFault],
     options: &Options,
-) -> Option<Vec<TextureFault>> {
+) -> Result<(), CorrelationError> {
     let mut all: Vec<TextureFault> = dropped.iter().chain(found).cloned().collect();
     all.sort_by_key(|fault| fault.node);
-    let are_few = |zone: usize| {
+    for (zone, name) in mesh.zones().iter().enumerate() {
         let nodes = mesh.zone_nodes(zone);
-        let of_zone = || all.iter().map(|fault| fault.node).filter(|node| nodes.contains(node));
-        let whole = options.whole_borders.contains(&mesh.zones()[zone]);
-        let on_border = whole && {
+        let of_zone = || all.iter().filter(|fault| nodes.contains(&fault.node));
+        if of_zone().count() as f64 > options.textureless_share * nodes.len() as f64 {
+            return Err(CorrelationError::NoTexture { faults: all, n_nodes: mesh.n_nodes() });
+        }
+        if options.whole_borders.contains(name) {
             let border: HashSet<u32> = mesh.boundary(zone).into_iter().flatten().collect();
-            of_zone().any(|node| border.contains(&(node as u32)))
-        };
-        !on_border && of_zone().count() as f64 <= options.textureless_share * nodes.len() as f64
-    };
-    (!(0..mesh.zones().len()).all(are_few)).then_some(all)
+            let on_border = |fault: &&TextureFault| border.contains(&(fault.node as u32));
+            let faults: Vec<TextureFault> = of_zone().filter(on_border).cloned().collect();
+            if !faults.is_empty() {
+                return Err(CorrelationError::FaceWithoutTexture { zone: name.clone(), faults });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The nodes that see texture: kept, and not held by the regularisation alone.

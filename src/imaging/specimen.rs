@@ -15,10 +15,12 @@ const OF_TYPICAL: f32 = 1.0 / 64.0;
 const OF_WINDOW: f32 = 0.2;
 /// A window of which this share of pixels is black or white to the end of the range is clipped.
 const CLIPPED: f32 = 0.5;
+/// Speckles make one body when taking away what is narrower than a window leaves this share of them.
+const SOLID: f64 = 0.95;
 /// Parts smaller than this share of the largest are no bodies of their own.
 const LEAST_PART: f64 = 0.1;
 /// The smallest part worth measuring, in elements.
-const LEAST_ELEMENTS: usize = 4;
+const LEAST_ELEMENTS: usize = 1;
 
 /// The specimen in an image, in one part or several that do not touch.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +71,7 @@ impl Specimen {
     /// texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
     ///
     /// The result does not depend on the number of threads. It costs about as much as reading the image once
-    /// ([docs/correlation.md](https://docs.rs/quadrille), 2.1.1).
+    /// (THEORY 2).
     ///
     /// ```
     /// use quadrille::imaging::{Image, Pixels, Specimen};
@@ -87,7 +89,7 @@ impl Specimen {
         let cells = Cells::of(image);
         let Classes { textured, clipped } = cells.classes(reach, floor_of(image));
         let grid = textured.grid;
-        let found = textured.clone().without_small_holes((2 * reach + 2).pow(2)).opened(reach).eroded(1).opened(reach);
+        let found = textured.opened(reach).eroded(1).opened(reach);
         let mut left_out = LeftOut::default();
         let least = LEAST_ELEMENTS * size * size / (CELL * CELL);
         let kept = found.parts(least.max(1));
@@ -166,6 +168,28 @@ struct Cells {
     sums: Vec<Sums>,
 }
 
+/// What is in a window.
+struct Window {
+    /// Mean square of the gradient in its weakest direction, and of both components together.
+    weakest: f32,
+    both: f32,
+    /// Whether the weakest stands above noise.
+    is_above: bool,
+    is_clipped: bool,
+}
+
+impl Window {
+    fn of(sums: &Sums, floor: f32) -> Self {
+        let n = sums[6].max(1.0);
+        let [xx, xy, yy] = [0, 1, 2].map(|k| sums[k] / n);
+        let weakest = (0.5 * (xx + yy) - (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt()).max(0.0);
+        let noise = (sums[3] / sums[4].max(1.0)).max(floor * floor);
+        // White noise has half of its variance in each component of this gradient.
+        let is_above = weakest > ABOVE_NOISE * 0.5 * noise;
+        Self { weakest, both: xx + yy, is_above, is_clipped: sums[5] > CLIPPED * sums[6] }
+    }
+}
+
 /// What the cells are.
 struct Classes {
     textured: Marks,
@@ -183,33 +207,28 @@ impl Cells {
     /// Which cells carry texture within `reach` cells around them, and which are clipped.
     fn classes(&self, reach: usize, floor: f32) -> Classes {
         let grid = self.grid;
-        let window = box_sums(&self.sums, grid, reach);
-        let noise_of = |sums: &Sums| (sums[3] / sums[4].max(1.0)).max(floor * floor);
-        // Mean squares of the gradient: in its weakest direction, of both, and of white noise in one.
-        let gradient = |sums: &Sums| {
-            let [xx, xy, yy] = [0, 1, 2].map(|k| sums[k] / sums[6].max(1.0));
-            let half = (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
-            [(0.5 * (xx + yy) - half).max(0.0), xx + yy]
-        };
-        let is_clipped = |sums: &Sums| sums[5] > CLIPPED * sums[6];
-        let above = |sums: &Sums| gradient(sums)[0] > ABOVE_NOISE * 0.5 * noise_of(sums);
-        let mut powers: Vec<f32> =
-            window.iter().filter(|sums| above(sums) && !is_clipped(sums)).map(|sums| gradient(sums)[0]).collect();
+        let window: Vec<Window> =
+            box_sums(&self.sums, grid, reach).par_iter().map(|sums| Window::of(sums, floor)).collect();
+        let mut powers: Vec<f32> = window.iter().filter(|w| w.is_above && !w.is_clipped).map(|w| w.weakest).collect();
         let middle = powers.len() / 2;
         let typical = if powers.is_empty() { 0.0 } else { *powers.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        let enough: Vec<bool> = window
-            .iter()
-            .map(|sums| above(sums) && !is_clipped(sums) && gradient(sums)[0] > OF_TYPICAL * typical)
-            .collect();
+        let enough: Vec<bool> =
+            window.iter().map(|w| w.is_above && !w.is_clipped && w.weakest > OF_TYPICAL * typical).collect();
         // A window reaches over the border of what is textured by half its width; single cells do not.
         let alive = self.sums.iter().zip(&window).map(|(own, around)| {
-            let [_, own] = gradient(own);
-            own > OF_WINDOW * gradient(around)[1] && own > OF_TYPICAL * typical
+            let own = (own[0] + own[2]) / own[6].max(1.0);
+            own > OF_WINDOW * around.both && own > OF_TYPICAL * typical
         });
-        let filled = Marks { grid, bits: alive.collect() }.closed(reach);
-        let textured = enough.iter().zip(&filled.bits).map(|(a, b)| *a && *b).collect();
-        let clipped = window.iter().map(is_clipped).collect();
-        Classes { textured: Marks { grid, bits: textured }, clipped: Marks { grid, bits: clipped } }
+        let alive = Marks { grid, bits: alive.collect() };
+        // Gaps between speckles are closed, as few as it takes: a narrow joint between two strips is to stay open.
+        let closed = |gap: usize| {
+            let bits = alive.closed(gap).bits.iter().zip(&enough).map(|(a, b)| *a && *b).collect();
+            Marks { grid, bits }.without_small_holes((2 * reach + 2).pow(2))
+        };
+        let is_solid = |marks: &Marks| marks.opened(reach).count() as f64 >= SOLID * marks.count() as f64;
+        let textured = (1..reach).map(closed).find(is_solid).unwrap_or_else(|| closed(reach));
+        let clipped = window.iter().map(|w| w.is_clipped).collect();
+        Classes { textured, clipped: Marks { grid, bits: clipped } }
     }
 
     /// Whether a cell lies beside what was found: the outermost ones, with the step to what is around.
@@ -230,7 +249,8 @@ fn row_of_cells(image: &Image, row: usize, columns: usize, ends: Option<[f32; 2]
     // The rows that are looked at and those beside them, with two columns more on either side; beyond the image its border
     // again.
     let n_lines = if n_rows > 2 { 6 } else { 5 };
-    let lines: Vec<Vec<f32>> = (0..n_lines).map(|k| line(image, (first + k).saturating_sub(2).min(height - 1))).collect();
+    let lines: Vec<Vec<f32>> =
+        (0..n_lines).map(|k| line(image, (first + k).saturating_sub(2).min(height - 1))).collect();
     // By row first and by cell then: what is done to single pixels runs in vectors.
     let mut of_pixels = vec![0.0f32; width];
     let mut across = vec![0.0f32; width + 4];
@@ -303,36 +323,21 @@ fn line(image: &Image, y: usize) -> Vec<f32> {
 /// Sums over the box of `reach` cells around each cell, cut at the border.
 fn box_sums(sums: &[Sums], grid: CellGrid, reach: usize) -> Vec<Sums> {
     let CellGrid { columns, rows } = grid;
-    let along = |get: &(dyn Fn(usize) -> Sums + Sync), n: usize| -> Vec<Sums> {
-        (0..n)
-            .map(|k| {
-                let mut sum = [0.0; N_SUMS];
-                (k.saturating_sub(reach)..(k + reach + 1).min(n)).for_each(|j| {
-                    let one = get(j);
-                    (0..N_SUMS).for_each(|c| sum[c] += one[c]);
-                });
-                sum
-            })
-            .collect()
-    };
-    let by_rows: Vec<Sums> = (0..rows)
-        .into_par_iter()
-        .map(|row| along(&|column| sums[row * columns + column], columns))
-        .collect::<Vec<_>>()
-        .concat();
-    (0..rows)
-        .into_par_iter()
-        .map(|row| {
-            let mut line = vec![[0.0; N_SUMS]; columns];
-            for other in row.saturating_sub(reach)..(row + reach + 1).min(rows) {
-                for (sum, one) in line.iter_mut().zip(&by_rows[other * columns..]) {
-                    (0..N_SUMS).for_each(|c| sum[c] += one[c]);
-                }
-            }
-            line
-        })
-        .collect::<Vec<_>>()
-        .concat()
+    let add = |sum: &mut Sums, one: &Sums| (0..N_SUMS).for_each(|c| sum[c] += one[c]);
+    let mut along = vec![[0.0; N_SUMS]; sums.len()];
+    along.par_chunks_mut(columns).zip(sums.par_chunks(columns)).for_each(|(out, line)| {
+        for (k, sum) in out.iter_mut().enumerate() {
+            let around = &line[k.saturating_sub(reach)..(k + reach + 1).min(columns)];
+            around.iter().for_each(|one| add(sum, one));
+        }
+    });
+    let mut window = vec![[0.0; N_SUMS]; sums.len()];
+    window.par_chunks_mut(columns).enumerate().for_each(|(row, out)| {
+        for other in row.saturating_sub(reach)..(row + reach + 1).min(rows) {
+            out.iter_mut().zip(&along[other * columns..]).for_each(|(sum, one)| add(sum, one));
+        }
+    });
+    window
 }
 
 /// Marked cells. Beyond the border of the image nothing is known: there every cell is as its neighbours would have it.
@@ -367,6 +372,10 @@ impl Marks {
         near
     }
 
+    fn count(&self) -> usize {
+        self.bits.iter().filter(|&&bit| bit).count()
+    }
+
     fn dilated(&self, reach: usize) -> Self {
         Self { grid: self.grid, bits: self.near(true, reach) }
     }
@@ -385,7 +394,7 @@ impl Marks {
         Self { grid: self.grid, bits: opened.bits.iter().zip(&self.bits).map(|(a, b)| *a && *b).collect() }
     }
 
-    /// The connected pieces of cells that are `wanted`, each in rising order.
+    /// The connected pieces of cells that are `wanted`.
     fn pieces(&self, wanted: bool) -> Vec<Vec<usize>> {
         let CellGrid { columns, rows } = self.grid;
         let mut seen = vec![false; self.bits.len()];
@@ -413,21 +422,15 @@ impl Marks {
                     }
                 }
             }
-            piece.sort_unstable();
             pieces.push(piece);
         }
         pieces
     }
 
-    /// With the holes of fewer than `least` cells filled that do not touch the border of the image.
+    /// With the holes of fewer than `least` cells filled.
     fn without_small_holes(mut self, least: usize) -> Self {
-        let CellGrid { columns, rows } = self.grid;
-        let on_border = |&at: &usize| {
-            let (column, row) = (at % columns, at / columns);
-            column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
-        };
-        let holes = self.pieces(false).into_iter().filter(|hole| hole.len() < least && !hole.iter().any(on_border));
-        holes.collect::<Vec<_>>().into_iter().flatten().for_each(|at| self.bits[at] = true);
+        let holes = self.pieces(false).into_iter().filter(|hole| hole.len() < least);
+        holes.flatten().for_each(|at| self.bits[at] = true);
         self
     }
 

@@ -45,7 +45,7 @@ pub struct Case {
     #[serde(default, skip_serializing_if = "is_default")]
     pub correlation: CaseCorrelation,
     /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
-    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the whole image is measured.
+    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
     #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<CaseZone>,
     /// How quantities are drawn from the fields (docs/quantities.md).

@@ -4,11 +4,11 @@ use super::error::{Result, RunError};
 use super::folder::FIGURES;
 use super::plan::Plan;
 use super::text::absolute;
-use crate::correlate::{Options, Reference};
+use crate::correlate::Reference;
 use crate::imaging::{Image, LeftOut, Pixels, Specimen, SpecimenPart};
 use crate::io::case::{CaseGuard, CaseZone};
 use crate::io::images::{png_bytes, sha256};
-use crate::mesh::{Guard, Mask, Mesh, Roi, Zone};
+use crate::mesh::{Guard, Mask, Mesh, MeshError, Roi, Zone};
 use crate::report::{Backdrop, MeshOptions, mesh_figure};
 use crate::units::{PixelSize, Px};
 use std::path::{Path, PathBuf};
@@ -35,9 +35,18 @@ pub(super) struct Found {
 
 impl Found {
     /// Looks for the specimen in `reference`; its masks will lie in `folder`. A `guard` that was asked for stands for the usual one.
-    pub fn on(reference: &Image, options: &Options, guard: Option<f64>, folder: &Path) -> Result<Self> {
-        let size = options.element_size.clamp(4, 128);
+    pub fn on(reference: &Image, plan: &Plan, folder: &Path) -> Result<Self> {
+        let Plan { options, guard_px: guard, .. } = plan;
+        let (size, guard) = (options.element_size, *guard);
         let (width, height) = (reference.width(), reference.height());
+        if !(4..=128).contains(&size) {
+            return Err(RunError::Reference(MeshError::ElementSize { size }.to_string()));
+        }
+        if size > width.min(height) {
+            let (zone, width, height) = ("image".to_owned(), width as f64, height as f64);
+            let error = MeshError::TooSmall { zone, width, height, size };
+            return Err(RunError::Reference(format!("{}: {error}", plan.reference_name())));
+        }
         // What leaves the image is counted out; half an element keeps that away from the outermost nodes for small motion.
         let margin = (size / 2).min(width.min(height) / 16);
         let specimen = Specimen::find(reference, size, margin);
@@ -46,9 +55,10 @@ impl Found {
         if parts.is_empty() {
             let left_out = in_words(specimen.left_out);
             return Err(RunError::Reference(format!(
-                "no zone is named, and none is found: nowhere does the reference show texture over a few elements of \
+                "{}: no zone is named, and none is found: nowhere does the reference show texture over a few elements of \
                  {size} px ({left_out}); check exposure and focus, choose smaller elements with --element-size, or name \
-                 the zone with --roi"
+                 the zone with --roi",
+                plan.reference_name()
             )));
         }
         let mut found = Self { zones: Vec::new(), cases: Vec::new(), masks: Vec::new(), note: String::new() };
@@ -67,11 +77,8 @@ impl Found {
             format!("{} zones found: {}", shares.len(), shares.join(", "))
         };
         let picture = folder.join(FIGURES).join(PICTURE);
-        found.note = format!(
-            "{which} of the image; left out: {} (drawn in {})",
-            in_words(specimen.left_out),
-            picture.display()
-        );
+        found.note =
+            format!("{which} of the image; left out: {} (drawn in {})", in_words(specimen.left_out), picture.display());
         Ok(found)
     }
 
@@ -204,6 +211,8 @@ pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Pa
         let [x, y] = [width, height].map(|n| n as f64 * pixel.mm_per_px());
         format!("field of view {} x {} mm ({size})", digits(x), digits(y))
     });
+    let name = plan.reference_name();
+    let name = Path::new(&name).file_name().map_or(name.clone(), |name| name.to_string_lossy().into_owned());
     let guard_of = |zone: &CaseZone| match zone.guard_px {
         Some(CaseGuard::All(guard)) => guard,
         _ => 0.0,
@@ -214,7 +223,7 @@ pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Pa
         notes: vec![note.to_owned()],
         pixel_size: plan.pixel_size,
         guard_px: plan.zones.iter().map(guard_of).collect(),
-        ..MeshOptions::new(format!("Zone on {}: {field_of_view}", plan.reference_name()))
+        ..MeshOptions::new(format!("Zone on {name}: {field_of_view}"))
     };
     let folder = folder.join(FIGURES);
     std::fs::create_dir_all(&folder).map_err(|source| RunError::Folder { folder: folder.clone(), source })?;

@@ -123,7 +123,8 @@ impl Plan {
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
-        let names_zone = !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
+        let names_zone =
+            !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
         let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
         let mut plan = Self {
             reference,

@@ -159,8 +159,7 @@ impl<'a> PreparedSeries<'a> {
             folder.clear(plan.csv, plan.vtu)?;
             quantities::remove(folder.path())?;
         }
-        folder.make_folders(plan.csv, plan.vtu)?;
-        found.as_ref().map_or(Ok(()), Found::write)?;
+        folder.make_folders(plan.csv, plan.vtu).and_then(|()| found.as_ref().map_or(Ok(()), Found::write))?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
             let made = made_or_found(folder, &header, &*correlator, same_run)?;

@@ -32,7 +32,7 @@ impl Zones {
         if !plan.zones.is_empty() {
             return Self::on(&plan.zones, plan.options.element_size, [reference.width(), reference.height()]);
         }
-        let found = Found::on(reference, &plan.options, plan.guard_px, folder)?;
+        let found = Found::on(reference, plan, folder)?;
         plan.zones.clone_from(&found.cases);
         plan.found();
         let (zones, notes, files) = (found.zones.clone(), vec![found.note.clone()], found.files());

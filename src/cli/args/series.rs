@@ -97,7 +97,7 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "I/N|slurm")]
     pub shard: Option<Shard>,
     /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
-    /// several zones. Default: the whole image. This, --polygon, --mask and --mesh replace the zones of the
+    /// several zones. Without any zone the specimen is found in the reference. This, --polygon, --mask and --mesh replace the zones of the
     /// case file.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
     pub roi: Vec<[f64; 4]>,
@@ -182,7 +182,7 @@ pub struct CorrelateArgs {
     /// amplitude, longer ones less, shorter ones more.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub cutoff: Option<f64>,
-    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to 5 % of a zone, none of
+    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to a fifth of a zone, none of
     /// them on a face of a joint, are left out without it.
     #[arg(long)]
     pub drop_textureless: bool,
