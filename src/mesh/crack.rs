@@ -3,37 +3,10 @@
 //! The nodes of the grid that are nearest to the path are moved onto it, so that edges of elements follow it, and are doubled there
 //! (docs/correlation.md, 2.11). A cell that the path crosses from corner to corner becomes two triangles.
 
-use super::MeshError;
 use super::grid::Grid;
 use super::q4::{Mesh, Part, turn};
 use crate::units::{Length, Px};
 use std::collections::{BTreeMap, HashMap, HashSet};
-
-/// A path along which the mesh of a zone is cut: on its two sides the displacement is not the same.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Crack {
-    /// Points of the path in order, px. An end inside the zone stays joined: a tip.
-    pub path: Vec<[f64; 2]>,
-    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no specimen.
-    pub guard: f64,
-}
-
-impl Crack {
-    /// The guard where none is given, px: what interpolation and gradient reach, and a path that is drawn by hand.
-    pub const GUARD: f64 = 3.0;
-
-    /// Refuses paths of less than two points, numbers that are not finite, and negative guards.
-    pub(super) fn check(&self, zone: &str) -> Result<(), MeshError> {
-        let zone = || zone.to_owned();
-        if let Some(corner) = self.path.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
-            return Err(MeshError::NotFinite { zone: zone(), corner });
-        }
-        if !(self.guard.is_finite() && self.guard >= 0.0) {
-            return Err(MeshError::Guard { zone: zone(), guard: self.guard });
-        }
-        if length(&self.path) > 0.0 { Ok(()) } else { Err(MeshError::CrackShort { zone: zone() }) }
-    }
-}
 
 /// A place of a cut with its node on either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
