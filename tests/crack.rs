@@ -2,6 +2,7 @@
 //! of this file: sums of Gaussian blobs at material points that are found by fixed-point iteration on either side.
 
 #[path = "common/gpu.rs"]
+#[allow(dead_code)] // one device is enough here
 mod gpu;
 mod program;
 
@@ -11,6 +12,7 @@ use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{CrackLine, CrackValues, Elasticity, Measurement, NodalNoise, Status, TipState};
 use quadrille::imaging::{Image, Pixels};
+use quadrille::isa::Isa;
 use quadrille::mesh::{Crack, Mesh, MeshError, PixelMesh, Roi, Zone};
 use quadrille::units::Px;
 use rand::{RngExt, SeedableRng};
@@ -47,7 +49,8 @@ impl Scene {
 
     fn grey(&self, [x, y]: [f64; 2]) -> f64 {
         let columns = self.size[0] / 8 + 1;
-        let reach = |v: f64, n: usize| ((v / Self::BIN) as usize).saturating_sub(1)..=((v / Self::BIN) as usize + 1).min(n / 8);
+        let reach =
+            |v: f64, n: usize| ((v / Self::BIN) as usize).saturating_sub(1)..=((v / Self::BIN) as usize + 1).min(n / 8);
         let (x, y) = (x.max(0.0), y.max(0.0));
         let near = reach(y, self.size[1]).flat_map(|j| reach(x, self.size[0]).map(move |i| j * columns + i));
         let sum: f64 = near
@@ -103,7 +106,7 @@ fn laid(roi: [f64; 4], path: &[[f64; 2]], guard: f64, size: [usize; 2]) -> Pixel
 #[track_caller]
 fn measured<B: Backend>(backend: B, zone: Zone, images: [&Arc<Image>; 2]) -> Measurement<Px> {
     let correlator = Correlator::new(backend, Arc::clone(images[0]), &[zone], Options::default()).unwrap();
-    let found = correlator.correlate(images[1], None).unwrap().measurement;
+    let found = correlator.correlate(Arc::clone(images[1]), None).unwrap().measurement;
     assert_eq!(found.status, Status::Converged);
     found
 }
@@ -151,7 +154,11 @@ fn every_pixel_beside_the_guard_belongs_to_one_element_on_its_own_side() {
             let length = (path[1][0] - path[0][0]).hypot(path[1][1] - path[0][1]);
             for (y, x) in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (y, x))) {
                 let inside = (10..250).contains(&x) && (12..204).contains(&y);
-                let kept = inside && above(&path, [x as f64, y as f64]).abs() / length >= guard;
+                let distance = above(&path, [x as f64, y as f64]).abs() / length;
+                if (distance - guard).abs() < 1e-9 && guard > 0.0 {
+                    continue; // round-off decides
+                }
+                let kept = inside && distance >= guard;
                 assert_eq!(owners[y * size[0] + x], u32::from(kept), "({x}, {y}), {path:?}, guard {guard}");
             }
         }
@@ -169,7 +176,8 @@ fn the_elements_along_a_cut_keep_their_size_and_the_ends_inside_are_joined() {
         for element in 0..mesh.n_elements() {
             let [a, b, c, d] = mesh.elements()[element];
             let area = mesh.geometry(element).area();
-            let least = if c == d { 0.25 } else { 0.5 };
+            // A free end stands where the path ends, up to half an element from its place on the grid.
+            let least = if c == d { 0.12 } else { 0.45 };
             assert!(area > least * 256.0, "{a} {b}: {area} at {angle}");
         }
         let faces = mesh.cut_faces(&path);
@@ -249,7 +257,7 @@ fn opening_and_sliding_of_an_inclined_joint_are_found_within_their_uncertainty_o
         let ratio = f64::sqrt(sum / n);
         assert!((0.6..1.5).contains(&ratio), "error over sigma {ratio} of {n}");
     };
-    let cpu = measured(CpuBackend::detect(), zone.clone(), [&images[0], &images[1]]);
+    let cpu = measured(CpuBackend::new(Isa::detect()), zone.clone(), [&images[0], &images[1]]);
     check(&cpu);
     if let Some(device) = gpu::device() {
         let found = measured(device, zone, [&images[0], &images[1]]);
@@ -298,8 +306,8 @@ fn stress_intensity_of_the_exact_singular_field_is_found_to_one_per_cent_in_ever
         for point in &mesh.cut_faces(&path).points {
             (side[point.plus], side[point.minus]) = (1.0, -1.0);
         }
-        // A rotation and a stretch along the crack beside it: they have no stress intensity.
-        let spin = |x: [f64; 2]| [-3e-3 * (x[1] - 100.0) + 1e-3 * x[0] * cos * cos, 3e-3 * x[0] + 1e-3 * x[0] * sin * cos];
+        // A rotation and a pull along the crack beside it: they have no stress intensity.
+        let spin = |x: [f64; 2]| [-3e-3 * (x[1] - 100.0) + 1e-3 * x[0], 3e-3 * x[0] - PLATE.poisson * 1e-3 * x[1]];
         let displacement = mesh.nodes().iter().zip(&side).map(|(&x, &side)| {
             let u = williams(tip, ahead, k, x, side);
             if angle == 0.0 { [0, 1].map(|c| u[c] + spin(x)[c]) } else { u }
@@ -327,14 +335,15 @@ fn stress_intensity_of_the_exact_singular_field_is_found_to_one_per_cent_in_ever
 fn stress_intensity_and_tip_are_found_on_images_of_a_crack() {
     let size = [336, 320];
     let (tip, ahead) = ([170.0, 158.0], [1.0, 0.0]);
-    let k = [1.5, 0.5];
+    let k = [0.7, 0.25];
     let field = |x: [f64; 2], side: f64| williams(tip, ahead, k, x, side);
     let side = |x: [f64; 2]| if x[0] < tip[0] { (tip[1] - x[1]).signum() } else { 0.0 };
     let scene = Scene::new(size, 11);
     let images = [scene.image(&at_rest, &|_| 0.0, 1.0, 3), scene.image(&field, &side, 1.0, 4)];
     // The path goes on beyond the tip, as a user would draw it.
     let path = [[0.0, tip[1]], [tip[0] + 60.0, tip[1]]];
-    let found = measured(CpuBackend::detect(), zone([8.0, 8.0, 328.0, 312.0], &path, 3.0), [&images[0], &images[1]]);
+    let found =
+        measured(CpuBackend::new(Isa::detect()), zone([8.0, 8.0, 328.0, 312.0], &path, 3.0), [&images[0], &images[1]]);
     let (line, values) = read(&path, &found, Some(PLATE));
     let of_tip = values.tips[0];
     assert_eq!(of_tip.state, TipState::Found);
@@ -368,7 +377,8 @@ fn a_crack_drawn_where_there_is_none_is_closed() {
     let field = |x: [f64; 2], _: f64| [0.4 + 0.002 * x[0], -0.3 + 0.001 * x[1]];
     let images = [scene.image(&at_rest, &|_| 0.0, 2.0, 5), scene.image(&field, &|_| 0.0, 2.0, 6)];
     let path = [[0.0, 92.0], [130.0, 84.0]];
-    let found = measured(CpuBackend::detect(), zone([8.0, 8.0, 184.0, 168.0], &path, 3.0), [&images[0], &images[1]]);
+    let found =
+        measured(CpuBackend::new(Isa::detect()), zone([8.0, 8.0, 184.0, 168.0], &path, 3.0), [&images[0], &images[1]]);
     let (_, values) = read(&path, &found, None);
     assert_eq!(values.tips[0].state, TipState::Closed, "{values:?}");
 }
@@ -389,7 +399,8 @@ fn the_program_writes_openings_tips_stress_intensity_and_their_figures() {
         let field = |x: [f64; 2], side: f64| williams(tip, ahead, [k1, 0.0], x, side);
         desk.image(name, &scene.image(&field, &side, 1.0, 9));
     }
-    let flags = ["correlate", "--output", "out", "--roi", "8,8,200,184", "--crack", "0,94 150,94", "--crack-young", "1000"];
+    let flags =
+        ["correlate", "--output", "out", "--roi", "8,8,200,184", "--crack", "0,94 150,94", "--crack-young", "1000"];
     let more = ["--crack-poisson", "0.3", "--pixel-size", "0.1", "--element-size", "12", "0.tif", "1.tif", "2.tif"];
     desk.run_words(&[&flags[..], &more].concat()).fine();
     let summary = desk.json("out/summary.json");
@@ -404,7 +415,10 @@ fn the_program_writes_openings_tips_stress_intensity_and_their_figures() {
         assert!((tip["at_px"][0].as_f64().unwrap() - 110.0).abs() < 16.0, "{tip}");
     }
     let table = desk.read("out/quantities/crack_tips.csv");
-    assert!(table.contains("K_I_MPa_sqrt_m") && table.lines().any(|line| line.starts_with("2,converged,crack1,last,found,")));
+    assert!(
+        table.contains("K_I_MPa_sqrt_m")
+            && table.lines().any(|line| line.starts_with("2,converged,crack1,last,found,"))
+    );
     assert!(desk.read("out/quantities/cracks.csv").contains("opening_px,sigma_opening_px,sliding_px,sigma_sliding_px"));
     for name in ["crack1-opening", "crack1-tip", "crack1-stress-intensity"] {
         assert!(desk.path(&format!("out/figures/{name}.png")).exists(), "{name}");
@@ -414,7 +428,8 @@ fn the_program_writes_openings_tips_stress_intensity_and_their_figures() {
     let again = desk.read("out/run.toml");
     assert!(again.contains("[[crack]]") && again.contains("E_MPa = 1000"), "{again}");
     desk.run("probe out --output again").fine();
-    let plain = |name: &str| desk.read(name).lines().filter(|line| !line.starts_with('#')).collect::<Vec<_>>().join("\n");
+    let plain =
+        |name: &str| desk.read(name).lines().filter(|line| !line.starts_with('#')).collect::<Vec<_>>().join("\n");
     assert_eq!(plain("again/quantities/crack_tips.csv"), plain("out/quantities/crack_tips.csv"));
 }
 

@@ -12,8 +12,9 @@ pub use measurement::{Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
-    CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues,
-    PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
+    CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
+    FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
+    RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
 };
 pub use rigid::RigidMotion;
 pub use strain::{

@@ -1,7 +1,10 @@
 //! Quantities of a series as tables: long, a row for each frame and place.
 
 use super::load::LoadTable;
-use crate::field::{CrackLine, CrackTip, OPEN_BY_SIGMA, TipState, Curve, FrameQuantities, Jump, Measurement, NodalNoise, PointValues, Quantities, Status, Value};
+use crate::field::{
+    CrackLine, CrackTip, Curve, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA, PointValues, Quantities,
+    Status, TipState, Value,
+};
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
@@ -48,8 +51,19 @@ pub struct QuantitySummary {
 pub struct CrackHistory {
     /// Its name.
     pub name: String,
-    /// Frames with a field: number, place along the path and opening of each place that is measured, tips.
-    pub frames: Vec<(usize, Vec<(f64, Jump)>, Vec<CrackTip>)>,
+    /// Frames with a field.
+    pub frames: Vec<CrackFrame>,
+}
+
+/// A crack in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrackFrame {
+    /// Number of the frame.
+    pub number: usize,
+    /// Distance along the path and jump of each place that is measured.
+    pub places: Vec<(f64, Jump)>,
+    /// Its tips.
+    pub tips: Vec<CrackTip>,
 }
 
 /// One quantity over the frames.
@@ -153,7 +167,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
             (!q.cracks.is_empty(), vec!["crack"], [&CRACK[..], &JUMP].concat()),
-            (q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some()), vec!["crack", "end", "state"], TIP.to_vec()),
+            (
+                q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some()),
+                vec!["crack", "end", "state"],
+                TIP.to_vec(),
+            ),
         ];
         let mut tables = [const { None }; 8];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
@@ -242,8 +260,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         for (k, history) in self.cracks.iter_mut().enumerate() {
             let Some(values) = drawn.as_ref().map(|drawn| &drawn.cracks[k]) else { continue };
             let places = self.quantities.cracks[k].1.points().iter().zip(&values.points);
-            let measured = places.filter_map(|(point, jump)| Some((point.along, (*jump)?))).collect();
-            history.frames.push((number, measured, values.tips.clone()));
+            let places = places.filter_map(|(point, jump)| Some((point.along, (*jump)?))).collect();
+            history.frames.push(CrackFrame { number, places, tips: values.tips.clone() });
         }
         let mut keys = vec![number.to_string(), status.map_or("not_done", Status::name).to_owned()];
         for column in &self.load.columns {
@@ -410,7 +428,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 ),
             });
         }
-        notes.extend(self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.note(crack)));
+        notes.extend(
+            self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.note(crack)),
+        );
         Ok(QuantitySummary { curves, notes, cracks: self.cracks })
     }
 }
@@ -418,7 +438,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
 impl CrackHistory {
     /// What a user should know: a crack that has grown beyond its path, stress intensities that could not be found.
     fn note(&self, crack: &CrackLine) -> Option<String> {
-        let tips = || self.frames.iter().flat_map(|(number, _, tips)| tips.iter().map(move |tip| (*number, tip)));
+        let tips = || self.frames.iter().flat_map(|frame| frame.tips.iter().map(|tip| (frame.number, tip)));
         let n = self.frames.len();
         let mut said = Vec::new();
         let open: Vec<usize> = tips().filter(|(_, tip)| tip.state == TipState::OpenToEnd).map(|(k, _)| k).collect();
@@ -438,7 +458,9 @@ impl CrackHistory {
                 ));
             }
             if crack.joined().next().is_none() {
-                said.push("has no tip inside the mesh, and so no stress intensity: its path cuts the zone in two".to_owned());
+                said.push(
+                    "has no tip inside the mesh, and so no stress intensity: its path cuts the zone in two".to_owned(),
+                );
             }
         }
         (!said.is_empty()).then(|| format!("crack '{}' {}", self.name, said.join("; ")))

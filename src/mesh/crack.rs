@@ -3,37 +3,10 @@
 //! The nodes of the grid that are nearest to the path are moved onto it, so that edges of elements follow it, and are doubled there
 //! (docs/correlation.md, 2.11). A cell that the path crosses from corner to corner becomes two triangles.
 
-use super::MeshError;
 use super::grid::Grid;
 use super::q4::{Mesh, Part, turn};
 use crate::units::{Length, Px};
 use std::collections::{BTreeMap, HashMap, HashSet};
-
-/// A path along which the mesh of a zone is cut: on its two sides the displacement is not the same.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Crack {
-    /// Points of the path in order, px. An end inside the zone stays joined: a tip.
-    pub path: Vec<[f64; 2]>,
-    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no specimen.
-    pub guard: f64,
-}
-
-impl Crack {
-    /// The guard where none is given, px: what interpolation and gradient reach, and a path that is drawn by hand.
-    pub const GUARD: f64 = 3.0;
-
-    /// Refuses paths of less than two points, numbers that are not finite, and negative guards.
-    pub(super) fn check(&self, zone: &str) -> Result<(), MeshError> {
-        let zone = || zone.to_owned();
-        if let Some(corner) = self.path.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
-            return Err(MeshError::NotFinite { zone: zone(), corner });
-        }
-        if !(self.guard.is_finite() && self.guard >= 0.0) {
-            return Err(MeshError::Guard { zone: zone(), guard: self.guard });
-        }
-        if length(&self.path) > 0.0 { Ok(()) } else { Err(MeshError::CrackShort { zone: zone() }) }
-    }
-}
 
 /// A place of a cut with its node on either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +43,9 @@ pub struct CutTip {
     pub ahead: [f64; 2],
 }
 
+/// Nodes and the elements between them.
+type Elements = (Vec<[f64; 2]>, Vec<[u32; 4]>);
+
 /// A place of the lattice, and where its node comes to stand.
 type Moved = ([i64; 2], [f64; 2]);
 
@@ -78,7 +54,8 @@ fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 fn lerp(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
-    [0, 1].map(|c| a[c] + t * (b[c] - a[c]))
+    // The end itself keeps its bits.
+    if t == 1.0 { b } else { [0, 1].map(|c| a[c] + t * (b[c] - a[c])) }
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -171,7 +148,7 @@ impl Lattice {
     }
 
     /// Goes on to the border when the end of a path lies beside it: what would be left between would hang by half an element.
-    fn to_border(&self, piece: &mut Vec<[f64; 2]>) {
+    fn to_border(&self, piece: &mut [[f64; 2]]) {
         for _ in 0..2 {
             let n = piece.len();
             let (end, before) = (piece[n - 1], piece[n - 2]);
@@ -294,7 +271,8 @@ fn placed(part: &Part, lattice: &Lattice, moved: &HashMap<[i64; 2], [f64; 2]>) -
     }
     let beside: BTreeMap<[i64; 2], [bool; 2]> = {
         let reach = RINGS as i64;
-        let around = |&[i, j]: &[i64; 2]| (-reach..=reach).flat_map(move |b| (-reach..=reach).map(move |a| [i + a, j + b]));
+        let around =
+            |&[i, j]: &[i64; 2]| (-reach..=reach).flat_map(move |b| (-reach..=reach).map(move |a| [i + a, j + b]));
         let near = offset.keys().flat_map(around).filter(|place| !offset.contains_key(place));
         near.filter(|place| lattice.node_at.contains_key(place)).map(|place| (place, lattice.free(place))).collect()
     };
@@ -355,11 +333,7 @@ fn divided(
 }
 
 /// The nodes on cut edges doubled, once for each group of elements that hold together there. `None` when none is.
-fn doubled(
-    mut nodes: Vec<[f64; 2]>,
-    mut elements: Vec<[u32; 4]>,
-    cut_edges: &HashSet<[u32; 2]>,
-) -> Option<(Vec<[f64; 2]>, Vec<[u32; 4]>)> {
+fn doubled(mut nodes: Vec<[f64; 2]>, mut elements: Vec<[u32; 4]>, cut_edges: &HashSet<[u32; 2]>) -> Option<Elements> {
     let mut on_cut: Vec<u32> = cut_edges.iter().flatten().copied().collect();
     on_cut.sort_unstable();
     on_cut.dedup();
@@ -465,7 +439,8 @@ impl<U: Length> Mesh<U> {
         for group in &groups {
             let at = self.nodes()[group[0]];
             let Some(found) = project(path, at) else { continue };
-            let [tx, ty] = found.tangent;
+            // Over an element: at a bend that of both sides.
+            let [tx, ty] = chord(path, found.along, reach).unwrap_or(found.tangent);
             let normal = [ty, 0.0 - tx];
             let above = |node: usize| {
                 let way = middles.get(&node).map_or([0.0; 2], |&middle| minus(middle, at));
@@ -485,7 +460,8 @@ impl<U: Length> Mesh<U> {
         points.sort_by(|a, b| a.along.total_cmp(&b.along));
         let tip = |last: bool| {
             let n = path.len();
-            let (end, before) = if last { (path.last()?, path.get(n.checked_sub(2)?)?) } else { (path.first()?, path.get(1)?) };
+            let (end, before) =
+                if last { (path.last()?, path.get(n.checked_sub(2)?)?) } else { (path.first()?, path.get(1)?) };
             let zone = (0..self.zones().len()).find(|&zone| self.locate(zone, end[0], end[1]).is_some())?;
             let near = |node: &usize| distance(self.nodes()[*node], *end);
             let node = self.zone_nodes(zone).min_by(|a, b| near(a).total_cmp(&near(b)))?;
@@ -493,11 +469,23 @@ impl<U: Length> Mesh<U> {
             let size = distance(*end, *before);
             let ahead = minus(*end, *before).map(|v| v / size);
             let along = if last { length(path) } else { 0.0 };
-            (!is_doubled && near(&node) < reach && size > 0.0).then_some(CutTip { along, at: self.nodes()[node], ahead })
+            (!is_doubled && near(&node) < reach && size > 0.0).then_some(CutTip {
+                along,
+                at: self.nodes()[node],
+                ahead,
+            })
         };
         let tips = [tip(false), tip(true)];
         CutFaces { points, tips }
     }
+}
+
+/// The unit vector between the points of a path at `reach` before and after a place.
+fn chord(path: &[[f64; 2]], along: f64, reach: f64) -> Option<[f64; 2]> {
+    let ((a, _), (b, _)) = (point_along(path, along - reach)?, point_along(path, along + reach)?);
+    let way = minus(b, a);
+    let size = way[0].hypot(way[1]);
+    (size > 0.0).then(|| way.map(|v| v / size))
 }
 
 /// The point of a path nearest to another.

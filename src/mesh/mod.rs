@@ -15,7 +15,7 @@ mod zone;
 mod zone_pixels;
 
 pub use carried::CarriedZones;
-pub use crack::{Crack, CutFaces, CutTip, FacePoint};
+pub use crack::{CutFaces, CutTip, FacePoint};
 pub(crate) use crack::{point_along, project};
 pub use element::{
     CORNERS, ElementGeometry, GAUSS, GAUSS_POINTS, GAUSS_WEIGHT, InverseMap, LocalMap, local_coordinates,
@@ -27,4 +27,4 @@ pub use lay::{ELEMENT_SHARE, PixelMesh};
 pub use pixel_set::PixelSet;
 pub use pixels::{ElementPixels, PixelMap, Run};
 pub use q4::Mesh;
-pub use zone::{Guard, Mask, Roi, Zone, ZoneElements};
+pub use zone::{Crack, Guard, Mask, Roi, Zone, ZoneElements};

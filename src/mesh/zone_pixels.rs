@@ -37,11 +37,7 @@ pub(super) fn zone_pixels(
 }
 
 /// The same without its cracks.
-fn of_region(
-    zone: &Zone,
-    [width, height]: [usize; 2],
-    of_elements: Option<PixelSet>,
-) -> Result<ZonePixels, MeshError> {
+fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<PixelSet>) -> Result<ZonePixels, MeshError> {
     let roi = zone.bounds(width, height)?;
     check_guard(zone)?;
     if zone.is_rectangle() {

@@ -2,7 +2,7 @@
 
 use super::{Axis, Name, Plot, PlotSeries, Style};
 use crate::field::{CrackTip, OPEN_BY_SIGMA, TipState, Value};
-use crate::io::quantities::CrackHistory;
+use crate::io::quantities::{CrackFrame, CrackHistory};
 use serde::{Deserialize, Serialize};
 
 /// A crack along which the mesh is cut. The openings along it are in `quantities/cracks.csv`.
@@ -59,7 +59,7 @@ pub struct CrackTipSummary {
 impl CrackSummary {
     /// From what a series gave.
     pub fn of(history: &CrackHistory) -> Self {
-        let frame = |(number, places, tips): &(usize, Vec<(f64, crate::field::Jump)>, Vec<CrackTip>)| {
+        let frame = |CrackFrame { number, places, tips }: &CrackFrame| {
             let largest = places.iter().map(|(_, jump)| jump.opening).max_by(|a, b| a.value.total_cmp(&b.value));
             CrackFrameSummary {
                 number: *number,
@@ -95,11 +95,11 @@ const PROFILES: usize = 6;
 pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let file: String = history.name.chars().map(plain).collect();
-    let with_places: Vec<_> = history.frames.iter().filter(|(_, places, _)| !places.is_empty()).collect();
+    let with_places: Vec<&CrackFrame> = history.frames.iter().filter(|frame| !frame.places.is_empty()).collect();
     let n = with_places.len();
-    let chosen = (0..n.min(PROFILES)).map(|k| with_places[n - 1 - k * n / n.min(PROFILES).max(1)]);
+    let chosen = (0..n.min(PROFILES)).map(|k| with_places[n - 1 - k * n / n.clamp(1, PROFILES)]);
     let mut profiles: Vec<PlotSeries> = chosen
-        .map(|(number, places, _)| {
+        .map(|CrackFrame { number, places, .. }| {
             let x = places.iter().map(|(along, _)| *along).collect();
             let y = places.iter().map(|(_, jump)| jump.opening.value).collect();
             let band = places.iter().map(|(_, jump)| 2.0 * jump.opening.sigma).collect();
@@ -122,14 +122,14 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
         let found: Vec<(f64, Value)> = history
             .frames
             .iter()
-            .flat_map(|(number, _, tips)| tips.iter().map(move |tip| (*number as f64, tip)))
+            .flat_map(|frame| frame.tips.iter().map(|tip| (frame.number as f64, tip)))
             .filter(|(_, tip)| tip.end == end)
             .filter_map(|(number, tip)| Some((number, value(tip)?)))
             .collect();
         let x = found.iter().map(|(number, _)| *number).collect();
         let y = found.iter().map(|(_, value)| value.value).collect();
         let band = found.iter().map(|(_, value)| 2.0 * value.sigma).collect();
-        (found.len() > 1).then(|| (x, y, band))
+        (found.len() > 1).then_some((x, y, band))
     };
     let series = |name: &str, value: &dyn Fn(&CrackTip) -> Option<Value>| {
         let of_end = |end: usize| {
@@ -152,7 +152,8 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
         };
         figures.push((format!("{file}-tip"), plot));
     }
-    let modes = [series("K_I,", &|tip| Some(tip.intensity?.k1)), series("K_II,", &|tip| Some(tip.intensity?.k2))].concat();
+    let modes =
+        [series("K_I,", &|tip| Some(tip.intensity?.k1)), series("K_II,", &|tip| Some(tip.intensity?.k2))].concat();
     if !modes.is_empty() {
         let plot = Plot {
             title: format!("{}: stress intensity over the series", history.name),

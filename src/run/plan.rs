@@ -324,7 +324,9 @@ fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>
     if let Some((flag, _)) = flags.iter().find(|(_, value)| value.is_some())
         && cracks.is_empty()
     {
-        return Err(format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into());
+        return Err(
+            format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into()
+        );
     }
     for (at, crack) in cracks.iter_mut().enumerate() {
         crack.guard_px = asked.crack_guard.or(crack.guard_px);
@@ -341,10 +343,14 @@ fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>
                 return wrong(format!("Poisson's ratio is {nu}; give a number above -1, up to 0.5"));
             }
             (Some(_), None, _) | (None, Some(_), _) => {
-                return wrong("stress intensity needs Young's modulus and Poisson's ratio together; give both or none".into());
+                return wrong(
+                    "stress intensity needs Young's modulus and Poisson's ratio together; give both or none".into(),
+                );
             }
             (Some(_), _, None) => {
-                return wrong("stress intensity needs the size of a pixel; give --pixel-size MM or pixel_size_mm".into());
+                return wrong(
+                    "stress intensity needs the size of a pixel; give --pixel-size MM or pixel_size_mm".into(),
+                );
             }
             _ => {}
         }

@@ -3,7 +3,8 @@
 use super::error::{Result, RunError};
 use super::record::Record;
 use crate::field::{
-    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
+    Status, StrainDefinition,
 };
 use crate::io::case::CaseQuantities;
 use crate::io::load::{LoadTable, read_load};
@@ -73,11 +74,8 @@ pub(crate) fn resolve(
             )
             .into());
         }
-        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| Elasticity {
-            young_mpa,
-            poisson,
-            mm_per_unit: size.mm_per_px(),
-            radius: crack.radius_px,
+        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| {
+            Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
         });
         let line = CrackLine::on(mesh, crack.path.clone(), elasticity)
             .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?;

@@ -135,7 +135,8 @@ pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
         if zone.elements.is_some() {
             return Err(MeshError::CrackInOwnElements { zone: zone.name.clone() }.to_string().into());
         }
-        let of_case = |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
+        let of_case =
+            |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
         zone.cracks = cracks.iter().map(of_case).collect();
     }
     Ok(())

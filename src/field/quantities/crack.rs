@@ -103,8 +103,12 @@ impl CrackLine {
         field: &Measurement<U>,
         noise: &NodalNoise,
     ) -> CrackTip {
-        let measured: Vec<(f64, Value)> =
-            self.points().iter().zip(points).filter_map(|(point, jump)| Some((point.along, (*jump)?.opening))).collect();
+        let measured: Vec<(f64, Value)> = self
+            .points()
+            .iter()
+            .zip(points)
+            .filter_map(|(point, jump)| Some((point.along, (*jump)?.opening)))
+            .collect();
         let (state, along) = tip_along(&measured, end, joined.along);
         let place = along.and_then(|along| point_along(&self.path, along.value));
         // Without a tip the end of the path is as good a place as any: there is next to nothing to be found.

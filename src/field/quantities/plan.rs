@@ -1,8 +1,8 @@
 //! What is drawn from every field of a series.
 
 use super::{
-    CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved, Segment, Value,
-    at_point, remove_rigid,
+    CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved,
+    Segment, Value, at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition};
 use crate::units::Length;

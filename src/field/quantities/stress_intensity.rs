@@ -155,7 +155,8 @@ fn free_radius<U: Length>(
         along += length;
     }
     // The other end may lie inside: a tip as well.
-    let forwards = project(path, at).is_none_or(|found| found.tangent[0] * ahead[0] + found.tangent[1] * ahead[1] > 0.0);
+    let forwards =
+        project(path, at).is_none_or(|found| found.tangent[0] * ahead[0] + found.tangent[1] * ahead[1] > 0.0);
     let behind = if forwards { here } else { along - here };
     border.min(missing).min(bend).min(behind)
 }
@@ -177,7 +178,8 @@ impl Frame {
         for (element, nodes) in mesh.elements().iter().enumerate() {
             let corners = mesh.corners(element);
             let r = corners.map(|p| (p[0] - self.at[0]).hypot(p[1] - self.at[1]));
-            let size = (0..4).map(|k| (corners[k][0] - corners[(k + 2) % 4][0]).hypot(corners[k][1] - corners[(k + 2) % 4][1]));
+            let size = (0..4)
+                .map(|k| (corners[k][0] - corners[(k + 2) % 4][0]).hypot(corners[k][1] - corners[(k + 2) % 4][1]));
             let size = size.fold(0.0, f64::max);
             if r.iter().all(|&r| r > self.outer + size) || r.iter().all(|&r| r < self.inner) {
                 continue;

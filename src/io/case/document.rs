@@ -48,8 +48,8 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 9] =
-    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening"];
+const OF_CORRELATION: [&str; 10] =
+    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening", "crack"];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 /// Of a finished run.
