@@ -483,13 +483,14 @@ fn every_zone_is_measured_on_its_own_and_named() {
 }
 
 #[test]
-fn without_a_zone_as_many_whole_elements_as_fit_cover_the_image() {
+fn without_a_zone_whole_elements_cover_a_textured_image_but_for_its_margin() {
     let desk = Desk::with_series();
     desk.correlate("--element-size 25 --output out ref.png a.png").fine();
     let summary = desk.json("out/summary.json");
-    assert_eq!((&summary["n_elements"], &summary["n_nodes"]), (&json!(5 * 3), &json!(6 * 4)));
+    assert_eq!((&summary["n_elements"], &summary["n_nodes"]), (&json!(4 * 3), &json!(5 * 4)));
     let rows = desk.rows("out/csv/000001.csv");
-    assert_eq!((rows[0].px.position, rows[23].px.position), ([0.0, 0.0], [125.0, 75.0]));
+    // A sixteenth of the shorter side, 6 px, and what is left over on either side.
+    assert_eq!((rows[0].px.position, rows[19].px.position), ([14.0, 10.0], [114.0, 85.0]));
 }
 
 #[test]

@@ -602,6 +602,7 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
         lines: vec![("down".into(), Segment::new([50.0, 90.0], [50.0, 130.0], 10.0).unwrap())],
         extensometers: vec![("along".into(), Extensometer::new([30.0, 50.0], [130.0, 50.0], 0.0).unwrap())],
         openings: vec![("joint".into(), Facing::between(&mesh, "z0", "z1").unwrap())],
+        cracks: Vec::new(),
     };
     let load = parse_load("load_N,time_s\n10,1\n20,2\n,3\n", Path::new("l.csv"), 3).unwrap();
     let (files, notes, curves) = tables(&quantities, &load, &[Some(&first), Some(&second), None], true);

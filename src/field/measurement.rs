@@ -21,11 +21,17 @@ pub enum Status {
     LeftImage,
     /// The image could not be read, or is not an image of this series.
     Unreadable,
+    /// The texture repeats, and the displacement may be off by multiples of its period: nothing says which one it is.
+    Ambiguous,
 }
 
 impl Status {
+    /// All of them, by their code.
+    pub const ALL: [Self; 6] =
+        [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable, Self::Ambiguous];
+
     /// Number used where a file cannot hold a word: 0 converged, 1 iteration limit, 2 diverged, 3 left the
-    /// image, 4 unreadable.
+    /// image, 4 unreadable, 5 ambiguous.
     pub fn code(self) -> u8 {
         match self {
             Status::Converged => 0,
@@ -33,6 +39,7 @@ impl Status {
             Status::Diverged => 2,
             Status::LeftImage => 3,
             Status::Unreadable => 4,
+            Status::Ambiguous => 5,
         }
     }
 
@@ -44,14 +51,13 @@ impl Status {
     /// assert_eq!(Status::from_code(255), None);
     /// ```
     pub fn from_code(code: u8) -> Option<Self> {
-        let all = [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable];
-        all.into_iter().find(|status| status.code() == code)
+        Self::ALL.into_iter().find(|status| status.code() == code)
     }
 
     /// Whether a frame that ended so has a field that may be shown: a diverged one is no measurement.
     pub fn has_field(self) -> bool {
         match self {
-            Status::Converged | Status::IterationLimit | Status::LeftImage => true,
+            Status::Converged | Status::IterationLimit | Status::LeftImage | Status::Ambiguous => true,
             Status::Diverged | Status::Unreadable => false,
         }
     }
@@ -64,6 +70,7 @@ impl Status {
             Status::Diverged => "diverged",
             Status::LeftImage => "left_image",
             Status::Unreadable => "unreadable",
+            Status::Ambiguous => "ambiguous",
         }
     }
 }

@@ -14,8 +14,9 @@ pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
-    Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,
-    PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
+    CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
+    FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
+    RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
 };
 pub use rigid::RigidMotion;
 pub use strain::{ELEMENT_NOISE, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma};

@@ -26,7 +26,7 @@ pub use law::{
     CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
 };
 pub use quantities::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+    CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
 };
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
 pub use setup::CaseReport;
@@ -47,7 +47,7 @@ pub struct Case {
     #[serde(default, skip_serializing_if = "is_default")]
     pub correlation: CaseCorrelation,
     /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
-    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the whole image is measured.
+    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
     #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<CaseZone>,
     /// How quantities are drawn from the fields (docs/quantities.md).
@@ -70,6 +70,9 @@ pub struct Case {
     /// What the program cannot know of the test, for the reporting table of `report.html`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub report: CaseReport,
+    /// Cracks and joints: paths along which the mesh is cut, with opening, sliding, tip and stress intensity along them.
+    #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.
     pub interface: Option<CaseInterface>,
     /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
@@ -129,6 +132,8 @@ pub struct CaseFile {
     pub openings: Vec<CaseOpening>,
     /// The section `[report]`.
     pub report: CaseReport,
+    /// The sections `[[crack]]`, in order.
+    pub cracks: Vec<CaseCrack>,
     /// The section `[run]`: how a finished run came about.
     pub run: Option<toml::Table>,
 }
@@ -154,13 +159,14 @@ impl CaseFile {
             lines: self.lines.clone(),
             extensometers: self.extensometers.clone(),
             openings: self.openings.clone(),
+            cracks: self.cracks.clone(),
         }
     }
 
     /// This case with other quantities.
     pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
-        let CaseQuantities { options, load, probes, lines, extensometers, openings } = drawn.clone();
-        Self { quantities: options, load, probes, lines, extensometers, openings, ..self }
+        let CaseQuantities { options, load, probes, lines, extensometers, openings, cracks } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, openings, cracks, ..self }
     }
 }
 

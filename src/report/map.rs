@@ -146,6 +146,7 @@ pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String
         Status::Diverged => warnings.push("diverged: this is no measurement"),
         Status::LeftImage => warnings.push("not converged: too much of a zone has left the image"),
         Status::Unreadable => warnings.push("unreadable: this is no measurement"),
+        Status::Ambiguous => warnings.push("ambiguous: the texture repeats, displacements may be off by periods of it"),
     }
     if !drawn {
         let some = measurement.measured.contains(&true);

@@ -3,6 +3,7 @@
 mod axes;
 mod backdrop;
 pub mod correlation;
+mod crack;
 mod edges;
 mod figure;
 mod figures;
@@ -24,6 +25,7 @@ pub mod summary;
 mod words;
 
 pub use backdrop::Backdrop;
+pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures};
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::draw_frame;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};

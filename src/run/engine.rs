@@ -1,5 +1,6 @@
 //! The correlator of a run, and what becomes of it when its device fails.
 
+use super::text::plural;
 use crate::backend::BackendError;
 use crate::backend::choice::Device;
 use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
@@ -22,6 +23,8 @@ pub(super) struct Engine {
     notes: Mutex<Vec<String>>,
     /// Whether it has been said that the noise is not white.
     colour_said: AtomicBool,
+    /// Whether it has been said that nodes are lost in noise.
+    lost_said: AtomicBool,
 }
 
 /// The correlator in use.
@@ -79,6 +82,7 @@ impl Engine {
             current: RwLock::new(current),
             notes: Mutex::new(notes),
             colour_said: AtomicBool::new(false),
+            lost_said: AtomicBool::new(false),
         })
     }
 
@@ -118,6 +122,17 @@ impl Engine {
             && !self.colour_said.swap(true, Ordering::SeqCst)
         {
             self.note(format!("warning: frame {number}: {colour} (every frame has its own: noise_correlation_factor)"));
+        }
+    }
+
+    /// Says once in a run that nodes which the reference seemed to show are lost in the noise of the frames.
+    pub fn note_lost(&self, number: usize, result: &Correlation) {
+        if result.nodes_in_noise > 0 && !self.lost_said.swap(true, Ordering::SeqCst) {
+            let n = plural(result.nodes_in_noise, "node");
+            self.note(format!(
+                "warning: frame {number}: {n} not measured: the texture there does not stand out of the noise that the \
+                 residual shows (every frame has its own: nodes_in_noise)"
+            ));
         }
     }
 

@@ -58,6 +58,9 @@ impl RunFolder {
     /// Makes the folder and checks that it can be written.
     pub fn writable(path: &Path) -> Result<Self> {
         let cannot = |source: std::io::Error| RunError::Folder { folder: path.to_owned(), source };
+        if path.is_file() {
+            return Err(RunError::NoFolder { path: path.to_owned() });
+        }
         fs::create_dir_all(path).map_err(cannot)?;
         // Of this process alone: others may try at the same time.
         let trial = path.join(format!("{TRIAL}{}", std::process::id()));
@@ -83,6 +86,9 @@ impl RunFolder {
 
     /// The folder `path`, made when it is not there, for files that are made again from a store.
     pub(crate) fn for_export(path: &Path) -> Result<Self> {
+        if path.is_file() {
+            return Err(RunError::NoFolder { path: path.to_owned() });
+        }
         fs::create_dir_all(path).map_err(|source| RunError::Folder { folder: path.to_owned(), source })?;
         Ok(Self(path.to_owned()))
     }

@@ -3,14 +3,16 @@
 use super::error::Result;
 use super::overlay::{Export, Overlay};
 use super::text::absolute;
-use super::zones;
+use super::{which_reference, zones};
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
 use crate::field::{
     Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
 };
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
+use crate::io::case::{
+    CaseCorrelation, CaseCrack, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages,
+};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
@@ -26,13 +28,17 @@ pub(super) const MANY: usize = 1000;
 pub struct Plan {
     /// One reference image, or several whose mean is taken.
     pub reference: Vec<Frame>,
+    /// Whether it was named, and is not just the first of the images.
+    pub reference_named: bool,
     /// The deformed images, in order.
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
-    /// What is measured; the whole image where there is none.
+    /// What is measured; where there is none, the specimen is looked for in the reference.
     pub zones: Vec<CaseZone>,
-    /// Guard of the whole image, when there is no zone, px.
+    /// Whether the zones were found so, now or in the run that this one repeats.
+    pub zone_found: bool,
+    /// Guard of the zones that are found, px, instead of the usual one.
     pub guard_px: Option<f64>,
     /// Options of the correlation.
     pub options: Options,
@@ -64,6 +70,8 @@ pub struct Plan {
     pub setup: CaseReport,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
+    /// Files that were named and are no images: they are left out, which is said.
+    pub left_out: Vec<PathBuf>,
 }
 
 impl Plan {
@@ -80,7 +88,8 @@ impl Plan {
     /// # Errors
     /// Options that contradict each other.
     pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
-        let Images { reference, deformed, grows } = images;
+        let Images { reference, deformed, grows, left_out } = images;
+        let reference_named = !(asked.reference.is_empty() && case.images.reference.is_none());
         let given = &case.correlation;
         let options = options_of(asked, case, reference.len())?;
         let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
@@ -124,11 +133,16 @@ impl Plan {
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
-        Ok(Self {
+        let names_zone =
+            !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
+        let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
+        let mut plan = Self {
             reference,
+            reference_named,
             deformed,
             pixel_size,
             zones,
+            zone_found,
             guard_px: asked.guard,
             options,
             update,
@@ -145,8 +159,13 @@ impl Plan {
             export_asked: asked.export.is_some(),
             store_only,
             setup: case.report.clone(),
-            drawn: drawn(case),
-        })
+            drawn: CaseQuantities { cracks: wanted_cracks(asked, case, pixel_size)?, ..drawn(case) },
+            left_out,
+        };
+        if zone_found {
+            plan.found();
+        }
+        Ok(plan)
     }
 
     /// The device that does the pixel work.
@@ -178,8 +197,13 @@ impl Plan {
         plan
     }
 
+    /// Its zones were found where there is texture: a node there that lacks it is no reason to refuse the reference.
+    pub(super) fn found(&mut self) {
+        (self.zone_found, self.options.textureless_share) = (true, 1.0);
+    }
+
     /// The plan as a case file that gives the same result from anywhere on this machine.
-    pub fn resolved(&self, width: usize, height: usize) -> CaseFile {
+    pub fn resolved(&self) -> CaseFile {
         let options = &self.options;
         CaseFile {
             images: CaseImages {
@@ -212,7 +236,7 @@ impl Plan {
                 drop_textureless: Some(options.drop_textureless),
             },
             report: self.setup.clone(),
-            zones: zones::resolved(&self.zones, self.guard_px, width, height),
+            zones: zones::resolved(&self.zones),
             ..CaseFile::default()
         }
         .with_drawn(&self.drawn)
@@ -316,6 +340,60 @@ fn drawn(case: &CaseFile) -> CaseQuantities {
     drawn
 }
 
+/// The cracks that are asked for, by flags or by the case.
+fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>) -> Result<Vec<CaseCrack>> {
+    let mut cracks: Vec<CaseCrack> = match asked.crack.is_empty() {
+        true => case.cracks.clone(),
+        false => asked.crack.iter().map(|path| CaseCrack { path: path.clone(), ..CaseCrack::default() }).collect(),
+    };
+    let flags = [
+        ("--crack-guard", asked.crack_guard),
+        ("--crack-young", asked.crack_young),
+        ("--crack-poisson", asked.crack_poisson),
+        ("--crack-radius", asked.crack_radius),
+    ];
+    if let Some((flag, _)) = flags.iter().find(|(_, value)| value.is_some())
+        && cracks.is_empty()
+    {
+        return Err(
+            format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into()
+        );
+    }
+    for (at, crack) in cracks.iter_mut().enumerate() {
+        crack.guard_px = asked.crack_guard.or(crack.guard_px);
+        crack.young_mpa = asked.crack_young.or(crack.young_mpa);
+        crack.poisson = asked.crack_poisson.or(crack.poisson);
+        crack.radius_px = asked.crack_radius.or(crack.radius_px);
+        let name = crack.name.clone().unwrap_or_else(|| format!("crack{}", at + 1));
+        let wrong = |what: String| -> Result<Vec<CaseCrack>> { Err(format!("{name}: {what}").into()) };
+        match (crack.young_mpa, crack.poisson, pixel_size) {
+            (Some(young), ..) if !(young.is_finite() && young > 0.0) => {
+                return wrong(format!("Young's modulus is {young} MPa; give a positive number"));
+            }
+            (_, Some(nu), _) if !(-1.0..=0.5).contains(&nu) || nu == -1.0 => {
+                return wrong(format!("Poisson's ratio is {nu}; give a number above -1, up to 0.5"));
+            }
+            (Some(_), None, _) | (None, Some(_), _) => {
+                return wrong(
+                    "stress intensity needs Young's modulus and Poisson's ratio together; give both or none".into(),
+                );
+            }
+            (Some(_), _, None) => {
+                return wrong(
+                    "stress intensity needs the size of a pixel; give --pixel-size MM or pixel_size_mm".into(),
+                );
+            }
+            _ => {}
+        }
+        if let Some(radius) = crack.radius_px
+            && !(radius.is_finite() && radius > 0.0)
+        {
+            return wrong(format!("the radius of its domain is {radius} px; give a positive number"));
+        }
+    }
+    Ok(cracks)
+}
+
 /// The zones that are asked for, with file names that hold from the current folder.
 fn wanted_zones(asked: &Overlay, case: &CaseFile) -> Vec<CaseZone> {
     let mut zones: Vec<CaseZone> = asked
@@ -357,6 +435,8 @@ pub struct Images {
     pub deformed: Vec<Frame>,
     /// Whether there are more to come.
     pub grows: bool,
+    /// Files that were named and are no images.
+    pub left_out: Vec<PathBuf>,
 }
 
 /// The files of the reference that is named; none when none is.
@@ -380,8 +460,10 @@ impl Images {
         } else {
             expand_series(&asked.deformed, Path::new(""))?
         };
+        let left_out = which_reference::without_texts(&mut deformed);
         let mut reference = references(asked, case)?;
         if reference.is_empty() {
+            which_reference::check(&deformed)?;
             let Some(first) = deformed.first() else {
                 return Err("no image is given; name the reference and the deformed images, or a --case file".into());
             };
@@ -414,7 +496,7 @@ impl Images {
         if frames.is_empty() {
             return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
         }
-        Ok(Self { reference, deformed: frames, grows: false })
+        Ok(Self { reference, deformed: frames, grows: false, left_out })
     }
 }
 

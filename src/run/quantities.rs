@@ -3,8 +3,8 @@
 use super::error::{Result, RunError};
 use super::record::Record;
 use crate::field::{
-    Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
-    StrainWindow,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
+    Status, StrainDefinition, StrainWindow,
 };
 use crate::io::case::{CaseLoad, CaseQuantities};
 use crate::io::load::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
@@ -24,7 +24,12 @@ pub(crate) const FOLDER: &str = "quantities";
 /// # Errors
 /// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
-pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
+pub(crate) fn resolve(
+    asked: &CaseQuantities,
+    strain: StrainDefinition,
+    pixel_size: Option<PixelSize>,
+    mesh: &Mesh<Px>,
+) -> Result<Quantities> {
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
@@ -60,6 +65,22 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
         let facing = Facing::between(mesh, plus, minus).map_err(|error| format!("opening '{name}': {error}"))?;
         quantities.openings.push((name, facing));
     }
+    for (at, crack) in asked.cracks.iter().enumerate() {
+        let name = named(&crack.name, "crack", at);
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) && mesh.zones().len() > 1 {
+            return Err(format!(
+                "crack '{name}': the rigid motion of each zone is removed, which changes what lies between zones; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| {
+            Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
+        });
+        let line = CrackLine::on(mesh, crack.path.clone(), elasticity)
+            .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?;
+        quantities.cracks.push((name, line));
+    }
     fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
         let twice = (0..list.len()).find(|&k| list[..k].iter().any(|(name, _)| *name == list[k].0));
         twice.map_or(Ok(()), |k| Err(format!("two {what} are named '{}'; names must differ", list[k].0).into()))
@@ -68,6 +89,7 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
     once("lines", &quantities.lines)?;
     once("extensometers", &quantities.extensometers)?;
     once("openings", &quantities.openings)?;
+    once("cracks", &quantities.cracks)?;
     Ok(quantities)
 }
 
@@ -227,7 +249,7 @@ pub(crate) fn write_of_store(
     let header = store.header();
     let quantities = Quantities {
         window: window.unwrap_or(header.strain_window),
-        ..resolve(asked, strain.unwrap_or(header.strain), store.mesh())?
+        ..resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, store.mesh())?
     };
     let load = load(asked, store.n_frames())?;
     let mut lines = vec![

@@ -1,8 +1,8 @@
 //! What is drawn from every field of a series.
 
 use super::{
-    Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved, Segment, Value,
-    at_point, remove_rigid,
+    CrackLine, CrackValues, Elongation, Extensometer, Facing, Jump, NodalNoise, PointValues, RemoveRigid, RigidRemoved,
+    Segment, Value, at_point, remove_rigid,
 };
 use crate::field::{Measurement, StrainDefinition, StrainWindow, StrainWindows};
 use crate::units::Length;
@@ -24,6 +24,8 @@ pub struct Quantities {
     pub extensometers: Vec<(String, Extensometer)>,
     /// Openings between two zones.
     pub openings: Vec<(String, Facing)>,
+    /// Cracks along which the mesh is cut.
+    pub cracks: Vec<(String, CrackLine)>,
 }
 
 /// What [`Quantities`] come to in one field, each in the order of its list.
@@ -39,6 +41,8 @@ pub struct FrameQuantities {
     pub extensometers: Vec<Option<Elongation>>,
     /// Of the openings.
     pub openings: Vec<OpeningValues>,
+    /// Of the cracks.
+    pub cracks: Vec<CrackValues>,
 }
 
 /// An opening in one field.
@@ -75,6 +79,7 @@ impl Quantities {
             && self.lines.is_empty()
             && self.extensometers.is_empty()
             && self.openings.is_empty()
+            && self.cracks.is_empty()
     }
 
     /// Draws them from one field; strains over a window where `windows` makes them.
@@ -111,11 +116,12 @@ impl Quantities {
             lines: self.lines.iter().map(|(_, line)| line.points().into_iter().map(|(_, x)| at(x)).collect()).collect(),
             extensometers: self.extensometers.iter().map(|(_, extensometer)| extensometer.read(field, noise)).collect(),
             openings: self.openings.iter().map(|(_, facing)| opening(facing)).collect(),
+            cracks: self.cracks.iter().map(|(_, crack)| crack.read(field, noise)).collect(),
         }
     }
 
     /// Profiles of one frame: displacements and strains along each line, opening and sliding along each joint (part by
-    /// part), against the distance along it. Points without a value are left out, empty profiles as well.
+    /// part) and crack, against the distance along it. Points without a value are left out, empty profiles as well.
     pub fn profiles(&self, drawn: &FrameQuantities) -> Vec<Curve> {
         let mut curves = Vec::new();
         for ((name, line), values) in self.lines.iter().zip(&drawn.lines) {
@@ -134,6 +140,13 @@ impl Quantities {
                     let along = points.map(|(point, jump)| (point.along, jump.as_ref().map(value)));
                     curves.extend(Curve::new(&name, quantity, "along_px", along));
                 }
+            }
+        }
+        for ((name, crack), values) in self.cracks.iter().zip(&drawn.cracks) {
+            for (quantity, value) in Jump::QUANTITIES {
+                let along = crack.points().iter().zip(&values.points);
+                let along = along.map(|(point, jump)| (point.along, jump.as_ref().map(value)));
+                curves.extend(Curve::new(name, quantity, "along_px", along));
             }
         }
         curves

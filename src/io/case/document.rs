@@ -48,8 +48,8 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 10] =
-    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening", "report"];
+const OF_CORRELATION: [&str; 11] =
+    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening", "crack", "report"];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 /// Of a finished run.
@@ -119,6 +119,7 @@ impl CaseDocument {
             extensometers,
             openings,
             report,
+            cracks,
             run,
             interface,
             mesh,
@@ -141,6 +142,7 @@ impl CaseDocument {
             extensometers,
             openings,
             report,
+            cracks,
             run,
         };
         let joint =
@@ -163,6 +165,7 @@ impl From<CaseFile> for Case {
             extensometers,
             openings,
             report,
+            cracks,
             run,
         } = case;
         Self {
@@ -176,6 +179,7 @@ impl From<CaseFile> for Case {
             extensometers,
             openings,
             report,
+            cracks,
             run,
             ..Self::default()
         }

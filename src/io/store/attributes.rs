@@ -79,10 +79,8 @@ impl Attributes {
             ("_mm", "millimetres on the specimen"),
             ("strain", "no dimension"),
         ];
-        let known =
-            [Status::Converged, Status::IterationLimit, Status::Diverged, Status::LeftImage, Status::Unreadable];
         let mut status_codes: BTreeMap<String, String> =
-            known.iter().map(|status| (status.code().to_string(), status.name().to_owned())).collect();
+            Status::ALL.iter().map(|status| (status.code().to_string(), status.name().to_owned())).collect();
         status_codes.insert(NOT_DONE.to_string(), "not done".to_owned());
         let length = header.element_size_px;
         Self {
