@@ -48,7 +48,7 @@ impl<B: Backend> Correlator<B> {
             let everywhere = self.everywhere(frame, |zone| lost(&tried[zone]));
             self.try_motions(frame, &mut tried, everywhere)?;
         }
-        let found = self.from_motions(frame, &tried)?;
+        let found = self.begun_from(frame, &tried)?;
         if widely || !matches!(found.measurement.status, Status::Diverged | Status::LeftImage) {
             return Ok(found);
         }
@@ -62,7 +62,7 @@ impl<B: Backend> Correlator<B> {
             *tried = Tried::default();
         }
         self.try_motions(frame, &mut tried, everywhere)?;
-        let again = self.from_motions(frame, &tried)?;
+        let again = self.begun_from(frame, &tried)?;
         let better = again.measurement.status == Status::Converged || again.worst_zone() > found.worst_zone();
         Ok(if better { again } else { found })
     }
@@ -112,7 +112,7 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// Iterates down the pyramid from the motion of each zone.
-    fn from_motions(&self, frame: &mut B::Frame, tried: &[Tried]) -> Result<Correlation, CorrelationError> {
+    fn begun_from(&self, frame: &mut B::Frame, tried: &[Tried]) -> Result<Correlation, CorrelationError> {
         let transfer = tried.iter().map(|tried| tried.transfer).collect();
         let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
         let displacement = self.moved(&self.levels[self.levels.len() - 1], &motions);

@@ -49,7 +49,7 @@ impl Turn {
         }
         let (angle, length) = (sin.atan2(cos), cos.hypot(sin));
         // Zones that turn against each other have no turn in common.
-        if angle.abs() < LEAST || !(length > 0.5 * mesh.n_nodes() as f64) {
+        if angle.abs() < LEAST || length.is_nan() || length <= 0.5 * mesh.n_nodes() as f64 {
             return Self::NONE;
         }
         Self { cos: cos / length, sin: sin / length }

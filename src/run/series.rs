@@ -22,7 +22,7 @@ use super::which_reference::about_texts;
 use super::zones::Zones;
 use super::{doubts, pipeline, quantities, report, said};
 use crate::correlate::Correlate;
-use crate::field::{Status, StrainWindows, UpdateReference};
+use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};

@@ -48,8 +48,19 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 11] =
-    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening", "crack", "report"];
+const OF_CORRELATION: [&str; 11] = [
+    "images",
+    "correlation",
+    "zone",
+    "quantities",
+    "load",
+    "probe",
+    "line",
+    "extensometer",
+    "opening",
+    "crack",
+    "report",
+];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 /// Of a finished run.

@@ -23,6 +23,7 @@ fn meaning(status: Status) -> &'static str {
         Status::IterationLimit => "stopped at the limit of iterations: their fields are there and not settled",
         Status::Diverged => "diverged: they have no field",
         Status::LeftImage => "have left the image in part: they are not converged",
+        Status::Ambiguous => "are ambiguous: the texture repeats, and displacements may be off by periods of it",
         Status::Unreadable => "could not be read",
     }
 }
@@ -34,7 +35,9 @@ impl CorrelationReport<'_> {
         let numbers = |of: &dyn Fn(&FrameSummary) -> bool| -> Vec<usize> {
             frames.iter().filter(|frame| of(frame)).map(|frame| frame.number).collect()
         };
-        for status in [Status::Diverged, Status::Unreadable, Status::LeftImage, Status::IterationLimit] {
+        for status in
+            [Status::Diverged, Status::Unreadable, Status::Ambiguous, Status::LeftImage, Status::IterationLimit]
+        {
             let of_status = numbers(&|frame| frame.status == status);
             if !of_status.is_empty() {
                 found.push(format!(
