@@ -393,12 +393,14 @@ fn a_glob_that_takes_the_reference_along_does_not_correlate_it_with_itself() {
     for (output, images) in [
         ("named", "--reference b.png *.png".to_owned()),
         ("otherwise", format!("--reference ./b.png {}/*.png", desk.path("").display())),
-        ("first", format!("b.png {}/*.png", desk.path("").display())),
-        ("twice", "b.png a.png *.png".to_owned()),
+        ("twice", "--reference b.png a.png *.png".to_owned()),
     ] {
         desk.correlate(&format!("{INSIDE} --output {output} {images}")).fine();
         assert_eq!(frame_files(&desk, output), ["a.png", "c.png", "ref.png"], "{output}");
     }
+    // The first is the reference, but a name that says `ref` contradicts it.
+    desk.correlate(&format!("{INSIDE} --output first b.png *.png"))
+        .refused(&["ref.png says that it is", "--reference ref.png"]);
     let ran = desk.correlate("--output alone ref.png");
     ran.refused(&["ref.png", "no deformed image"]);
 }

@@ -580,6 +580,7 @@ fn every_figure_of_every_hard_field_is_whole() {
     for (name, image, measurement) in hard_cases() {
         let options = FigureOptions {
             figures: Figure::ALL.to_vec(),
+            strain_window: StrainWindow::new(3),
             formats: vec![Format::Png, Format::Svg],
             line: Some([5.0, 5.0, 100.0, 90.0]),
             pixel_size: PixelSize::new(0.25),
@@ -591,7 +592,7 @@ fn every_figure_of_every_hard_field_is_whole() {
         let (backdrop, white) = (Backdrop::new(&image, 1), Backdrop::blank(image.width(), image.height(), 1));
         for backdrop in if name == "free" { vec![&white, &backdrop] } else { vec![&backdrop] } {
             let files = draw_frame(&out, 3, &measurement, backdrop, None, &options).unwrap();
-            assert_eq!(files.len(), 2 * (13 + 10), "{name}");
+            assert_eq!(files.len(), 2 * (16 + 10), "{name}");
             for file in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg")) {
                 let png = image::open(file.with_extension("png")).unwrap().into_rgb8();
                 let svg = std::fs::read_to_string(file).unwrap();
@@ -817,6 +818,7 @@ fn figures_of_real_tests_are_small_and_complete() {
         let measurement = correlator.correlate(moved.clone(), None).unwrap().measurement;
         let options = FigureOptions {
             figures: Figure::ALL.to_vec(),
+            strain_window: StrainWindow::new(3),
             formats: vec![Format::Png, Format::Svg],
             line: Some(line),
             pixel_size: PixelSize::new(0.0123),

@@ -157,8 +157,8 @@ fn every_cohesive_tangent_is_the_difference_of_its_traction() {
                 for k in 0..2 {
                     // Round-off of a difference: eps |T|/h.
                     let peak = law.peak().normal.max(law.peak().tangential);
-                    // The curvature of the PPR law changes its sign where there is no sliding: of first order in h.
-                    let relative = if jump.tangential == 0.0 { 1e-4 } else { 1e-7 };
+                    // The curvature of the PPR law changes its sign where there is no sliding: of first order in h over the steep rise.
+                    let relative = if jump.tangential == 0.0 { 1e-3 } else { 1e-7 };
                     let tolerance = relative * tangent[(row, k)].abs() + 1e-15 * peak / h + 1e-9;
                     assert_close(
                         tangent[(row, k)],
@@ -427,8 +427,8 @@ fn parameters_out_of_their_range_are_refused_by_name() {
     assert_eq!(refused("bilinear-power", &[4e5, 60.0, 90.0, 0.4, 1.1, 0.5]), "eta");
     assert_eq!(refused("bilinear-benzeggagh-kenane", &[4e3, 60.0, 90.0, 0.4, 1.1, 1.5]), "G_Ic_N_per_mm");
     let with = |s: f64| vec![4e5, 60.0, 90.0, 0.4, 1.1, 1.5, s];
-    assert_eq!(refused("trapezoidal-power", &with(1.0)), "s");
-    assert_eq!(refused("trapezoidal-power", &with(-0.1)), "s");
+    assert_eq!(refused("trapezoidal-power", &with(1.0)), "plateau");
+    assert_eq!(refused("trapezoidal-power", &with(-0.1)), "plateau");
     // A plateau so long that it falls at once.
     assert_eq!(refused("trapezoidal-benzeggagh-kenane", &with(0.999)), "K_MPa_per_mm");
     assert_eq!(refused("smith-ferrante", &[0.8, 0.0, 0.3]), "delta_c_mm");

@@ -14,8 +14,10 @@ use crate::field::Status;
 const FOUND: f64 = 0.8;
 /// and with less than this one it is lost: it is looked for in the whole image.
 const LOST: f64 = 0.6;
-/// A motion that leaves less than this share of a zone's pixels inside the image is not tried.
+/// A motion that leaves less than this share of a zone's pixels inside the image counts for little,
 pub(super) const LEAST_INSIDE: f64 = 0.25;
+/// for this much at most: few pixels match somewhere by chance.
+const FEW_INSIDE: f64 = 0.3;
 
 /// The best motion of a zone so far.
 #[derive(Debug, Clone)]
@@ -102,8 +104,9 @@ impl<B: Backend> Correlator<B> {
             let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
             let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
             for ((best, motion), (sums, transfer)) in best.iter_mut().zip(tried).zip(observed) {
-                let score = sums.correlation();
-                if score > best.score && sums.n >= LEAST_INSIDE * sums.n_all {
+                let is_inside = sums.n >= LEAST_INSIDE * sums.n_all;
+                let score = if is_inside { sums.correlation() } else { sums.correlation().min(FEW_INSIDE) };
+                if score > best.score {
                     *best = Tried { score, motion, transfer };
                 }
             }

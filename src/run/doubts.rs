@@ -29,6 +29,7 @@ pub(super) fn about_series(
 ) -> Vec<String> {
     let mut said = copies(summary, hashes, references);
     said.extend(blank(summary));
+    said.extend(in_noise(summary));
     let motion = Motion::of(summary);
     said.extend(motion.order(summary));
     said.extend(motion.reference(summary));
@@ -75,6 +76,22 @@ fn blank(summary: &Summary) -> Option<String> {
     let blank: Vec<usize> = summary.frames.iter().filter(|f| f.blank.is_some()).map(|f| f.number).collect();
     let torn = "half black, torn, or not whole: rows or columns of them have one grey level (see their messages)";
     (!blank.is_empty()).then(|| format!("warning: {} {torn}", frames_are(&blank)))
+}
+
+/// Frames with nodes that the reference seemed to show and that are lost in the noise.
+fn in_noise(summary: &Summary) -> Option<String> {
+    let lost = || summary.frames.iter().filter(|frame| frame.status.has_field() && frame.nodes_in_noise > 0);
+    let numbers: Vec<usize> = lost().map(|frame| frame.number).collect();
+    let most = lost().map(|frame| frame.nodes_in_noise).max()?;
+    let place = if let [number] = numbers.as_slice() {
+        format!("frame {number}")
+    } else {
+        format!("frames {}", ranges(&numbers))
+    };
+    Some(format!(
+        "warning: {place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the \
+         residual shows (nodes_in_noise)"
+    ))
 }
 
 fn frames_are(numbers: &[usize]) -> String {

@@ -1,6 +1,5 @@
 //! The correlator of a run, and what becomes of it when its device fails.
 
-use super::text::plural;
 use crate::backend::BackendError;
 use crate::backend::choice::Device;
 use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
@@ -23,8 +22,6 @@ pub(super) struct Engine {
     notes: Mutex<Vec<String>>,
     /// Whether it has been said that the noise is not white.
     colour_said: AtomicBool,
-    /// Whether it has been said that nodes are lost in noise.
-    lost_said: AtomicBool,
 }
 
 /// The correlator in use.
@@ -82,7 +79,6 @@ impl Engine {
             current: RwLock::new(current),
             notes: Mutex::new(notes),
             colour_said: AtomicBool::new(false),
-            lost_said: AtomicBool::new(false),
         })
     }
 
@@ -122,17 +118,6 @@ impl Engine {
             && !self.colour_said.swap(true, Ordering::SeqCst)
         {
             self.note(format!("warning: frame {number}: {colour} (every frame has its own: noise_correlation_factor)"));
-        }
-    }
-
-    /// Says once in a run that nodes which the reference seemed to show are lost in the noise of the frames.
-    pub fn note_lost(&self, number: usize, result: &Correlation) {
-        if result.nodes_in_noise > 0 && !self.lost_said.swap(true, Ordering::SeqCst) {
-            let n = plural(result.nodes_in_noise, "node");
-            self.note(format!(
-                "warning: frame {number}: {n} not measured: the texture there does not stand out of the noise that the \
-                 residual shows (every frame has its own: nodes_in_noise)"
-            ));
         }
     }
 

@@ -41,6 +41,7 @@ mod steps;
 mod stop;
 mod tally;
 pub(crate) mod text;
+mod wanted;
 mod watching;
 mod which_reference;
 mod zones;

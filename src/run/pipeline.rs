@@ -404,7 +404,6 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
                 news.push(format!("frame {number}: measured from frame {reference}, the new reference"));
             }
             engine.note_colour(number, &result);
-            engine.note_lost(number, &result);
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.device();

@@ -3,7 +3,7 @@
 use super::error::Result;
 use super::found::Found;
 use super::plan::Plan;
-use super::text::absolute;
+use super::wanted::name_of;
 use crate::imaging::Image;
 use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
@@ -142,28 +142,11 @@ pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
     Ok(())
 }
 
-/// Zones as a case file has them, with names and with file names that hold from anywhere.
-pub(super) fn resolved(wanted: &[CaseZone]) -> Vec<CaseZone> {
-    let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
-    let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
-        // The zones of a mesh file have its names, unless one is given.
-        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| name_of(at, zone))),
-        mask: file(&zone.mask),
-        mesh: file(&zone.mesh),
-        ..zone.clone()
-    };
-    wanted.iter().enumerate().map(complete).collect()
-}
-
 /// Elements of `size` px along the sides of the polygon of `zone`.
 fn mapped(zone: &Zone, size: usize) -> std::result::Result<ZoneElements, MeshError> {
     let not_convex = || MeshError::NotConvex { zone: zone.name.clone() };
     let corners = zone.polygon.as_slice().try_into().map_err(|_| not_convex())?;
     ZoneElements::mapped(&zone.name, corners, size as f64)
-}
-
-fn name_of(at: usize, zone: &CaseZone) -> String {
-    zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }
 
 fn guard_of(name: &str, zone: &CaseZone) -> Result<Guard> {

@@ -1,6 +1,6 @@
 //! A load file as it stands: names, units, cells.
 
-use super::LoadError;
+use super::error::LoadError;
 use super::units::{Named, is_unit};
 use ::csv::{ReaderBuilder, StringRecord};
 use std::io;

@@ -1,7 +1,8 @@
 //! A record joined with frames by time.
 
+use super::error::LoadError;
 use super::raw::{RawTable, Wanted};
-use super::{LoadColumn, LoadError, LoadTable};
+use super::{LoadColumn, LoadTable};
 use std::path::Path;
 
 /// Frames in words, at most so many.

@@ -15,7 +15,7 @@ const fn with_plateau(criterion: MixedModeCriterion) -> [Parameter; 7] {
         d,
         e,
         f,
-        Parameter { name: "s", unit: "1", meaning: "length of the plateau over that of plateau and fall" },
+        Parameter { name: "plateau", unit: "1", meaning: "length of the plateau over that of plateau and fall" },
     ]
 }
 
@@ -23,7 +23,7 @@ static BENZEGGAGH_KENANE_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion
 static POWER_TABLE: [Parameter; 7] = with_plateau(MixedModeCriterion::Power);
 
 /// The trapezoidal law. With `lambda = sqrt(<D_n>^2 + D_t^2)` the traction, which points along the jump, grows as
-/// `K lambda` up to the onset `lambda_0` of the bilinear law, stays up to `lambda_p = lambda_0 + s (lambda_f - lambda_0)` and
+/// `K lambda` up to the onset `lambda_0` of the bilinear law, stays up to `lambda_p = lambda_0 + s (lambda_f - lambda_0)`, `s` the parameter `plateau`, and
 /// falls linearly to zero at `lambda_f`, where the work is the toughness `G_c` of the mix:
 /// `lambda_f = (2 G_c/(K lambda_0) + s lambda_0)/(1 + s)`. With `s = 0` it is the bilinear law. Compression and rounding are those of
 /// that law: the corners at `lambda_0` and `lambda_p` over a tenth of the onset, that at the end such that the work stays.
@@ -58,7 +58,8 @@ impl Trapezoidal {
         }
     }
 
-    /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and `s`, zero or
+    /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and the share
+    /// `plateau` of what follows the rise, zero or
     /// more and below one.
     ///
     /// # Errors
