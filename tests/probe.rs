@@ -242,8 +242,8 @@ fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
     desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
     // 10 Hz beside frames every 0.25 s; the record ends before the last frame.
     let rows: String = (0..7).map(|k| format!("{:.1};{}\n", 0.1 * f64::from(k), 2 * k).replace('.', ",")).collect();
-    desk.write("machine.csv", format!("Time;Force;\ns;kN;\n{rows}"));
-    let probe = "probe out --point 48,48 --load machine.csv --load-time time";
+    desk.write("machine.txt", format!("Time;Force;\ns;kN;\n{rows}"));
+    let probe = "probe out --point 48,48 --load machine.txt --load-time time";
     let ran = desk.run(&format!("{probe} --frame-interval 0.25 --area 50")).fine();
     for wanted in
         ["frame 3 lies outside the load record (0 to 0.6 s)", "a frame every 0.25 s", "kN in the load file, times 1000"]
@@ -264,18 +264,18 @@ fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
     assert_eq!(number(&table(&desk, "out/quantities/points.csv")[2], "Force_N"), 12000.0);
     desk.write(
         "case.toml",
-        "[load]\nfile = 'machine.csv'\ntime = 'time'\nframe_times = 'camera.csv'\nstart_s = -0.05\narea_mm2 = 10\n\
+        "[load]\nfile = 'machine.txt'\ntime = 'time'\nframe_times = 'camera.csv'\nstart_s = -0.05\narea_mm2 = 10\n\
          [[probe]]\npoint = [48, 48]\n",
     );
     desk.run("probe out --case case.toml").fine();
     assert!((number(&table(&desk, "out/quantities/points.csv")[2], "stress_MPa") - 1100.0).abs() < 1e-9);
     for (line, wanted) in [
         (probe.to_owned(), "nobody knows when the frames were taken"),
-        ("probe out --point 48,48 --load machine.csv --frame-interval 1".to_owned(), "not the column of the load file"),
+        ("probe out --point 48,48 --load machine.txt --frame-interval 1".to_owned(), "not the column of the load file"),
         (format!("{probe} --frame-interval 0"), "is 0; give a finite number above 0"),
         (format!("{probe} --frame-interval 5 --load-start 9"), "no frame lies within the record"),
         (
-            "probe out --point 48,48 --load machine.csv --load-time clock --frame-interval 1".to_owned(),
+            "probe out --point 48,48 --load machine.txt --load-time clock --frame-interval 1".to_owned(),
             "no column 'clock'",
         ),
         ("probe out --point 48,48 --area 3".to_owned(), "give --load FILE as well"),

@@ -8,9 +8,42 @@ use clap::{Arg, Command};
 const GROUPS: [(&str, &[&str]); 8] = [
     (
         "Input",
-        &["case", "reference", "page", "pages", "load", "pattern", "settle", "timeout", "stills", "run", "shots"],
+        &[
+            "case",
+            "reference",
+            "page",
+            "pages",
+            "load",
+            "load_time",
+            "frame_interval",
+            "frame_times",
+            "load_start",
+            "area",
+            "pattern",
+            "settle",
+            "timeout",
+            "stills",
+            "run",
+            "shots",
+        ],
     ),
-    ("Zones", &["roi", "polygon", "mask", "mesh", "guard", "element_share", "drop_textureless"]),
+    (
+        "Zones",
+        &[
+            "roi",
+            "polygon",
+            "mask",
+            "mesh",
+            "guard",
+            "crack",
+            "crack_guard",
+            "crack_young",
+            "crack_poisson",
+            "crack_radius",
+            "element_share",
+            "drop_textureless",
+        ],
+    ),
     (
         "Correlation",
         &[
@@ -37,7 +70,9 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "resume",
             "export",
             "figures",
+            "no_report",
             "strain",
+            "strain_window",
             "pixel_size",
             "to",
             "split",
@@ -54,7 +89,11 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Options that few ever need: in `--help` alone, for the commands where the short help would be longer than a screen.
-const RARE: [&str; 13] = [
+const RARE: [&str; 17] = [
+    "crack_guard",
+    "crack_young",
+    "crack_poisson",
+    "crack_radius",
     "element_share",
     "drop_textureless",
     "tolerance",
