@@ -592,7 +592,7 @@ fn every_figure_of_every_hard_field_is_whole() {
         let (backdrop, white) = (Backdrop::new(&image, 1), Backdrop::blank(image.width(), image.height(), 1));
         for backdrop in if name == "free" { vec![&white, &backdrop] } else { vec![&backdrop] } {
             let files = draw_frame(&out, 3, &measurement, backdrop, None, &options).unwrap();
-            assert_eq!(files.len(), 2 * (16 + 10), "{name}");
+            assert_eq!(files.len(), 2 * (16 + 13), "{name}");
             for file in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg")) {
                 let png = image::open(file.with_extension("png")).unwrap().into_rgb8();
                 let svg = std::fs::read_to_string(file).unwrap();
