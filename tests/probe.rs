@@ -259,12 +259,12 @@ fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
     assert_eq!((rows[2]["Force_N"].as_str(), rows[2]["stress_MPa"].as_str()), ("", ""), "nothing is extrapolated");
     assert_eq!(number(&rows[2], "Time_s"), 0.75);
     // The same from the camera's own times, and by a case file.
-    desk.write("camera.csv", "file,time [ms]\nref.png,0\na.png,250\nb.png,500\nc.png,600\n");
-    desk.run(&format!("{probe} --frame-times camera.csv")).fine();
+    desk.write("camera.txt", "file,time [ms]\nref.png,0\na.png,250\nb.png,500\nc.png,600\n");
+    desk.run(&format!("{probe} --frame-times camera.txt")).fine();
     assert_eq!(number(&table(&desk, "out/quantities/points.csv")[2], "Force_N"), 12000.0);
     desk.write(
         "case.toml",
-        "[load]\nfile = 'machine.txt'\ntime = 'time'\nframe_times = 'camera.csv'\nstart_s = -0.05\narea_mm2 = 10\n\
+        "[load]\nfile = 'machine.txt'\ntime = 'time'\nframe_times = 'camera.txt'\nstart_s = -0.05\narea_mm2 = 10\n\
          [[probe]]\npoint = [48, 48]\n",
     );
     desk.run("probe out --case case.toml").fine();

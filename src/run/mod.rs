@@ -39,6 +39,7 @@ mod shard;
 mod simulation;
 mod steps;
 mod stop;
+mod store_of_run;
 mod tally;
 pub(crate) mod text;
 mod wanted;
