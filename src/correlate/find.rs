@@ -16,8 +16,8 @@ const FOUND: f64 = 0.8;
 const LOST: f64 = 0.6;
 /// A motion that leaves less than this share of a zone's pixels inside the image counts for little,
 pub(super) const LEAST_INSIDE: f64 = 0.25;
-/// for this much at most: few pixels match somewhere by chance.
-const FEW_INSIDE: f64 = 0.3;
+/// for this much at most, so that others are looked for: few pixels match somewhere by chance.
+const FEW_INSIDE: f64 = LOST - 0.01;
 
 /// The best motion of a zone so far.
 #[derive(Debug, Clone)]
