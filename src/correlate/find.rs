@@ -65,7 +65,12 @@ impl<B: Backend> Correlator<B> {
         }
         self.try_motions(frame, &mut tried, everywhere)?;
         let again = self.begun_from(frame, &tried)?;
-        let better = again.measurement.status == Status::Converged || again.worst_zone() > found.worst_zone();
+        let better = match (again.measurement.status, found.measurement.status) {
+            (Status::Converged, _) | (Status::LeftImage, Status::Diverged) => true,
+            // What is still in the image is measured.
+            (Status::Diverged, Status::LeftImage) => false,
+            _ => again.worst_zone() > found.worst_zone(),
+        };
         Ok(if better { again } else { found })
     }
 

@@ -61,7 +61,7 @@ impl StrainWindow {
         (self.nodes() - 1) as f64 * element_size + element_size
     }
 
-    /// `sigma_exx l / sigma_ux` of a node far from the borders, with the size l of square elements: as [`NODE_NOISE`]
+    /// `sigma_exx l / sigma_ux` of a node far from the borders, with the size l of square elements: as `NODE_NOISE`
     /// (super::NODE_NOISE) is for the mean of the elements around a node. eyy likewise; the shear has half the root of the sum of
     /// both squares.
     ///

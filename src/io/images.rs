@@ -3,8 +3,7 @@
 pub(super) mod raw;
 mod write;
 
-pub(crate) use write::png_bytes;
-pub use write::{WriteError, write_image};
+pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
 use crate::imaging::{Image, ImageError, Pixels};

@@ -151,8 +151,7 @@ impl<'a> PreparedSeries<'a> {
         quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
         let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
-        let may_grow = session.shard.is_none();
-        let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
+        let same_run = |store: &Store| match restart::differences(store.header(), &header, session.shard.is_none()) {
             differences if differences.is_empty() => Ok(()),
             differences => Err(folder.holds_another(Some(differences.join("; ")))),
         };

@@ -72,7 +72,10 @@ fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
 }
 
 /// The content of a PNG file with `image`, 8 or 16 bit.
-pub(crate) fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
+///
+/// # Errors
+/// An image of floats, or larger than PNG allows, in words.
+pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
     encode_png(image)
 }
 
