@@ -257,7 +257,7 @@ fn the_warning_of_a_band_is_silent_on_textured_images() {
             n_warned += prepared(&image, &[zone("all", roi)], options).bare_borders().len();
         }
     }
-    // Of 48; the rule of before warned of 44.
+    // Of 48.
     assert!(n_warned <= 1, "{n_warned}");
 }
 
