@@ -70,8 +70,7 @@ impl Specimen {
     /// element, and `margin` px away from the border of the image. The outermost cells of a border beside a place without
     /// texture are left out, since they hold the step to it; holes smaller than an element are not cut out.
     ///
-    /// The result does not depend on the number of threads
-    /// (THEORY 2).
+    /// The result does not depend on the number of threads (THEORY 2).
     ///
     /// ```
     /// use quadrille::imaging::{Image, Pixels, Specimen};
