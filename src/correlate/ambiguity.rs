@@ -30,6 +30,17 @@ struct Beside {
 }
 
 impl<B: Backend> Correlator<B> {
+    /// The shifts at which each zone of the reference looks like itself.
+    pub(super) fn periods(&self) -> &[Vec<[f64; 2]>] {
+        let of_zone = |pixels: &PixelSet| periods(&self.image, pixels);
+        self.periods.get_or_init(|| self.zone_pixels.iter().map(of_zone).collect())
+    }
+
+    /// Says what [`Correlator::periods`] would find of a texture that is known not to repeat.
+    pub(super) fn repeats_nowhere(&self) {
+        self.periods.get_or_init(|| vec![Vec::new(); self.zone_pixels.len()]);
+    }
+
     /// What a correlation found, brought to the nearest to what was expected (rest unless said) of all displacements that
     /// match as well, where the texture repeats; and what is to be said of that.
     pub(super) fn told(
@@ -38,8 +49,7 @@ impl<B: Backend> Correlator<B> {
         mut found: Correlation,
         expected: Option<&[[f64; 2]]>,
     ) -> Result<Correlation, CorrelationError> {
-        let of_zone = |pixels: &PixelSet| periods(&self.image, pixels);
-        let periods = self.periods.get_or_init(|| self.zone_pixels.iter().map(of_zone).collect());
+        let periods = self.periods();
         if periods.iter().all(Vec::is_empty) || found.measurement.status != Status::Converged {
             return Ok(found);
         }
