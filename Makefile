@@ -3,6 +3,8 @@
 CARGO ?= cargo
 # `demo` and `test` can be built alike with PROFILE=ci, so that nothing is built twice.
 PROFILE ?=
+# With NumPy (scripts/requirements.txt), where `make test` has installed it.
+PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
 .PHONY: help build demo paper real study test check bench clean
 
@@ -26,13 +28,14 @@ real: ## The first command, no option, on every set of images in the folder DATA
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh --profile $(or $(PROFILE),dev)
 
-study: ## Uncertainty and identification over many seeds and draws, for the tables of the documents (about two hours); in out/study
+study: ## Uncertainty, identification over many seeds and draws, obstacles, for the tables of the documents (about two hours); in out/study
 	$(CARGO) test --release --locked --test uncertainty --test noise_model -- --ignored --nocapture
 	$(CARGO) test --release --locked --test identify --test intervals -- --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study
 	scripts/bands.py --output out/study/bands
 	scripts/doubt.py --output out/study/doubt
+	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check
