@@ -1,17 +1,21 @@
 //! `quadrille identify` and `quadrille sweep`: the parameters of the adhesive from measured displacements.
 
 use super::args::{IdentifyArgs, SweepArgs};
+use super::lines::wrapped;
 use super::paint::Paint;
 use super::progress::Progress;
 use super::run::or_stopped;
 use super::talk::Talk;
 use super::{Outcome, Result, plural, signals};
-use crate::identify::{Case, FitStatus, SweepRow, sweep};
+use crate::identify::{Case, Ended, FitStatus, FitWatch, SweepRow, sweep};
 use crate::io::joint::read_joint;
 use crate::report::fit::{SweepRecord, write_sweep};
 use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::{Event, FIGURES, RunFolder, identify};
 use std::time::Instant;
+
+/// Values that are named one by one where some were not fitted; `sweep.json` has them all.
+const MOST_NAMED: usize = 10;
 
 /// Runs `quadrille identify`.
 pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
@@ -28,38 +32,41 @@ pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
 
 /// Runs `quadrille sweep`.
 pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
-    let input = read_joint(&args.case)?;
+    let mut input = read_joint(&args.case)?;
+    if let Some(fit) = &mut input.case.fit {
+        args.limits.over(fit);
+    }
     let pool = args.threads.pool()?;
     let joint = Case::joint(&input)?;
-    let case = Case::new(&joint, &input, &args.case)?;
-    let (index, values) = match (&case.sweep, args.values.as_slice()) {
-        (Some((index, values)), []) => (*index, values.clone()),
-        (None, []) => {
-            return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into());
-        }
-        (_, given) => {
-            let parameters = case.problem.unknowns.law().parameters();
-            let name = &args.parameter;
-            let Some(index) = parameters.iter().position(|p| p.name == name) else {
-                let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
-                return Err(
-                    format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into()
-                );
-            };
-            if case.problem.unknowns.list().iter().any(|unknown| unknown.index == index) {
-                return Err(
-                    format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into()
-                );
-            }
-            (index, given.to_vec())
-        }
-    };
+    let mut case = Case::new(&joint, &input, &args.case)?;
+    let (index, values) = prescribed(args, &case)?;
     let folder = RunFolder::open(&args.results.output, args.results.overwrite)?;
     folder.clear(false, false)?;
     folder.make(FIGURES)?;
     let begin = Instant::now();
+    let stop = signals::listen()?;
+    // One limit for all fits together.
+    let watch = FitWatch::new(case.max_seconds, Some(stop.flag()), |_| ());
+    case.problem.watch = watch.clone();
     let rows = pool.install(|| sweep(&case.problem, &case.options, index, &values))?;
     let seconds = begin.elapsed().as_secs_f64();
+    let ended = match rows.iter().find_map(|row| row.fit.cut_short.as_ref()) {
+        Some(cut) => Some(cut.ended),
+        None if rows.len() < values.len() => watch.ended(),
+        None => None,
+    };
+    if let (true, Some(ended)) = (rows.is_empty(), ended) {
+        let error = format!("{} before any of the {} fits had a point: nothing is kept", ended.reason(), values.len());
+        return match ended {
+            Ended::Time(_) => Err(error.into()),
+            Ended::Stopped => {
+                eprintln!("quadrille: {error}");
+                Ok(Outcome::Stopped)
+            }
+        };
+    }
+    let missing: Vec<f64> =
+        values.iter().copied().filter(|value| !rows.iter().any(|row| row.value == *value)).collect();
     let name = case.problem.unknowns.law().parameters()[index].name;
     let json: Vec<SweepRecord> = rows.iter().map(SweepRecord::of).collect();
     folder.write_json(
@@ -69,31 +76,74 @@ pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
             "case": super::absolute(&args.case),
             "parameter": name,
             "seconds": seconds,
+            "ended": ended.map(Ended::reason),
+            "not_fitted": missing,
             "about": case.about,
             "rows": json,
         }),
     )?;
     folder.write("sweep.csv", |out| write_sweep(out, name, &rows))?;
     draw_sweep(&folder, name, &rows)?;
-    let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
     if !args.talk.quiet {
         joint.doubts.iter().chain(&case.doubts).for_each(|doubt| eprintln!("warning: {doubt}"));
         case.implausible.iter().for_each(|value| eprintln!("warning: {}", value.text));
-        for row in &rows {
-            let in_words = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
-            let values: Vec<String> = row.fit.parameters.iter().map(in_words).collect();
-            eprintln!(
-                "{name} = {}: {}, omega = {:.6e} ({})",
-                row.value,
-                values.join(", "),
-                row.fit.omega,
-                row.fit.status.name()
-            );
-        }
-        let total = plural(rows.len(), "fit");
+        tell(name, &rows, &missing, ended);
+        let converged = rows.iter().filter(|row| row.fit.status == FitStatus::Converged).count();
+        let total = plural(values.len(), "fit");
         eprintln!("{converged} of {total} converged in {seconds:.3} s, results in {}", args.results.output.display());
     }
-    Ok(if converged == rows.len() { Outcome::Fine } else { Outcome::Incomplete })
+    let whole = rows.iter().all(|row| row.fit.status == FitStatus::Converged) && ended.is_none();
+    Ok(match ended {
+        Some(Ended::Stopped) => Outcome::Stopped,
+        _ if whole => Outcome::Fine,
+        _ => Outcome::Incomplete,
+    })
+}
+
+/// The parameter that is prescribed, by its number, and its values: as given, else those of the case.
+fn prescribed(args: &SweepArgs, case: &Case<'_>) -> Result<(usize, Vec<f64>)> {
+    let given = match (&case.sweep, args.values.as_slice()) {
+        (Some((index, values)), []) => return Ok((*index, values.clone())),
+        (None, []) => {
+            return Err("nothing to sweep: give --values 3,4,5,6, or a table [fit.sweep] with r = [3, 4, 5, 6]".into());
+        }
+        (_, given) => given,
+    };
+    let parameters = case.problem.unknowns.law().parameters();
+    let name = &args.parameter;
+    let Some(index) = parameters.iter().position(|p| p.name == name) else {
+        let names: Vec<_> = parameters.iter().map(|p| p.name).collect();
+        return Err(format!("--parameter {name}: the law has no such parameter; it has {}", names.join(", ")).into());
+    };
+    if case.problem.unknowns.list().iter().any(|unknown| unknown.index == index) {
+        return Err(format!("--parameter {name} is fitted; take it out of [fit] parameters to prescribe it").into());
+    }
+    Ok((index, given.to_vec()))
+}
+
+/// A line for each fit, and what was not fitted.
+fn tell(name: &str, rows: &[SweepRow], missing: &[f64], ended: Option<Ended>) {
+    for row in rows {
+        let in_words = |p: &crate::identify::FittedParameter| format!("{} = {:.6}", p.parameter.name, p.value);
+        let values: Vec<String> = row.fit.parameters.iter().map(in_words).collect();
+        let status = row.fit.status.name();
+        eprintln!("{name} = {}: {}, omega = {:.6e} ({status})", row.value, values.join(", "), row.fit.omega);
+    }
+    let Some(ended) = ended else { return };
+    let cut: Vec<f64> = rows.iter().filter(|row| row.fit.cut_short.is_some()).map(|row| row.value).collect();
+    let list = |values: &[f64]| {
+        let text = values.iter().take(MOST_NAMED).map(f64::to_string).collect::<Vec<_>>().join(", ");
+        let more = values.len().saturating_sub(MOST_NAMED);
+        if more == 0 { text } else { format!("{text} and {more} more") }
+    };
+    let mut text = format!("warning: {}", ended.reason());
+    if !cut.is_empty() {
+        text.push_str(&format!("; the best so far is kept of {name} = {}", list(&cut)));
+    }
+    if !missing.is_empty() {
+        text.push_str(&format!("; not fitted: {name} = {}", list(missing)));
+    }
+    eprintln!("{}", wrapped(&text, 2));
 }
 
 /// The parameters over the prescribed one, relative to the first row.

@@ -18,8 +18,11 @@ pub struct SweepRow {
 
 /// Fits the unknowns with parameter `index` of the law prescribed at each of `values`.
 ///
+/// When the watch of `problem` ends it, fits that go on end at their best points ([`Fit::cut_short`]), and values whose fit has
+/// no point yet have no row.
+///
 /// # Errors
-/// See [`FitError`].
+/// See [`FitError`]. Not converging is an outcome.
 pub fn sweep(
     problem: &Problem<'_>,
     options: &FitOptions,
@@ -32,7 +35,17 @@ pub fn sweep(
     let options = &FitOptions { constants, doubt: false, intervals: Intervals::Linear, ..options.clone() };
     let row = |&value: &f64| {
         let unknowns = problem.unknowns.with_prescribed(index, value)?;
-        Ok(SweepRow { value, fit: fit(&problem.with_unknowns(unknowns), options)? })
+        let ended = || problem.watch.ended().is_some();
+        if ended() {
+            return Ok(None);
+        }
+        match fit(&problem.with_unknowns(unknowns), options) {
+            Ok(fit) => Ok(Some(SweepRow { value, fit })),
+            // A forward run that is broken off looks like one without a solution.
+            Err(_) if ended() => Ok(None),
+            Err(error) => Err(error),
+        }
     };
-    values.par_iter().map(row).collect()
+    let rows: Vec<Option<SweepRow>> = values.par_iter().map(row).collect::<Result<_, FitError>>()?;
+    Ok(rows.into_iter().flatten().collect())
 }

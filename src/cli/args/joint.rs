@@ -160,7 +160,9 @@ pub struct IdentifyArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille sweep joint.toml --values 3,4,5,6 --output out/sweep\n\n\
-    Exit status: 0 all fits converged; 1 some did not; 2 it could not run.")]
+    The limit of time is one for all fits together: what was computed until then is kept.\n\n\
+    Exit status: 0 all fits converged; 1 some did not, or were not begun; 2 it could not run; 130 stopped by Ctrl-C or \
+    SIGTERM.")]
 pub struct SweepArgs {
     /// The case file of `quadrille identify`.
     #[arg(value_name = "CASE.toml")]
@@ -175,6 +177,8 @@ pub struct SweepArgs {
     pub results: Results,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub limits: FitLimits,
     #[command(flatten)]
     pub talk: Quiet,
 }

@@ -2,8 +2,8 @@
 
 use super::FitReport;
 use crate::identify::{
-    BudgetLine, Case, Discretisation, Fit, Implausible, IntervalKind, Iteration, Misfit, MisfitGroup, Outcome,
-    Released, ReleasedParameter, SweepRow,
+    BudgetLine, Case, CutShort, Discretisation, Fit, Implausible, IntervalKind, Iteration, Misfit, MisfitGroup,
+    Outcome, Released, ReleasedParameter, SweepRow,
 };
 use crate::mechanics::Status;
 use crate::report::{Name, number, numbers};
@@ -441,6 +441,9 @@ pub struct SweepRecord {
     pub evaluations: usize,
     /// Evaluations that were rescued.
     pub rescued: usize,
+    /// What ended the fit before its time, and what it is therefore without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut_short: Option<String>,
 }
 
 impl SweepRecord {
@@ -454,6 +457,7 @@ impl SweepRecord {
             omega: row.fit.omega,
             evaluations: row.fit.evaluations,
             rescued: row.fit.rescued,
+            cut_short: row.fit.cut_short.as_ref().map(CutShort::text),
         }
     }
 }
