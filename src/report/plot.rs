@@ -423,7 +423,8 @@ impl<'a> Legend<'a> {
         let (mut x, mut row) = (0, 0);
         let mut entries = Vec::new();
         let line = letters.small.line() + 2;
-        for (number, series) in series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()) {
+        for (place, series) in series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()) {
+            let number = series.colour.unwrap_or(place);
             let name = letters.small.fit(&series.name, f64::from(width - SAMPLE - GAP));
             let length = SAMPLE + GAP + letters.small.width(&name).ceil() as i32;
             if x > 0 && x + length > width {
