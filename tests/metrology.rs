@@ -381,7 +381,9 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
         assert!(ran.stdout.contains(wanted), "'{wanted}' is not said: {ran}");
     }
     assert!(!ran.stdout.contains("NaN") && !ran.stdout.contains("inf"), "{ran}");
-    assert_eq!(desk.files("out"), ["metrology.json", "metrology.png", "metrology.svg"]);
+    let written = ["metrology.json", "metrology.png", "metrology.svg"];
+    let gauges = ["strain_gauges.csv", "strain_gauges.png", "strain_gauges.svg"];
+    assert_eq!(desk.files("out"), [written, gauges].concat());
     let json = desk.json("out/metrology.json");
     assert_eq!(json["quadrille"], env!("CARGO_PKG_VERSION"));
     assert_eq!(json["options"]["element_sizes_px"], serde_json::json!([16, 24]));

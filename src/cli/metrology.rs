@@ -2,14 +2,14 @@
 
 use super::args::MetrologyArgs;
 use super::lines::wrapped;
-use super::{Outcome, Result, absolute, plural};
+use super::{Outcome, Result, absolute, gauges, plural};
 use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
 use crate::report::{Axis, Plot, PlotSeries, Style};
-use crate::run::RunFolder;
+use crate::run::{RunFolder, strain_window};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,6 +42,7 @@ struct FileRecord {
 #[derive(Debug, Serialize)]
 struct OptionsRecord {
     element_sizes_px: Vec<usize>,
+    strain_windows: Vec<usize>,
     roi_px: Option<[f64; 4]>,
     page: usize,
     noise_grey: Option<f64>,
@@ -80,7 +81,7 @@ pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
     );
     let metrology = pool.install(|| measure(&loaded, &stills, &options))?;
     let seconds = begin.elapsed().as_secs_f64();
-    print(&metrology, &options);
+    print(&metrology, &options, args.element_sizes.is_some());
     let record = Record {
         quadrille: env!("CARGO_PKG_VERSION"),
         units: UNITS,
@@ -88,6 +89,7 @@ pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         static_images: records,
         options: OptionsRecord {
             element_sizes_px: metrology.sizes.iter().map(|result| result.element_size_px).collect(),
+            strain_windows: windows_of(&metrology),
             roi_px: args.roi,
             page,
             noise_grey: args.noise,
@@ -105,7 +107,15 @@ pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         for name in ["metrology.png", "metrology.svg"] {
             picture.save(folder.path().join(name))?;
         }
-        eprintln!("numbers and curves in {}: metrology.json, .png, .svg", folder.path().display());
+        folder.write("strain_gauges.csv", |out| gauges::write(out, &metrology, &args.reference))?;
+        let picture = gauges::plot(&metrology, &args.reference).draw()?;
+        for name in ["strain_gauges.png", "strain_gauges.svg"] {
+            picture.save(folder.path().join(name))?;
+        }
+        eprintln!(
+            "numbers and curves in {}: metrology.json, .png, .svg; strain_gauges.csv, .png, .svg",
+            folder.path().display()
+        );
     }
     eprintln!("{seconds:.1} s");
     Ok(Outcome::Fine)
@@ -117,8 +127,13 @@ fn options(args: &MetrologyArgs) -> Result<Options> {
         // A negative size is refused with the same words as 0.
         sizes.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect()
     });
+    let windows = args.strain_windows.as_ref().map(|windows| {
+        // That of 1 node is the element, which is there in any case.
+        windows.iter().filter_map(|&nodes| strain_window(Some(nodes)).transpose()).collect::<crate::run::Result<_>>()
+    });
     Ok(Options {
         element_sizes: sizes,
+        strain_windows: windows.transpose()?,
         roi: args.roi.map(|[x0, y0, x1, y1]| Roi { x0, y0, x1, y1 }),
         noise: args.noise,
         interpolation: args.interpolation.unwrap_or(default.interpolation),
@@ -126,6 +141,12 @@ fn options(args: &MetrologyArgs) -> Result<Options> {
         resolve_period_px: args.resolve_period,
         seed: args.seed,
     })
+}
+
+/// The windows whose gauges were looked at, each once; 1 for the element.
+fn windows_of(found: &Metrology) -> Vec<usize> {
+    let windows = found.strain_gauges.gauges.iter().map(|gauge| gauge.window_nodes);
+    windows.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
 }
 
 /// The static images. A glob over the folder takes the reference along: it is left out, unless it is alone,
@@ -218,7 +239,8 @@ fn case_lines(noise: &Noise) -> Vec<String> {
     [Some(level), factor].into_iter().flatten().collect()
 }
 
-fn print(found: &Metrology, options: &Options) {
+/// `all`: the strain gauges of all element sizes.
+fn print(found: &Metrology, options: &Options, all: bool) {
     let Metrology { noise, texture, .. } = found;
     let [x0, y0, x1, y1] = found.zone_px;
     said(&format!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0));
@@ -235,6 +257,7 @@ fn print(found: &Metrology, options: &Options) {
     said(&format!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}"));
     println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
     print_sizes(found);
+    gauges::print(found, all);
     println!();
     println!("largest bias over sub-pixel displacements, elements of {} px, px", found.bias_element_size_px);
     for bias in found.bias.iter().filter(|bias| !bias.shift_px.is_empty()) {

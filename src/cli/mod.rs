@@ -10,6 +10,7 @@ mod export;
 mod figures;
 mod fitting;
 mod frames;
+mod gauges;
 mod identify;
 mod lines;
 mod metrology;

@@ -87,6 +87,30 @@ impl StrainWindow {
         (xx / node).sqrt()
     }
 
+    /// Share of its amplitude that a wave of a strain keeps at a node far from the borders, whose displacement the nodes have
+    /// exactly: plane fitted to sines. `period` in element sizes; exx varies along x, or `across` it, along y.
+    ///
+    /// ```
+    /// use quadrille::field::StrainWindow;
+    /// let window = StrainWindow::new(3).unwrap(); // the central difference: sin(t)/t with t = 2 pi/period
+    /// let t = std::f64::consts::TAU / 10.0;
+    /// assert!((window.wave_gain(10.0, false) - t.sin() / t).abs() < 1e-12);
+    /// assert!((window.wave_gain(10.0, true) - (1.0 + 2.0 * t.cos()) / 3.0).abs() < 1e-12); // the mean of three rows
+    /// ```
+    pub fn wave_gain(self, period: f64, across: bool) -> f64 {
+        let reach = self.rings() as i64;
+        let rows = || (-reach..=reach).map(|k| k as f64);
+        let places: Vec<[f64; 2]> = rows().flat_map(|y| rows().map(move |x| [x, y])).collect();
+        let Some(weights) = plane(&places) else { return f64::NAN }; // N x N nodes span a plane
+        let wave_number = std::f64::consts::TAU / period;
+        // The integral of the strain cos(k x), or cos(k y), along x.
+        let displacement = |[x, y]: [f64; 2]| match across {
+            false => (wave_number * x).sin() / wave_number,
+            true => x * (wave_number * y).cos(),
+        };
+        places.iter().zip(&weights).map(|(&place, weight)| weight[0] * displacement(place)).sum()
+    }
+
     /// What a file with such strains on elements of `length_px` says about them, without a sign of comment.
     pub fn describe(self, length_px: f64) -> Vec<String> {
         let n = self.nodes();

@@ -6,8 +6,10 @@
 //! not show.
 
 mod advice;
+mod at_rest;
 mod colour;
 mod error;
+mod gauge;
 mod noise;
 mod region;
 mod spline;
@@ -19,14 +21,19 @@ mod wave;
 pub use advice::Advice;
 pub use colour::{NoiseCorrelation, PhotonFit};
 pub use error::MetrologyError;
+pub use gauge::{STRAIN_WINDOWS, StrainGauge, StrainGauges, StrainNoiseOn};
 pub use noise::{GreyNoise, Noise, Origin, StaticPair};
 pub use texture::TextureFigures;
-pub use theory::{Crest, RESOLVED, displacement_sigma_px, strain_sigma, wave_gain};
+pub use theory::{
+    Crest, RESOLVED, displacement_sigma_px, strain_period_by_size, strain_sigma, strain_wave_gain, wave_gain,
+};
 pub use trials::{Bias, Resolved, Scatter};
 
 use crate::correlate::CorrelationError;
+use crate::field::StrainWindow;
 use crate::imaging::{Image, Interpolation};
 use crate::mesh::Roi;
+use gauge::Windows;
 use rayon::prelude::*;
 use region::Region;
 use serde::Serialize;
@@ -61,6 +68,8 @@ pub struct Options {
     pub target_sigma_px: f64,
     /// Period that the recommended elements resolve at 90 %, px, if one is asked for.
     pub resolve_period_px: Option<f64>,
+    /// Windows of the study of virtual strain gauges, beside the element; `None` for those of [`STRAIN_WINDOWS`] that fit.
+    pub strain_windows: Option<Vec<StrainWindow>>,
     /// Seed of the noise that is added.
     pub seed: u64,
 }
@@ -74,6 +83,7 @@ impl Default for Options {
             interpolation: Interpolation::default(),
             target_sigma_px: 0.02,
             resolve_period_px: None,
+            strain_windows: None,
             seed: 1,
         }
     }
@@ -129,6 +139,8 @@ pub struct Metrology {
     pub texture: TextureFigures,
     /// Element size by element size.
     pub sizes: Vec<SizeResult>,
+    /// Noise and resolution of virtual strain gauges.
+    pub strain_gauges: StrainGauges,
     /// Element size of the bias, px.
     pub bias_element_size_px: usize,
     /// Bias of each interpolation.
@@ -158,7 +170,9 @@ pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> R
     let picture = WavePicture::new(&part, noise.in_reference());
     let interpolation = options.interpolation;
     let trials = Trials { region: &region, picture: &picture, noise: noise.sigma_grey, interpolation };
-    let scatter = trials.scatter(&sizes, options.seed)?;
+    let windows = Windows::new(options.strain_windows.as_deref());
+    let scatter = trials.scatter(&sizes, stills.is_empty().then_some(&windows), options.seed)?;
+    let (scatter, strains): (Vec<_>, Vec<_>) = scatter.into_iter().unzip();
     // One size a task: much of a small correlation runs on one thread.
     let results: Vec<SizeResult> = (sizes.par_iter().zip(scatter))
         .map(|(&size, measured)| size_result(&trials, &part, &texture, size, measured))
@@ -166,11 +180,40 @@ pub fn measure(reference: &Arc<Image>, stills: &[Still], options: &Options) -> R
     if results.iter().all(|result| result.sigma_predicted_px.is_none()) {
         return Err(CorrelationError::Textureless.into());
     }
+    let strain_gauges = strain_gauges(&trials, &part, stills, &windows, &results, strains)?;
     let bias_element_size_px = bias_size(&results, &texture);
     let bias = trials.bias(bias_element_size_px)?;
     let advice = Advice::new(&noise, &texture, &results, &bias, options);
     let zone_px = region.in_image();
-    Ok(Metrology { zone_px, noise, texture, sizes: results, bias_element_size_px, bias, advice })
+    Ok(Metrology { zone_px, noise, texture, sizes: results, strain_gauges, bias_element_size_px, bias, advice })
+}
+
+/// The noise of strains: on the static images where there are any, else on the moved copies (`on_copies`).
+fn strain_gauges(
+    trials: &Trials<'_>,
+    part: &Arc<Image>,
+    stills: &[Still],
+    windows: &Windows,
+    results: &[SizeResult],
+    on_copies: Vec<gauge::Sums>,
+) -> Result<StrainGauges, MetrologyError> {
+    let [x0, y0, x1, y1] = trials.region.zone();
+    let gauges = |result: &SizeResult, sigma, found: &gauge::Sums| {
+        let size = result.element_size_px;
+        windows.gauges(size, (x1 - x0).min(y1 - y0) / size + 1, sigma, found)
+    };
+    if stills.is_empty() {
+        let rows = results.iter().zip(&on_copies);
+        let gauges = rows.flat_map(|(result, found)| gauges(result, result.sigma_predicted_px, found)).collect();
+        return Ok(StrainGauges { measured_on: StrainNoiseOn::MovedCopies, gauges });
+    }
+    let stills: Vec<Arc<Image>> = stills.iter().map(|still| trials.region.cut(&still.image)).collect();
+    let of_size = |result: &SizeResult| {
+        let (found, sigma) = at_rest::at_rest(trials, part, &stills, windows, result.element_size_px)?;
+        Ok(gauges(result, sigma, &found))
+    };
+    let by_size: Vec<Vec<StrainGauge>> = results.par_iter().map(of_size).collect::<Result<_, MetrologyError>>()?;
+    Ok(StrainGauges { measured_on: StrainNoiseOn::StaticImages, gauges: by_size.into_iter().flatten().collect() })
 }
 
 fn check(options: &Options) -> Result<(), MetrologyError> {

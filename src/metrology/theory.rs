@@ -1,5 +1,6 @@
 //! What elements and noise allow, by formula: THEORY 2 on a texture spread evenly.
 
+use crate::field::StrainWindow;
 use std::f64::consts::{PI, TAU};
 
 /// Share of a wave's amplitude that must be left for its period to count as resolved.
@@ -62,6 +63,43 @@ pub fn wave_gain(crest: Crest, period_by_size: f64) -> f64 {
     let phase = TAU / period_by_size;
     let nodal = sinc(0.5 * phase).powi(2) * 3.0 / (2.0 + phase.cos());
     nodal * crest.by_node(period_by_size)
+}
+
+/// Share of its amplitude that a wave of strain keeps, far from the borders: exx that varies along x, or `across` it, along y, as
+/// eyy and the gradients of the shear do likewise. Exact sines through the least-squares field of linear elements
+/// ([`wave_gain`] at the nodes), then through the plane fitted to `window`, at its node in the middle; without a window the
+/// gradient at the centre of an element.
+pub fn strain_wave_gain(window: Option<StrainWindow>, across: bool, period_by_size: f64) -> f64 {
+    let half = PI / period_by_size;
+    let operator = match (window, across) {
+        (Some(window), _) => window.wave_gain(period_by_size, across),
+        (None, false) => sinc(half),
+        (None, true) => half.cos(),
+    };
+    wave_gain(Crest::AtNode, period_by_size) * operator
+}
+
+/// Shortest period, in element sizes, from which on waves of strain keep 90 % of their amplitude ([`strain_wave_gain`]).
+///
+/// ```
+/// use quadrille::{field::StrainWindow, metrology::strain_period_by_size};
+/// assert!((strain_period_by_size(None, true) - 4.57).abs() < 0.005); // the worst case of displacements
+/// let of = |nodes| strain_period_by_size(StrainWindow::new(nodes), false);
+/// assert!(of(3) < of(5) && of(5) < of(7));
+/// ```
+pub fn strain_period_by_size(window: Option<StrainWindow>, across: bool) -> f64 {
+    let gain = |period: f64| strain_wave_gain(window, across, period);
+    // Some per cent are lost at 10 lengths of the gauge; from there down to where a tenth is.
+    let mut high = 10.0 * window.map_or(1, StrainWindow::nodes) as f64;
+    while gain(0.99 * high) >= RESOLVED {
+        high *= 0.99;
+    }
+    let mut low = 0.99 * high;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if gain(middle) < RESOLVED { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// Standard uncertainty of the displacement of an inner node, px: `sqrt(6) sigma / (l g)`, with noise

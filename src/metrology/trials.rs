@@ -1,6 +1,7 @@
 //! Correlations of the user's own image with copies of it that are moved exactly.
 
 use super::MetrologyError;
+use super::gauge::{Sums as GaugeSums, Windows};
 use super::region::Region;
 use super::theory::{Crest, RESOLVED};
 use super::wave::{WavePicture, with_noise};
@@ -127,6 +128,7 @@ impl Moments {
 #[derive(Default)]
 struct Sums {
     by_shift: [[Moments; 3]; SHIFTS.len()],
+    gauges: GaugeSums,
     n_pairs: usize,
     n_failed: usize,
 }
@@ -213,8 +215,14 @@ impl Trials<'_> {
         Ok(with_noise(greys, self.region.size()[0], noise, seed)?)
     }
 
-    /// The scatter for each element size; `None` where nothing converged, or no node is inside.
-    pub fn scatter(&self, sizes: &[usize], seed: u64) -> Result<Vec<Option<Scatter>>, MetrologyError> {
+    /// The scatter for each element size; `None` where nothing converged, or no node is inside. And that of the strains over
+    /// `windows`, if it is to be measured here.
+    pub fn scatter(
+        &self,
+        sizes: &[usize],
+        windows: Option<&Windows>,
+        seed: u64,
+    ) -> Result<Vec<(Option<Scatter>, GaugeSums)>, MetrologyError> {
         let [width, height] = self.region.size();
         let most_pairs = (PIXELS_OF_PAIRS / (width * height)).clamp(2 * SHIFTS.len(), MOST_PAIRS);
         let rest = self.picture.at_rest();
@@ -237,13 +245,18 @@ impl Trials<'_> {
                     Err(error) => return Err(MetrologyError::from(error)),
                 };
                 match result {
-                    Some(result) => add_errors(&result, SHIFTS[which], &mut sums.by_shift[which]),
+                    Some(result) => {
+                        add_errors(&result, SHIFTS[which], &mut sums.by_shift[which]);
+                        if let Some(windows) = windows {
+                            sums.gauges.add_copy(windows, &result.measurement);
+                        }
+                    }
                     None => sums.n_failed += 1,
                 }
                 Ok(())
             })?;
         }
-        Ok(found.iter().map(Sums::scatter).collect())
+        Ok(found.into_iter().map(|sums| (sums.scatter(), sums.gauges)).collect())
     }
 
     /// The bias of each interpolation with elements of `size` px, without noise.

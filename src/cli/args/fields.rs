@@ -218,8 +218,10 @@ pub struct FiguresArgs {
     With images of the specimen at rest, from which the noise is measured, of one zone:\n    \
     quadrille metrology ref.tif 'static/*.tif' --roi 10,10,1010,400 --output out\n  \
     Elements that resolve a period of 100 px:\n    \
-    quadrille metrology ref.tif static.tif --resolve-period 100\n\n\
-    Prints a table; with --output DIR writes DIR/metrology.json as well.")]
+    quadrille metrology ref.tif static.tif --resolve-period 100\n  \
+    Noise against the length of the strain gauge, for one element size:\n    \
+    quadrille metrology ref.tif static.tif --element-sizes 16 --strain-windows 3,5,9,15\n\n\
+    Prints tables; with --output DIR writes DIR/metrology.json and DIR/strain_gauges.csv as well.")]
 pub struct MetrologyArgs {
     /// The reference image.
     #[arg(value_name = "REFERENCE")]
@@ -234,6 +236,10 @@ pub struct MetrologyArgs {
     /// Element sizes to try, px (4 to 128). Default: those of 6,8,12,16,24,32,48,64 that fit.
     #[arg(long, value_name = "PX,PX..", value_delimiter = ',', allow_hyphen_values = true)]
     pub element_sizes: Option<Vec<i64>>,
+    /// Windows of the virtual strain gauges to try beside the element itself, nodes along a side, odd. Default: those of
+    /// 3,5,7,9,11 that fit.
+    #[arg(long, value_name = "N,N..", value_delimiter = ',', allow_negative_numbers = true)]
+    pub strain_windows: Option<Vec<u32>>,
     /// Standard deviation of the noise of one image, grey levels. Default: measured on the static images;
     /// assumed without any.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -247,7 +253,7 @@ pub struct MetrologyArgs {
     /// Recommend the largest elements that resolve waves of this period at 90 % of their amplitude, px.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub resolve_period: Option<f64>,
-    /// Folder for metrology.json; made when it is not there, an earlier one is replaced.
+    /// Folder for metrology.json, strain_gauges.csv and the figures; made when it is not there, an earlier one is replaced.
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Seed of the noise that is added to copies of the image.
