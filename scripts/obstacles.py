@@ -185,13 +185,31 @@ def glare(k, grey):
 
 
 def torn(series):
-    def change(k, grey):
-        torn_off = {2: ROWS >= 300, 3: (ROWS >= 150) & (ROWS < 200), 4: ROWS < 180, 5: ROWS >= 256}
-        rows = torn_off.get(k, np.zeros((SIDE, SIDE), bool))
-        other = {2: series.images[5], 4: series.images[0]}.get(k)
-        return np.where(rows, 0.0 if other is None else other, grey), rows
+    """Rows of another instant, black rows, half a frame.
 
-    return change
+    Rows of another instant show the specimen as it was then, and are measured as that: the truth is what the image shows, and what is
+    touched is the seam."""
+    rows_of = {2: (ROWS >= 300, 6), 3: ((ROWS >= 150) & (ROWS < 200), None), 4: (ROWS < 180, 1), 5: (ROWS >= 256, None)}
+
+    def frame(k):
+        own, clean = series.motions[k - 1], series.images[k - 1]
+        if k not in rows_of:
+            return Frame(own.displacement, clean, clean)
+        rows, other = rows_of[k]
+        if other is None:
+            return Frame(own.displacement, clean, np.where(rows, 0.0, clean), rows)
+        then = series.motions[other - 1]
+
+        def truth(x, y):
+            u, v = then.displacement(x, y)
+            shown = rows[np.clip(np.round(y + v).astype(int), 0, SIDE - 1), 0]
+            return tuple(np.where(shown, a, b) for a, b in zip((u, v), own.displacement(x, y)))
+
+        seam = rows & (~np.roll(rows, 1, 0) | ~np.roll(rows, -1, 0))
+        seam[[0, -1]] = False
+        return Frame(truth, clean, np.where(rows, series.images[other - 1], clean), seam, None, own.displacement)
+
+    return Scene("torn frames", series.reference, [frame(k) for k in range(1, 7)])
 
 
 def dust(spots, motion):
@@ -258,7 +276,7 @@ def scenes():
     yield "block", lambda: series.scene("block moving in", block)
     yield "hole", lambda: series.scene("hole growing", hole(series))
     yield "glare", lambda: series.scene("glare wandering", glare)
-    yield "torn", lambda: series.scene("torn frames", torn(series))
+    yield "torn", lambda: torn(series)
     yield "dust", lambda: dust(spots, motion)
     yield "reflection", lambda: reflection(spots, motion)
     yield "shadow", lambda: shadow(spots, motion)
