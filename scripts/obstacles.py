@@ -236,8 +236,9 @@ def shadow(spots, motion):
     rest, moved = spots.image(), spots.image(motion)
     u, v = motion.displacement(COLUMNS, ROWS)
     before = light(COLUMNS, ROWS, 260.0)
-    changed = np.abs(light(COLUMNS + u, ROWS + v, 330.0) / before - 1.0) > 0.02
-    frame = Frame(motion.displacement, moved, moved * light(COLUMNS, ROWS, 330.0), None, changed)
+    # What is dark in both images has less texture, and so more noise than without the shadow.
+    dark = np.minimum(before, light(COLUMNS + u, ROWS + v, 330.0)) < 0.98
+    frame = Frame(motion.displacement, moved, moved * light(COLUMNS, ROWS, 330.0), None, dark)
     return Scene("moving shadow", rest * before, [frame], rest)
 
 
