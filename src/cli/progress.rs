@@ -158,6 +158,9 @@ impl Progress {
         if let Some(line) = about_misfit(frames) {
             eprintln!("{line}");
         }
+        if let Some(line) = about_marks(frames) {
+            eprintln!("{line}");
+        }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
         let rate = self.done as f64 / seconds;
@@ -194,6 +197,16 @@ fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
     Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(with().count(), "frame")))
 }
 
+/// The frame with most marked elements in words, and how many have some.
+fn about_marks(frames: &[FrameSummary]) -> Option<String> {
+    let share = |frame: &FrameSummary| frame.marked.iter().map(|marked| marked.percent).sum::<f64>();
+    let with = || frames.iter().filter(|frame| !frame.marked.is_empty());
+    let most = with().max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    let marks: Vec<String> = most.marked.iter().map(ToString::to_string).collect();
+    let [n, number] = [with().count(), most.number];
+    Some(format!("{} with marked elements, most in frame {number}: {}", plural(n, "frame"), marks.join("; ")))
+}
+
 /// One frame in words.
 fn line(frame: &FrameSummary) -> String {
     let mut text = format!("frame {} ({}): {}", frame.number, frame.file, frame.status.name().replace('_', " "));
@@ -212,6 +225,9 @@ fn line(frame: &FrameSummary) -> String {
         if n > 0 {
             text.push_str(&format!(", {n} {what}"));
         }
+    }
+    for marked in &frame.marked {
+        text.push_str(&format!("; {marked}"));
     }
     if let Some(misfit) = frame.misfit {
         text.push_str(&format!("; {misfit}"));

@@ -8,6 +8,7 @@ use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, grad
 use super::iterate::{Limits, Outcome, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
+use super::marks::Pair;
 use super::misfit::{MisfitTest, Residuals};
 use super::model_error::{self, MeshLines, model_error};
 use super::noise_correlation::{NoiseProbe, Prepared, factors};
@@ -15,11 +16,12 @@ use super::noise_model::Elements;
 use super::options::Options;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
+use super::screen::{LEAST_LEFT, continued};
 use super::search::{Motion, motions};
 use super::start::Start;
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
-use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
+use crate::field::{Brightness, ElementMark, Measurement, ModelError, NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
@@ -27,7 +29,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
-const MATCHED: f64 = 0.5;
+pub(super) const MATCHED: f64 = 0.5;
 /// A level that takes more than this from a zone's correlation coefficient has harmed it.
 const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
@@ -36,10 +38,14 @@ const PREDICTION_OFF_PX: f64 = 1.0;
 const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// Where noise is more than this share of the mean square gradient it slows the iteration down.
 const NOISY: f64 = 0.3;
-/// A zone of which this share of elements has left the deformed image is lost.
-pub(super) const LEFT_SHARE: f64 = 0.5;
+/// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
+/// reflection, another light.
+const MISFIT_EVERYWHERE: f64 = 3.0;
+/// A zone so misfit that has lost more than this share of its elements is not found at all.
+const CHOSEN_SHARE: f64 = 0.2;
 /// On coarse levels: good enough for the next finer one.
-const COARSE: Limits<'_> = Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12 };
+const COARSE: Limits<'_> =
+    Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12, own: false, regulariser: None };
 /// With this correlation coefficient a zone is found: no other candidates are tried.
 const FOUND: f64 = 0.8;
 /// The search works on images of about this many pixels a side.
@@ -50,16 +56,18 @@ const SEARCH_ZONE: f64 = 20.0;
 /// A reference image prepared for correlation: levels, factors, uncertainty. Frames are correlated
 /// independently of each other; see [`super::Tracker`] for a series.
 pub struct Correlator<B: Backend> {
-    backend: B,
+    pub(super) backend: B,
     reference: Reference,
-    levels: Vec<Level<B>>,
+    /// Its image, for the names of what is the matter with an element.
+    image: Arc<Image>,
+    pub(super) levels: Vec<Level<B>>,
     search_map: GreyMap,
     /// The pixels of each zone that are summed over on the coarsest level.
     search_pixels: Vec<PixelSet>,
-    noise_gain: NoiseGain,
+    pub(super) noise_gain: NoiseGain,
     /// What looks for noise that is not white, if that is wanted and the zones are large enough.
     probe: Option<NoiseProbe>,
-    misfit_test: MisfitTest,
+    pub(super) misfit_test: MisfitTest,
     mesh_lines: MeshLines,
     enough_px: Vec<f64>,
     /// Standard deviation of the rounding to integer grey levels.
@@ -149,6 +157,7 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let gradient_noise = options.interpolation.gradient_noise_gain();
+        let image = reference;
         let reference = Reference {
             device: backend.device(),
             frames_in_flight: backend.frames_in_flight(),
@@ -177,6 +186,7 @@ impl<B: Backend> Correlator<B> {
             rounding,
             backend,
             reference,
+            image,
             levels,
             search_map,
             search_pixels: laid.zone_pixels,
@@ -231,19 +241,30 @@ impl<B: Backend> Correlator<B> {
             if attempt.measurement.status == Status::Converged {
                 return Ok(attempt);
             }
-            let cold = self.search(&mut frame)?;
-            // Both failed: the one that matches better tells more.
-            let better = cold.measurement.status == Status::Converged || cold.worst_zone() >= attempt.worst_zone();
-            return Ok(if better { cold } else { attempt });
+            let mut best = better(attempt, self.search(&mut frame, false)?);
+            if best.measurement.status != Status::Converged {
+                let again = self.second_try(&mut frame, displacement, transfer, StartUsed::Predicted, 0)?;
+                best = better(best, again);
+            }
+            if best.measurement.status != Status::Converged {
+                best = better(best, self.search(&mut frame, true)?);
+            }
+            return Ok(best);
         }
-        self.search(&mut frame)
+        let cold = self.search(&mut frame, false)?;
+        if cold.measurement.status == Status::Converged {
+            return Ok(cold);
+        }
+        Ok(better(cold, self.search(&mut frame, true)?))
     }
 
-    fn limits(&self) -> Limits<'_> {
+    pub(super) fn limits(&self) -> Limits<'_> {
         Limits {
             tolerance_px: self.tolerance_px,
             enough_px: &self.enough_px,
             max_iterations: self.options.max_iterations,
+            own: false,
+            regulariser: None,
         }
     }
 
@@ -258,7 +279,7 @@ impl<B: Backend> Correlator<B> {
         let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel, nothing)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
         if near {
-            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0)?;
+            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
             if result.measurement.status == Status::Converged {
                 return Ok(result);
             }
@@ -267,11 +288,11 @@ impl<B: Backend> Correlator<B> {
         for pair in self.levels.windows(2) {
             coarse = pair[1].taken_from_finer(&pair[0].mesh, &coarse);
         }
-        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse)
+        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse, false)
     }
 
-    /// Finds each zone on the coarsest level and iterates down the pyramid.
-    fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+    /// Finds each zone on the coarsest level and iterates down the pyramid; a second time `smoothly`.
+    fn search(&self, frame: &mut B::Frame, smoothly: bool) -> Result<Correlation, CorrelationError> {
         let top = self.levels.len() - 1;
         let level = &self.levels[top];
         let deformed = self.backend.grey_map(frame, top);
@@ -300,7 +321,7 @@ impl<B: Backend> Correlator<B> {
         }
         let transfer = best.iter().map(|b| b.2).collect();
         let motions: Vec<Motion> = best.into_iter().map(|b| b.1).collect();
-        self.down_the_pyramid(frame, self.moved(level, &motions), transfer, StartUsed::Cold)
+        self.down_the_pyramid(frame, self.moved(level, &motions), transfer, StartUsed::Cold, smoothly)
     }
 
     /// The displacement of a level's nodes under the motions of their zones.
@@ -316,9 +337,15 @@ impl<B: Backend> Correlator<B> {
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
         start: StartUsed,
+        smoothly: bool,
     ) -> Result<Correlation, CorrelationError> {
         let top = &self.levels[self.levels.len() - 1];
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
+        if smoothly {
+            let (field, iterations) = self.smooth_pyramid(frame, field)?;
+            let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
+            return self.second_try(frame, &displacement, &transfer, start, iterations);
+        }
         let mut coarse_iterations = 0;
         for pair in self.levels.windows(2).rev() {
             let [finer, level] = pair else { continue };
@@ -329,7 +356,7 @@ impl<B: Backend> Correlator<B> {
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
         let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel, nothing)?;
-        self.finish(frame, &mut field, outcome, start, coarse_iterations)
+        self.finish(frame, &mut field, outcome, start, coarse_iterations, Vec::new())
     }
 
     /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
@@ -380,22 +407,29 @@ impl<B: Backend> Correlator<B> {
         Ok((self.backend.found(prepared, frame, field)?, Some(light)))
     }
 
-    /// Status, uncertainty and summary of a finished iteration.
-    fn finish(
+    /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
+    /// for none) and those that turn out not to match.
+    pub(super) fn finish(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         mut outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
+        mut excluded: Vec<bool>,
     ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
-        let (found, light) = self.found(frame, field, &mut outcome)?;
+        excluded.resize(mesh.n_elements(), false);
+        let (mut found, mut light) = self.found(frame, field, &mut outcome)?;
+        self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
+        if excluded.contains(&true) {
+            found.displacement = continued(mesh, &found.displacement, &found.elements);
+        }
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches = self.zone_matches(&last, &elements);
-        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement);
-        let mut status = self.judge(&outcome, &elements, &matches);
+        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
+        let mut status = self.judge(&outcome, &elements, &matches, &excluded);
         let own_spread = outcome.own.as_ref().map(|own| {
             let moments = &outcome.own_moments;
             let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
@@ -496,6 +530,16 @@ impl<B: Backend> Correlator<B> {
             solver: outcome.own.as_deref().unwrap_or(&level.solver),
         };
         let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let noisy =
+            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+        let everywhere: Vec<bool> = zones.iter().map(noisy).collect();
+        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
+            // What is left after the choice of the best is no match: anything would have some.
+            status = Status::Diverged;
+        }
+        let image = self.backend.image(frame);
+        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
+        let marks = self.marks(&pair, &elements, &excluded, &model_error.misfit, &everywhere);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
@@ -511,6 +555,7 @@ impl<B: Backend> Correlator<B> {
                 measured,
                 element_residual: elements.iter().map(|e| e.residual_rms).collect(),
                 model_error: Some(model_error),
+                marks: Some(marks),
             },
             iterations: outcome.iterations,
             coarse_iterations,
@@ -547,37 +592,101 @@ impl<B: Backend> Correlator<B> {
         zones.iter().enumerate().map(match_of).collect()
     }
 
-    /// Nodes beside an element that counted and with a finite displacement, and the number of those that lost all their elements.
-    fn measured_nodes(&self, elements: &[ElementMatch], displacement: &[[f64; 2]]) -> (Vec<bool>, usize) {
+    /// Nodes beside an element that counted and with a finite displacement, and the number of those all of whose elements
+    /// have left the image; those that have lost one because it is `excluded` are not among them.
+    fn measured_nodes(
+        &self,
+        elements: &[ElementMatch],
+        displacement: &[[f64; 2]],
+        excluded: &[bool],
+    ) -> (Vec<bool>, usize) {
         let Level { mesh, keep, .. } = &self.levels[0];
         let mut measured = vec![false; mesh.n_nodes()];
-        for (nodes, sums) in mesh.elements().iter().zip(elements) {
+        let mut named = vec![false; mesh.n_nodes()];
+        for ((nodes, sums), &excluded) in mesh.elements().iter().zip(elements).zip(excluded) {
             for &node in nodes {
                 measured[node as usize] |= sums.n > 0.0;
+                named[node as usize] |= excluded;
             }
         }
-        let left = keep.iter().zip(&measured).filter(|(keep, measured)| **keep && !**measured).count();
+        let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
         for (node, measured) in measured.iter_mut().enumerate() {
             *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
         }
         (measured, left)
     }
 
-    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64]) -> Status {
+    /// Whether a zone has lost so many elements that do not match that those left have been chosen.
+    fn has_lost(&self, zone: usize, excluded: &[bool]) -> bool {
+        let elements = self.mesh().zone_elements(zone);
+        let lost = elements.clone().filter(|&element| excluded[element]).count();
+        lost as f64 > CHOSEN_SHARE * elements.len() as f64
+    }
+
+    /// What is the matter with each element, by name.
+    fn marks(
+        &self,
+        pair: &Pair<'_>,
+        elements: &[ElementMatch],
+        excluded: &[bool],
+        misfit: &[f64],
+        everywhere: &[bool],
+    ) -> Vec<ElementMark> {
         let Level { mesh, moments, .. } = &self.levels[0];
-        let left = (0..mesh.zones().len()).any(|zone| {
+        let counts = |element: &usize| elements[*element].n > 0.0;
+        // What is nearly everywhere in a zone has one name, and is told by all of it.
+        let is_wide = |zone: usize| {
+            let counted = || mesh.zone_elements(zone).filter(counts);
+            let named = counted().filter(|&element| misfit[element] > 0.0).count();
+            everywhere[zone] || 2 * named > counted().count()
+        };
+        let of_zone = |zone: usize| match is_wide(zone) {
+            true if pair.something_is_still(mesh.zone_elements(zone).filter(counts)) => ElementMark::Still,
+            true => ElementMark::Misfit,
+            false => ElementMark::None,
+        };
+        let of_zones: Vec<ElementMark> = (0..mesh.zones().len()).map(of_zone).collect();
+        let of_element = |element: usize| match (excluded[element], elements[element].n > 0.0) {
+            _ if moments[element].n == 0.0 => ElementMark::NoTexture,
+            (true, _) => pair.name(element, ElementMark::NoMatch),
+            (false, false) => ElementMark::LeftImage,
+            (false, true) => {
+                let zone = mesh.element_zone()[element] as usize;
+                match of_zones[zone] {
+                    mark if everywhere[zone] => mark,
+                    _ if misfit[element] <= 0.0 => ElementMark::None,
+                    ElementMark::None => pair.name(element, ElementMark::Misfit),
+                    mark => mark,
+                }
+            }
+        };
+        (0..mesh.n_elements()).map(of_element).collect()
+    }
+
+    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64], excluded: &[bool]) -> Status {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let out = (0..mesh.zones().len()).find_map(|zone| {
             let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
-            let (all, left) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
-            left as f64 > LEFT_SHARE * all as f64
+            let (all, out) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
+            let mismatched = in_use().filter(|&element| excluded[element]).count();
+            let is_gone = out as f64 > (1.0 - LEAST_LEFT) * all as f64;
+            is_gone.then_some(if 2 * mismatched > out { Status::Diverged } else { Status::LeftImage })
         });
-        if left {
-            Status::LeftImage
+        if let Some(status) = out {
+            status
         } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
             Status::Diverged
         } else {
             outcome.status
         }
     }
+}
+
+/// Of two results of one frame the one that tells more: that which converged, else that which matches better, the
+/// second where they match alike.
+fn better(first: Correlation, second: Correlation) -> Correlation {
+    let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
+    if is_better { second } else { first }
 }
 
 /// The number of halvings after which the largest zone is small enough to be searched, as far as the

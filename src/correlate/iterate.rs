@@ -1,18 +1,23 @@
 //! The Gauss-Newton iteration on one level.
 
 use super::level::{Level, step_matrix};
+use super::regularisation::Regulariser;
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
 use crate::field::Status;
 use crate::linalg::Solver;
 
 /// When to stop.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct Limits<'a> {
     pub tolerance_px: f64,
     /// Per node, what is good enough where corrections fall slowly, px: a tenth of its standard uncertainty. Empty where
     /// noise is not what slows them down.
     pub enough_px: &'a [f64],
     pub max_iterations: usize,
+    /// Whether the frame has lost elements already at its last evaluation, so that the first step needs its own solver.
+    pub own: bool,
+    /// What holds the displacement of the frame's own solver in place of what the level has.
+    pub regulariser: Option<&'a Regulariser>,
 }
 
 /// From this iteration on corrections count as slow, and as stalled from the second on.
@@ -84,13 +89,14 @@ pub(super) fn iterate<B: Backend>(
     // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
     let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
     for iteration in 1..=limits.max_iterations {
-        if let Some(counted) = counted_now
-            && counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted)
-        {
-            let (own, moments) = own_solver(backend, level, frame, field, options)?;
+        let renewed = counted_now
+            .filter(|counted| counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted));
+        let at_once = limits.own && iteration == 1;
+        if at_once || renewed.is_some() {
+            let (own, moments) = own_solver(backend, level, frame, field, options, limits.regulariser)?;
             outcome.own_moments = moments;
             outcome.own = Some(backend.solver(&level.prepared, own)?);
-            counted_then = Some(counted);
+            counted_then = renewed;
         }
         let solver = outcome.own.as_ref().unwrap_or(&level.solver);
         // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
@@ -103,6 +109,9 @@ pub(super) fn iterate<B: Backend>(
         outcome.worst_node = step.worst_node;
         outcome.gained = step.gained;
         counted_now = step.lossy.then_some(step.counted);
+        if at_once {
+            counted_then = Some(step.counted);
+        }
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
@@ -151,6 +160,7 @@ fn own_solver<B: Backend>(
     frame: &mut B::Frame,
     field: &B::Field,
     options: &KernelOptions,
+    regulariser: Option<&Regulariser>,
 ) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
     let mut moments = level.moments.to_vec();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
@@ -159,6 +169,7 @@ fn own_solver<B: Backend>(
     let mut matrix = step_matrix(&level.mesh, &level.pattern, &moments, options, level.lambda);
     matrix.hold(&level.keep);
     // What the regularisation held with all pixels it may fail to hold with fewer: iterate then.
-    let regularised = level.regulariser.as_ref().and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
+    let regulariser = regulariser.or(level.regulariser.as_ref());
+    let regularised = regulariser.and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
     Ok((regularised.unwrap_or_else(|| Solver::iterative(matrix)), moments))
 }

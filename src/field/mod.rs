@@ -1,6 +1,7 @@
 //! What a correlation gives: displacement fields with their uncertainty, strains and rigid motions; and the
 //! choices it is run with.
 
+mod mark;
 mod measurement;
 mod noise;
 mod options;
@@ -8,6 +9,7 @@ mod quantities;
 mod rigid;
 mod strain;
 
+pub use mark::{ElementMark, Marked};
 pub use measurement::{Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};

@@ -169,6 +169,15 @@ impl<'a> Frame<'a> {
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
         }
+        let marked = self.measurement.marked();
+        if marked.iter().any(|marked| !marked.mark.is_left_out()) {
+            notes.push("hatched: the residual is beyond noise, the displacement doubtful".to_owned());
+        }
+        let left_out: Vec<String> =
+            marked.iter().filter(|marked| marked.mark.is_left_out()).map(ToString::to_string).collect();
+        if !left_out.is_empty() {
+            notes.push(format!("left out: {}", left_out.join("; ")));
+        }
         notes.extend(self.measurement.misfit().map(|misfit| misfit.to_string()));
         notes.extend(self.options.notes.iter().cloned());
         notes

@@ -4,7 +4,7 @@ use super::over_image::{Bar, FigureLayout, View, Words};
 use super::scale::{LARGEST, Palette, Range, colour};
 use super::scene::{BLACK, Path, Scene, Stroke, WHITE};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{Measurement, Status};
+use crate::field::{ElementMark, Measurement, Status};
 use crate::imaging::Image;
 use crate::units::{PixelSize, Px};
 
@@ -115,9 +115,10 @@ pub(super) fn nodal_cells(measurement: &Measurement<Px>, values: &[f64]) -> Resu
         return Err(ReportError::Length { what: "nodes", expected: mesh.n_nodes(), got: values.len() });
     }
     let usable = |node: usize| measurement.measured[node] && values[node].abs() <= LARGEST;
-    let cells = mesh.elements().iter().map(|nodes| {
+    let cells = mesh.elements().iter().enumerate().map(|(element, nodes)| {
         let nodes = nodes.map(|node| node as usize);
-        nodes.iter().all(|&node| usable(node)).then(|| nodes.map(|node| values[node]))
+        let shown = nodes.iter().all(|&node| usable(node)) && !mark_of(measurement, element).is_left_out();
+        shown.then(|| nodes.map(|node| values[node]))
     });
     Ok(cells.collect())
 }
@@ -127,11 +128,16 @@ fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Ce
     if values.len() != mesh.n_elements() {
         return Err(ReportError::Length { what: "elements", expected: mesh.n_elements(), got: values.len() });
     }
-    let cells = mesh.elements().iter().zip(values).map(|(nodes, &value)| {
-        let measured = nodes.iter().all(|&node| measurement.measured[node as usize]);
+    let cells = mesh.elements().iter().zip(values).enumerate().map(|(element, (nodes, &value))| {
+        let measured = nodes.iter().all(|&node| measurement.measured[node as usize])
+            && !mark_of(measurement, element).is_left_out();
         (measured && value.abs() <= LARGEST).then_some([value; 4])
     });
     Ok(cells.collect())
+}
+
+fn mark_of(measurement: &Measurement<Px>, element: usize) -> ElementMark {
+    measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[element])
 }
 
 /// What must be said about a frame: how it ended, where not well, and that there is nothing to see.
@@ -210,11 +216,28 @@ fn draw(
             }
         }
         layout.lay(&mut scene, &layer, bar.opacity);
+        hatch(&mut scene, &layout, measurement, cells);
     }
     if let Some(line) = options.line {
         draw_line(&mut scene, &layout, line);
     }
     Ok(layout.finish(scene))
+}
+
+/// Lines over elements whose values are doubtful.
+fn hatch(scene: &mut Scene, layout: &FigureLayout<'_>, measurement: &Measurement<Px>, cells: &[Cell]) {
+    let mut path = Path::default();
+    let doubtful = |element: &usize| cells[*element].is_some() && mark_of(measurement, *element) != ElementMark::None;
+    for element in (0..cells.len()).filter(doubtful) {
+        let [a, b, c, d] = measurement.mesh.corners(element).map(|corner| layout.place(corner));
+        let between = |p: [f64; 2], q: [f64; 2], t: f64| [0, 1].map(|k| p[k] + t * (q[k] - p[k]));
+        path.line([a, c]);
+        path.line([between(a, b, 0.5), between(b, c, 0.5)]);
+        path.line([between(a, d, 0.5), between(d, c, 0.5)]);
+    }
+    if !path.is_empty() {
+        scene.stroke(&path, &Stroke::new(BLACK, 0.7));
+    }
 }
 
 /// A line from A to B.

@@ -5,7 +5,7 @@ use crate::backend::Traffic;
 use crate::correlate::{
     Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
 };
-use crate::field::{Measurement, Misfit, RigidMotion, Status};
+use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::Saturation;
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
@@ -192,6 +192,9 @@ pub struct FrameSummary {
     /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub misfit: Option<Misfit>,
+    /// How many elements are marked, by what is the matter with them; absent where none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marked: Vec<Marked>,
     /// What the displacements may be off beyond noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error: Option<ModelErrorSummary>,
@@ -370,6 +373,7 @@ impl FrameSummary {
             nodes_at_noise_bound: 0,
             elements_poor: 0,
             misfit: None,
+            marked: Vec::new(),
             model_error: None,
             saturated_percent: None,
             noise_correlation_factor: None,
@@ -431,6 +435,7 @@ impl FrameSummary {
             nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
             misfit: field.and_then(Measurement::misfit),
+            marked: result.measurement.marked(),
             model_error: field.and_then(ModelErrorSummary::of),
             saturated_percent: None,
             noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),

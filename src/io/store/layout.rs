@@ -50,7 +50,12 @@ pub enum Variable {
     ModelError,
     /// Displacement that the elements do not follow; not in stores of earlier versions.
     Misfit,
+    /// What is the matter with each element; not in stores of earlier versions.
+    Mark,
 }
+
+/// The mark of an element of which nobody knows.
+pub(super) const UNKNOWN_MARK: u8 = 255;
 
 /// Where the values of a [`Variable`] live.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +78,7 @@ impl Place {
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 8] = [
+    pub const ALL: [Variable; 9] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
@@ -82,6 +87,7 @@ impl Variable {
         Variable::Residual,
         Variable::ModelError,
         Variable::Misfit,
+        Variable::Mark,
     ];
 
     /// Name of the array in the store and in exported files.
@@ -95,6 +101,7 @@ impl Variable {
             Variable::Residual => "residual_grey",
             Variable::ModelError => "model_error_px",
             Variable::Misfit => "misfit_px",
+            Variable::Mark => "mark",
         }
     }
 
@@ -102,7 +109,7 @@ impl Variable {
     pub fn unit(self) -> &'static str {
         match self {
             Variable::Displacement | Variable::Sigma | Variable::ModelError | Variable::Misfit => "px",
-            Variable::Measured | Variable::StrainElement | Variable::StrainNode => "1",
+            Variable::Measured | Variable::StrainElement | Variable::StrainNode | Variable::Mark => "1",
             Variable::Residual => "grey levels",
         }
     }
@@ -128,6 +135,11 @@ impl Variable {
             Variable::Misfit => {
                 "displacement that the element does not follow, root mean square; 0 where its residual is not beyond noise"
             }
+            Variable::Mark => {
+                "what is the matter with the element: 0 nothing, 1 misfit (residual beyond noise), 2 still while the specimen \
+                 moves; left out of the frame: 3 no texture, 4 left the image, 5 saturated, 6 covered, torn or no match; 255 \
+                 not known"
+            }
         }
     }
 
@@ -139,7 +151,7 @@ impl Variable {
             | Variable::Measured
             | Variable::StrainNode
             | Variable::ModelError => Place::Nodes,
-            Variable::StrainElement | Variable::Residual | Variable::Misfit => Place::Elements,
+            Variable::StrainElement | Variable::Residual | Variable::Misfit | Variable::Mark => Place::Elements,
         }
     }
 
@@ -148,7 +160,7 @@ impl Variable {
         match self {
             Variable::Displacement | Variable::Sigma | Variable::ModelError => &["x", "y"],
             Variable::StrainElement | Variable::StrainNode => &["exx", "eyy", "exy"],
-            Variable::Measured | Variable::Residual | Variable::Misfit => &[],
+            Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark => &[],
         }
     }
 
@@ -161,7 +173,7 @@ impl Variable {
 impl Variable {
     /// Whether every store has it: those of earlier versions do not have all.
     pub fn is_in_every_store(self) -> bool {
-        !matches!(self, Variable::ModelError | Variable::Misfit)
+        !matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark)
     }
 
     /// Whether it stands in the store in `folder`.
@@ -173,7 +185,7 @@ impl Variable {
     pub fn number(self) -> Number {
         match self {
             Variable::Displacement => Number::F64,
-            Variable::Measured => Number::U8,
+            Variable::Measured | Variable::Mark => Number::U8,
             _ => Number::F32,
         }
     }
