@@ -4,7 +4,7 @@ CARGO ?= cargo
 # `demo` and `test` can be built alike with PROFILE=ci, so that nothing is built twice.
 PROFILE ?=
 
-.PHONY: help build demo paper study test check bench clean
+.PHONY: help build demo paper real study test check bench clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -17,6 +17,11 @@ demo: ## From 20 images of a virtual test to the law of its adhesive; results in
 
 paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 	$(CARGO) run --release --locked -- paper --overwrite --output out/paper
+
+real: ## The first command, no option, on every set of images in the folder DATA=...; a table, results in out/first
+	@test -d "$(DATA)" || { echo "name a folder whose subfolders hold images: make real DATA=folder" >&2; exit 2; }
+	$(CARGO) build --release --locked
+	scripts/first_command.py "$(DATA)" --output out/first
 
 test: ## Install what tests need where it may, then run every test
 	scripts/test.sh --profile $(or $(PROFILE),dev)

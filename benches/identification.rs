@@ -58,6 +58,7 @@ fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> P
         observation: Arc::new(observation),
         noise: Arc::new(noise),
         unknowns: problem.unknowns,
+        watch: problem.watch,
     }
 }
 

@@ -1,7 +1,8 @@
 """Reads a .vtu file with meshio and prints what it holds as JSON, for tests/exports.rs.
 
     python3 scripts/check_vtu.py FILE.vtu     the mesh and its data as JSON
-                                              (a float as the integer of its bits: JSON readers round)
+                                              (a float as the integer of its bits: JSON readers round);
+                                              with PyVista the number of elements that VTK draws
     python3 scripts/check_vtu.py --available  exit status 0 when meshio can be imported
 """
 
@@ -36,6 +37,13 @@ def main() -> int:
         "type_of_cells": str(block.data.dtype),
         "type_of_measured": str(mesh.point_data["measured"].dtype),
     }
+    try:
+        import pyvista
+    except ImportError:
+        pass
+    else:
+        # The surface is what is drawn: hidden cells are not in it.
+        content["visible_in_vtk"] = int(pyvista.read(sys.argv[1]).extract_surface().n_cells)
     json.dump(content, sys.stdout)
     return 0
 

@@ -334,7 +334,10 @@ mesh = "{mesh}"
         self.say("format-multipage", "def2 less def: 1 px", f"off by {off:.1e} px", "< 2e-3 px", off < 2e-3)
         frames, field = self.run("turned", "rotation-170", ["rotation_000.tif", "rotation_170.tif"], "--roi", "120,120,392,392")
         status = frames if isinstance(frames, str) else frames[0]["status"]
-        self.say("rotation-170", "read as RGB LZW; ends as", status, "a clear word, or solved", status != "converged")
+        turned = 0.0 if isinstance(frames, str) else frames[0]["rigid_motion"]["rotation_deg"]
+        text = f"{status}, {turned:.4f} degrees"
+        met = status == "converged" and abs(turned + 170.0) < 0.01
+        self.say("rotation-170", "read as RGB LZW; without a start", text, "-170 degrees within 0.01", met)
         frames, field = self.run("tif16", "crack-heterogeneous", ["img_0000.tif", "img_0570.tif"], "--roi", "315,80,725,1140", "--drop-textureless")
         status = frames if isinstance(frames, str) else frames[0]["status"]
         text = status

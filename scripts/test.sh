@@ -24,5 +24,6 @@ if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
     export XDG_RUNTIME_DIR
     trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
 fi
-cargo test --locked --all-targets "$@"
+# All of them, also after one that fails: a run in CI tells all that is wrong.
+cargo test --locked --all-targets --no-fail-fast "$@"
 cargo test --locked --doc "$@"

@@ -1,12 +1,13 @@
-// The field plus `damping` times the correction, and the largest component of the correction. Thread = node.
+// The field plus the correction, turned and damped by `(cos, sin)`, and the largest component of the correction. Thread = node.
 #import types
 #import index
 
 struct Correct {
     n_nodes: u32,
-    damping: f32,
+    // Damping times cosine and sine of the angle that the correction is turned by.
+    cos: f32,
+    sin: f32,
     unused0: u32,
-    unused1: u32,
 }
 
 struct Worst {
@@ -33,7 +34,8 @@ fn main(
     if node < correct.n_nodes {
         let du = solution[node];
         let u = displacement[node];
-        let moved = u.rest + correct.damping * du;
+        let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
+        let moved = u.rest + turned;
         let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
         displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));
         displacement[node].rest = moved - floors;

@@ -35,6 +35,7 @@ regularisation = "equilibrium-gap"
 cutoff_px = 64.5
 poisson = 0.3
 strain = "hencky"
+strain_window = 5
 drop_textureless = true
 
 [[zone]]
@@ -92,6 +93,7 @@ fn full() -> CaseFile {
             cutoff_px: Some(64.5),
             poisson: Some(0.3),
             strain: Some(StrainDefinition::Hencky),
+            strain_window: Some(5),
             drop_textureless: Some(true),
         },
         zones: vec![
@@ -320,7 +322,7 @@ fn several_references_are_a_list_and_one_is_a_text() {
 #[test]
 fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
     for (line, wanted) in [
-        ("polygon = [[1, 2], [3]]", "`polygon` in [[zone]]: a point has 1 entries, expected a point [x, y]"),
+        ("polygon = [[1, 2], [3]]", "`polygon` in [[zone]]: a point has 1 entry, expected a point [x, y]"),
         ("polygon = [[1, 2], 3]", "expected a point [x, y]"),
         ("polygon = [['1', 2]]", "expected a number"),
         ("exclude = [[[1, 2], [3, 4, 5]]]", "`exclude` in [[zone]]: a point has 3 entries"),
@@ -333,7 +335,7 @@ fn wrong_polygons_and_guards_are_named_with_what_is_expected() {
         ("guard_px = { along = [[1, 2], [3, 4]] }", "a guard along a line needs along = [[x, y], ...]"),
         ("guard_px = { along = [[1, 2]], width = 3 }", "two points or more"),
         ("guard_px = { along = [[1, 2], [3, 4]], width = 3, left = 1 }", "no sides"),
-        ("guard_px = { along = [[1, 2], [3]], width = 3 }", "a point has 1 entries"),
+        ("guard_px = { along = [[1, 2], [3]], width = 3 }", "a point has 1 entry"),
         ("guard_px = { left = 'a' }", "is the text \"a\", expected a number"),
         ("guard_px = [1, 'a']", "expected a number"),
     ] {
@@ -364,7 +366,7 @@ fn sections_of_quantities_are_read_written_and_refused_in_words() {
     assert_says("[[probe]]\nname = 'a'", &["the key `point` is missing"]);
     assert_says("probe = 3", &["sections [[probe]]"]);
     assert_says("[[line]]\nfrom = [1, 2]\nto = [3, 4]\nstep = 2", &["unknown key `step`", "step_px"]);
-    assert_says("[[opening]]\nzones = ['up']", &["1 entries, expected two names"]);
+    assert_says("[[opening]]\nzones = ['up']", &["1 entry, expected two names"]);
     assert_says("[quantities]\nremove_rigid = 'each'", &["remove_rigid", "all"]);
     assert_says("[load]\nfile = 3", &["`file` in [load]", "text in quotes"]);
 }

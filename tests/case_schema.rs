@@ -217,11 +217,7 @@ fn faults_in_the_sections_of_a_joint_are_told_with_line_section_key_and_the_key_
         ("\"free\"", "1.5", "`nodes` in [measurement]: is the number `1.5`, expected \"selected\", \"free\" or a list"),
         ("bootstrap = 12", "bootstrap = -1", "expected \"auto\" or a number of draws from 0 to 10000"),
         ("phi_n = 0.1", "phi_n = '0.1'", "`phi_n` in [fit.lower]: is the text \"0.1\", expected a number"),
-        (
-            "[\"lower\", \"upper\"]",
-            "[\"lower\"]",
-            "`zones` in [interface]: has 1 entries, expected two names [\"lower\"",
-        ),
+        ("[\"lower\", \"upper\"]", "[\"lower\"]", "`zones` in [interface]: has 1 entry, expected two names [\"lower\""),
         // Such a header was none for the cutting by text that there was: the section was taken and not read.
         ("[fit]\nparam", "[9fit]\nparam", "unknown key `9fit` at the top level; did you mean `fit`?"),
         ("[output]", "[fit]", "the key `fit` is there twice"),

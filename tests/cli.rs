@@ -393,12 +393,15 @@ fn a_glob_that_takes_the_reference_along_does_not_correlate_it_with_itself() {
     for (output, images) in [
         ("named", "--reference b.png *.png".to_owned()),
         ("otherwise", format!("--reference ./b.png {}/*.png", desk.path("").display())),
-        ("first", format!("b.png {}/*.png", desk.path("").display())),
-        ("twice", "b.png a.png *.png".to_owned()),
+        ("twice", "--reference b.png a.png *.png".to_owned()),
     ] {
         desk.correlate(&format!("{INSIDE} --output {output} {images}")).fine();
         assert_eq!(frame_files(&desk, output), ["a.png", "c.png", "ref.png"], "{output}");
     }
+    // The first is the reference, but a name that says `ref` contradicts it.
+    let ran = desk.correlate(&format!("{INSIDE} --output first b.png *.png"));
+    let said = ran.stderr.contains("ref.png says that it is") && ran.stderr.contains("correlate --reference ref.png");
+    assert!(ran.code == Some(2) && said && !desk.path("first").exists(), "{ran}");
     let ran = desk.correlate("--output alone ref.png");
     ran.refused(&["ref.png", "no deformed image"]);
 }
@@ -483,13 +486,14 @@ fn every_zone_is_measured_on_its_own_and_named() {
 }
 
 #[test]
-fn without_a_zone_as_many_whole_elements_as_fit_cover_the_image() {
+fn without_a_zone_whole_elements_cover_a_textured_image_but_for_its_margin() {
     let desk = Desk::with_series();
     desk.correlate("--element-size 25 --output out ref.png a.png").fine();
     let summary = desk.json("out/summary.json");
-    assert_eq!((&summary["n_elements"], &summary["n_nodes"]), (&json!(5 * 3), &json!(6 * 4)));
+    assert_eq!((&summary["n_elements"], &summary["n_nodes"]), (&json!(4 * 3), &json!(5 * 4)));
     let rows = desk.rows("out/csv/000001.csv");
-    assert_eq!((rows[0].px.position, rows[23].px.position), ([0.0, 0.0], [125.0, 75.0]));
+    // A sixteenth of the shorter side, 6 px, and what is left over on either side.
+    assert_eq!((rows[0].px.position, rows[19].px.position), ([14.0, 10.0], [114.0, 85.0]));
 }
 
 #[test]
@@ -779,4 +783,73 @@ fn two_strips_of_an_opening_joint_are_followed_on_either_side() {
         // sharpest place and a tenth of it in the nodes.
         assert_moved(&rows, &peel.at(frame as f64 / 4.0), 0.01);
     }
+}
+
+#[test]
+fn a_run_ends_with_a_report_of_what_was_measured_unless_nobody_wants_it() {
+    let desk = Desk::with_series();
+    desk.write("load.csv", "load_N\n10\n20\n30\n");
+    desk.write(
+        "case.toml",
+        format!(
+            "[images]\nreference = 'ref.png'\ndeformed = ['a.png', 'b.png', 'c.png']\npixel_size_mm = 0.01\n\
+             [correlation]\nstrain_window = 3\n[[zone]]\nroi = [{}]\n[report]\nlens = 'Lens <50 mm>'\n\
+             [load]\nfile = 'load.csv'\n[[extensometer]]\nfrom = [30, 40]\nto = [90, 40]\n",
+            INSIDE.rsplit(' ').next().unwrap()
+        ),
+    );
+    desk.correlate("--case case.toml --output out").fine();
+    let page = desk.read("out/report.html");
+    assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("<script") && page.len() < 3_000_000);
+    for address in ["http:", "https:", "src=\"/", "url("] {
+        assert!(!page.contains(address), "{address}");
+    }
+    let titles = [
+        "Read this first",
+        "What was measured",
+        "Fields",
+        "Over the series",
+        "Quantities",
+        "Strain, and",
+        "Reporting table",
+    ];
+    let places: Vec<usize> = titles
+        .iter()
+        .map(|title| page.find(&format!("<h2>{title}")).unwrap_or_else(|| panic!("no '{title}'")))
+        .collect();
+    assert!(places.is_sorted(), "warnings stand first: {places:?}");
+    for wanted in [
+        "Lens &lt;50 mm&gt;",
+        "128 x 96 px",
+        "16 px = 0.16 mm",
+        "over a virtual strain gauge of 48 px, frame 3",
+        "load against strain engineering",
+        "________",
+        "displacement noise floor",
+        "3 x 3 nodes, plane fitted by least squares",
+    ] {
+        assert!(page.contains(wanted), "'{wanted}' is not there");
+    }
+    // What is said of the test may be said anew: it is no other run.
+    let case = desk.read("case.toml").replace("Lens", "Objective");
+    desk.write("case.toml", case);
+    desk.correlate("--case case.toml --output out").fine();
+    assert!(desk.read("out/report.html").contains("Objective &lt;50 mm&gt;"));
+    for flags in ["--no-report", "--export none"] {
+        desk.correlate(&format!("{INSIDE} {flags} --overwrite --output out ref.png a.png")).fine();
+        assert!(!desk.path("out/report.html").exists(), "{flags}: that of the run before is left");
+    }
+    let ran = desk.correlate(&format!("{INSIDE} --quiet --overwrite --output out ref.png a.png")).fine();
+    assert!(desk.path("out/report.html").exists() && ran.stderr.is_empty(), "{ran}");
+}
+
+#[test]
+fn a_report_begins_with_what_went_wrong() {
+    let desk = Desk::with_series();
+    desk.write("broken.png", "no image");
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png broken.png")).incomplete();
+    let page = desk.read("out/report.html");
+    let first = page.find("<h2>Read this first").unwrap();
+    let warning = page.find("1 of 2 frames could not be read: 2.").expect("the frame is named");
+    assert!(first < warning && warning < page.find("<h2>What was measured").unwrap());
 }

@@ -5,13 +5,14 @@
 mod mechanics_common;
 
 use mechanics_common::{Pulled, measured_table, pulled};
-use quadrille::identify::{Case, Fit, Misfit, Outcome, fit};
+use quadrille::identify::{Case, Ended, Fit, FitProgress, FitStatus, FitWatch, Misfit, Outcome, fit};
 use quadrille::io::joint::read_joint;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// 1 px of the virtual test, mm.
 const PX: f64 = 0.00193125;
@@ -64,6 +65,33 @@ fn fitted(folder: &tempfile::TempDir) -> Fit {
 
 fn misfit(fit: &Fit) -> &Misfit {
     fit.misfit.as_ref().unwrap()
+}
+
+#[test]
+fn a_fit_that_is_asked_to_stop_keeps_its_best_point_and_claims_nothing() {
+    let folder = folder(11, 0.05, SUBSTRATE, COHESIVE, &stated(0.05), THREE);
+    let path = folder.path().join("case.toml");
+    let input = read_joint(&path).unwrap();
+    let joint = Case::joint(&input).unwrap();
+    let mut case = Case::new(&joint, &input, &path).unwrap();
+    let (stop, heard) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::<FitProgress>::new())));
+    let (flag, words) = (stop.clone(), heard.clone());
+    case.problem.watch = FitWatch::new(None, Some(stop), move |progress| {
+        let mut words = words.lock().unwrap();
+        words.push(progress);
+        flag.store(words.iter().filter(|word| word.omega.is_some()).count() >= 3, Ordering::SeqCst);
+    });
+    let found = fit(&case.problem, &case.options).unwrap();
+    assert_eq!((found.status, found.evaluations), (FitStatus::Stopped, 3), "{}", found.reason);
+    assert!(!found.verdict.determined() && found.verdict.sentences.join(" ").contains("did not converge"));
+    let cut = found.cut_short.as_ref().unwrap();
+    assert!(cut.ended == Ended::Stopped && cut.missing.contains(&"the misfit test"), "{}", cut.text());
+    assert!(found.misfit.is_none() && found.released.is_none() && found.intervals.unwrap().draws == 0);
+    // The best of what was tried is what is kept: the same sums give the same bits.
+    let heard = heard.lock().unwrap();
+    let best = heard.iter().filter_map(|word| word.omega).fold(f64::INFINITY, f64::min);
+    assert_eq!(found.omega, best);
+    assert!(heard.iter().any(|word| word.parameters.iter().any(|(name, _)| *name == "phi_n")));
 }
 
 #[test]

@@ -275,6 +275,18 @@ fn a_grid_reads_back_in_meshio_to_the_same_bits() {
     assert_eq!(cell["strain_element"], strain_bits(&strains().elements));
     assert_eq!(point["measured"], json!(measurement.measured.iter().map(|&m| u8::from(m)).collect::<Vec<_>>()));
     assert_eq!(read["type_of_measured"], "uint8");
+    // What is not measured is hidden, nodes by bit 1 and elements by bit 5.
+    let hidden: Vec<u8> = measurement.measured.iter().map(|&measured| if measured { 0 } else { 2 }).collect();
+    assert!(hidden.contains(&2));
+    assert_eq!(point["vtkGhostType"], json!(hidden));
+    let has_all = |nodes: &[u32; 4]| nodes.iter().all(|&node| measurement.measured[node as usize]);
+    let hidden: Vec<u8> = mesh.elements().iter().map(|nodes| if has_all(nodes) { 0 } else { 32 }).collect();
+    assert!(hidden.contains(&32) && hidden.contains(&0));
+    assert_eq!(cell["vtkGhostType"], json!(hidden));
+    if let Some(visible) = read.get("visible_in_vtk") {
+        let n = hidden.iter().filter(|&&hidden| hidden == 0).count();
+        assert_eq!(visible, &json!(n), "VTK draws as many elements as are measured");
+    }
     let residual = measurement.element_residual.iter().map(|&r| f64::from(r as f32));
     let percent: Vec<f64> = residual.map(|r| 100.0 * r / 255.0).collect();
     assert_eq!(cell["residual_grey"], short_bits(&measurement.element_residual));

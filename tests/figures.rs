@@ -14,7 +14,7 @@ use blobs::{speckle, uniform};
 use program::Desk;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
-use quadrille::field::{Measurement, RemoveRigid, Status};
+use quadrille::field::{Measurement, RemoveRigid, Status, StrainWindow};
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
@@ -581,6 +581,7 @@ fn every_figure_of_every_hard_field_is_whole() {
     for (name, image, measurement) in hard_cases() {
         let options = FigureOptions {
             figures: Figure::ALL.to_vec(),
+            strain_window: StrainWindow::new(3),
             formats: vec![Format::Png, Format::Svg],
             line: Some([5.0, 5.0, 100.0, 90.0]),
             pixel_size: PixelSize::new(0.25),
@@ -592,7 +593,7 @@ fn every_figure_of_every_hard_field_is_whole() {
         let (backdrop, white) = (Backdrop::new(&image, 1), Backdrop::blank(image.width(), image.height(), 1));
         for backdrop in if name == "free" { vec![&white, &backdrop] } else { vec![&backdrop] } {
             let files = draw_frame(&out, 3, &measurement, backdrop, None, &options).unwrap();
-            assert_eq!(files.len(), 2 * (13 + 10), "{name}");
+            assert_eq!(files.len(), 2 * (16 + 13), "{name}");
             for file in files.iter().filter(|file| file.extension().is_some_and(|ending| ending == "svg")) {
                 let png = image::open(file.with_extension("png")).unwrap().into_rgb8();
                 let svg = std::fs::read_to_string(file).unwrap();
@@ -628,6 +629,42 @@ fn files_are_named_by_frame_and_quantity_and_come_out_the_same_twice() {
     assert_eq!(there, want.map(|name| format!("000012-{name}")));
     measurement.status = Status::Diverged;
     assert!(draw(&measurement).is_empty(), "a diverged field is no measurement");
+}
+
+#[test]
+fn nodes_of_large_uncertainty_are_hatched_and_left_out_of_the_percentiles() {
+    let out = folder().join("hatched");
+    let _ = std::fs::remove_dir_all(&out);
+    let image = uniform(160, 128, 100);
+    let mut measurement = field(grids(&[[8.0, 8.0, 152.0, 120.0]], 16, 160, 128), |x| [0.01 * x[0], 0.0]);
+    let backdrop = Backdrop::new(&image, 1);
+    let options = FigureOptions {
+        figures: vec![Figure::Ux, Figure::ExxWindow],
+        formats: vec![Format::Svg],
+        strain_window: StrainWindow::new(3),
+        ..FigureOptions::default()
+    };
+    let draw = |measurement: &Measurement<Px>| {
+        let files = draw_frame(&out, 1, measurement, &backdrop, None, &options).unwrap();
+        files.iter().map(|file| std::fs::read_to_string(file).unwrap()).collect::<Vec<_>>()
+    };
+    measurement.sigma.iter_mut().for_each(|sigma| *sigma = [0.01; 2]);
+    let sure = draw(&measurement);
+    // 80 nodes in 10 columns: one beyond each end is left out by rounding.
+    assert!(sure[0].contains("percentiles 1 to 99: 0.08000 to 1.520 px, on 63 of 63 elements"), "{}", sure[0]);
+    assert!(!sure[0].contains("hatched") && sure[1].contains("plane fitted to 3 x 3"));
+    let wild = 33;
+    measurement.sigma[wild] = [0.2; 2];
+    measurement.displacement[wild] = [50.0, 0.0];
+    let hatched = draw(&measurement);
+    let told = "hatched: 1 node has a standard uncertainty above 5 times the median";
+    assert!(hatched.iter().all(|svg| svg.contains(told)), "{}", hatched[0]);
+    assert!(hatched[0].contains("percentiles 1 to 99: 0.08000 to 1.520 px"), "the wild value is told: {}", hatched[0]);
+    let clips = |svg: &str| svg.matches("<clipPath").count();
+    assert_eq!(clips(&hatched[0]), clips(&sure[0]) + 1, "its elements are not hatched");
+    let options = FigureOptions { strain_window: None, ..options.clone() };
+    let error = draw_frame(&out, 1, &measurement, &backdrop, None, &options).unwrap_err().to_string();
+    assert!(error.contains("--strain-window"), "{error}");
 }
 
 #[test]
@@ -782,6 +819,7 @@ fn figures_of_real_tests_are_small_and_complete() {
         let measurement = correlator.correlate(moved.clone(), None).unwrap().measurement;
         let options = FigureOptions {
             figures: Figure::ALL.to_vec(),
+            strain_window: StrainWindow::new(3),
             formats: vec![Format::Png, Format::Svg],
             line: Some(line),
             pixel_size: PixelSize::new(0.0123),

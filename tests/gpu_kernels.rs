@@ -517,11 +517,15 @@ fn assert_step<B: Backend>(device: &str, backend: &B, element_size: usize) {
     backend.observe(&level, &mut frame, &mut field).unwrap();
     let before = backend.found(&level, &mut frame, &field).unwrap().displacement;
     let b = backend.right_hand_side(&level, &mut frame, &field).unwrap();
-    for damping in [1.0, 0.5] {
+    // As it is; damped; turned by 90 degrees, x to y, as in a field that is.
+    for (damping, turned) in [(1.0, false), (0.5, false), (1.0, true)] {
+        let scale = if turned { [0.0, damping] } else { [damping, 0.0] };
         let mut field = backend.start(&level, &mut frame, &laid.displacement, &transfer).unwrap();
-        let step = backend.step(&level, &mut frame, &mut field, &solver, damping).unwrap();
+        let step = backend.step(&level, &mut frame, &mut field, &solver, scale).unwrap();
         let after = backend.found(&level, &mut frame, &field).unwrap().displacement;
-        let c: Vec<[f64; 2]> = (0..b.len()).map(|k| [0, 1].map(|i| (after[k][i] - before[k][i]) / damping)).collect();
+        let moved = |k: usize| [0, 1].map(|i| (after[k][i] - before[k][i]) / damping);
+        let back = |[x, y]: [f64; 2]| if turned { [y, -x] } else { [x, y] };
+        let c: Vec<[f64; 2]> = (0..b.len()).map(|k| back(moved(k))).collect();
         // The grey transfer of the first evaluation is that of the start: the right-hand side is the same.
         let product = matrix.multiply(&c);
         let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|v| v * v).sum::<f64>().sqrt();
@@ -576,7 +580,7 @@ fn assert_hysteresis<B: Backend>(device: &str, backend: &B) {
     let out: Vec<usize> =
         (0..mesh.n_elements()).filter(|&e| mesh.corners(e)[0][0] == 144.0 && row(mesh.corners(e)[0][1]) == 0).collect();
     let mut field = backend.start(&level, &mut frame, &stretched, &[GreyTransfer::NONE]).unwrap();
-    backend.step(&level, &mut frame, &mut field, &solver, 1.0).unwrap();
+    backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0]).unwrap();
     let before = backend.found(&level, &mut frame, &field).unwrap();
     backend.observe(&level, &mut frame, &mut field).unwrap();
     let stayed = backend.found(&level, &mut frame, &field).unwrap();

@@ -519,19 +519,16 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
 fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_bands_hold() {
     let Some(input) = near("weights = \"paper\"\nnoise_mm = 9.65625e-5", "") else { return };
     let low = draws(&input, 0.05, 40, true);
-    let Some(input) = near("weights = \"paper\"", "") else { return };
-    let high = draws(&input, 0.1, 40, false);
-    for draws in [&low, &high] {
-        assert_eq!(draws.converged, 40);
-        for k in 0..3 {
-            // The figure; a scatter of 40 draws is itself known to 11 %.
-            assert!((draws.predicted[k] / draws.scatter[k] - 1.0).abs() < 0.15, "parameter {k}");
-        }
+    assert_eq!(low.converged, 40);
+    for k in 0..3 {
+        // The figure; a scatter of 40 draws is itself known to 11 %. At 0.1 px: `make study`.
+        assert!((low.predicted[k] / low.scatter[k] - 1.0).abs() < 0.15, "parameter {k}");
     }
     assert!((0.9..=0.99).contains(&low.covered) && (0.9..=0.99).contains(&low.in_band));
     assert!((low.omega - 1.0).abs() < 0.1, "{}", low.omega);
+    let Some(input) = near("weights = \"paper\"", "") else { return };
     // Beyond what a linear prediction covers: reported, and nothing else than that most fits end.
-    assert!(draws(&input, 0.4, 40, false).converged > 20);
+    assert!(draws(&input, 0.4, 10, false).converged > 5);
 }
 
 #[test]

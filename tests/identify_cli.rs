@@ -107,6 +107,23 @@ fn a_case_gives_fit_json_with_tables_and_figures_and_any_number_of_threads_the_s
 }
 
 #[test]
+fn the_limits_of_the_command_line_win_and_a_fit_that_they_end_claims_nothing() {
+    let folder = folder(&format!("{JOINT}{MEASUREMENT}{FIT}"), &tables().1);
+    let (status, said) = run("identify", folder.path(), &["--max-evaluations", "2", "--progress", "json"]);
+    assert_eq!(status, Some(1), "{said}");
+    for line in said.lines() {
+        serde_json::from_str::<Value>(line).unwrap_or_else(|error| panic!("{error}: {line}"));
+    }
+    let fit = json(folder.path().join("out/fit.json"));
+    assert_eq!((&fit["status"], &fit["verdict"]["determined"]), (&"evaluation_limit".into(), &false.into()));
+    let text = fit["verdict"]["text"].as_str().unwrap();
+    assert!(text.contains("the fit did not converge"), "{text}");
+    // A limit that is over before anything was found leaves nothing to show, and says so.
+    let (status, said) = run("identify", folder.path(), &["--overwrite", "--max-seconds", "0.001"]);
+    assert!(status == Some(2) && said.contains("max_seconds") && said.contains("before the forward run"), "{said}");
+}
+
+#[test]
 fn a_fit_that_does_not_converge_exits_1_with_its_best_point() {
     let case = format!("{JOINT}{MEASUREMENT}{}", FIT.replace("[fit.start]", "max_evaluations = 2\n[fit.start]"));
     let folder = folder(&case, &tables().1);

@@ -4,8 +4,8 @@ mod mechanics_common;
 
 use mechanics_common::{adhesive, aluminium, virtual_r4};
 use quadrille::identify::{
-    Fit, FitOptions, FitStatus, IntervalKind, Intervals, NORMAL_95, Noise, Observation, ObservedInstant, Precision,
-    Problem, Unknowns, WeightKind, bands, fit, largest_without_rigid_motion,
+    Fit, FitOptions, FitStatus, FitWatch, IntervalKind, Intervals, NORMAL_95, Noise, Observation, ObservedInstant,
+    Precision, Problem, Unknowns, WeightKind, bands, fit, largest_without_rigid_motion,
 };
 use quadrille::linalg::Dense;
 use quadrille::mechanics::cohesive::Traction;
@@ -91,7 +91,7 @@ impl Known {
         let start = |k: usize| (k, TRUTH[k] * [1.01, 0.996, 1.004][k], None, None);
         let unknowns = Unknowns::new(&adhesive([1.0; 4]), &[start(0), start(1), start(2)]).unwrap();
         let observation = Arc::new(Observation { nodes, compared, prescribed, instants, pixel_size_mm: None });
-        Problem { joint, observation, noise: Arc::new(noise), unknowns }
+        Problem { joint, observation, noise: Arc::new(noise), unknowns, watch: FitWatch::default() }
     }
 }
 

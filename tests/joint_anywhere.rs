@@ -6,7 +6,7 @@ use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{LinearElastic, PlaneState, SubstrateLaw};
 use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, Model, ModelOptions};
 use quadrille::report::fit::FitRecord;
-use quadrille::run::{CaseRun, Event, identify, run_case};
+use quadrille::run::{CaseRun, Event, Stop, identify, run_case};
 use quadrille::synth::{GridField, Motion, RenderOptions, Strips, Texture, render};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -304,7 +304,7 @@ fn the_law_of_a_joint_is_found_however_the_joint_is_turned_and_its_zones_are_dra
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let input = quadrille::io::joint::read_joint(&swapped).unwrap();
     let out = folder_of("upright").join("swapped");
-    let (fit, _) = identify(&input, &swapped, &out, false, &pool, &mut |_| ()).unwrap();
+    let (fit, _) = identify(&input, &swapped, &out, false, &pool, &Stop::default(), &mut |_| ()).unwrap();
     assert_same(&found, &values(&fit), "swapped");
 
     // Tilted, as polygons: their corners in any order around.

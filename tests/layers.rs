@@ -45,7 +45,7 @@ const HOMES: [Home; 22] = [
     Home {
         what: "the crate rustfft",
         named_by: |s, at| s.names_crate(at, "rustfft"),
-        places: &["correlate/search.rs", "metrology/wave.rs"],
+        places: &["correlate/period.rs", "correlate/search.rs", "metrology/wave.rs"],
     },
     Home { what: "the crate image", named_by: |s, at| s.names_crate(at, "image"), places: &["io/", "report/"] },
     Home { what: "the crate tiff", named_by: |s, at| s.names_crate(at, "tiff"), places: &["io/"] },
@@ -493,7 +493,7 @@ fn a_crate_a_print_and_a_file_away_from_home_are_found() {
         "correlate/level.rs",
         "use rustfft::Fft;",
         &[
-            "src/correlate/level.rs, line 1: the crate rustfft is at home in src/correlate/search.rs, src/metrology/wave.rs alone",
+            "src/correlate/level.rs, line 1: the crate rustfft is at home in src/correlate/period.rs, src/correlate/search.rs, src/metrology/wave.rs alone",
         ],
     );
 }

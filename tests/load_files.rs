@@ -1,6 +1,8 @@
 //! Load files: read, joined with frames, and what is said about wrong ones.
 
-use quadrille::io::load::{LoadColumn, LoadError, LoadTable, parse_load, read_load};
+use quadrille::io::load::{
+    FrameTimes, LoadColumn, LoadError, LoadTable, parse_load, parse_record, read_frame_times, read_load,
+};
 use std::path::Path;
 
 fn parse(text: &str, n_frames: usize) -> Result<LoadTable, LoadError> {
@@ -144,4 +146,105 @@ fn files_that_are_not_there_or_no_text_are_named() {
     std::fs::create_dir(folder.path().join("folder_load.csv")).unwrap();
     let wrong = read_load(&folder.path().join("folder_load.csv"), 1).unwrap_err();
     assert!(matches!(said(wrong), LoadError::Io { .. }));
+}
+
+#[test]
+fn units_in_a_line_of_their_own_are_understood_and_converted() {
+    for text in [
+        "Time;Load\ns;kN\n0,5;0,01\n1;0,0205\n",
+        "Time\tLoad\n(s)\t(kN)\n0,5\t0,01\n1\t0,0205\n",
+        "\"Time\",\"Load\"\n\"[s]\",\"[kN]\"\n\"0,5\",\"0,01\"\n\"1\",\"0,0205\"\n",
+        "Time,Load,\nms,N,\n500,10,\n1000,20.5,\n",
+        "Time [s];Load [kN];\n0,5;0,01;\n1;0,0205;\n",
+    ] {
+        let table = parse(text, 2).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+        assert_eq!(
+            table.columns[0],
+            LoadColumn { name: "Time_s".into(), values: vec![Some(0.5), Some(1.0)] },
+            "{text:?}"
+        );
+        assert_eq!(table.columns[1].name, "Load_N", "{text:?}");
+        let off = table.columns[1].values.iter().zip(TWO).map(|(found, want)| (found.unwrap() - want.unwrap()).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-12, "{text:?}: {table:?}");
+        assert_eq!(table.notes.len(), 1, "{:?}", table.notes);
+    }
+    let read = columns("Axial_Force;Axial_Way\nkN;mm\n1;2\n", 1);
+    assert_eq!(read[0], ("Axial_Force_N".to_owned(), vec![Some(1000.0)]), "a name with a mark in it has no unit");
+    // A name that only looks as if it ended in a unit keeps its numbers.
+    assert_eq!(columns("force_min,load_N\n1,2\n", 1)[0], ("force_min".to_owned(), vec![Some(1.0)]));
+    assert_eq!(columns("T,cycle\n\u{b0}C,-\n20,7\n", 1)[0], ("T_\u{b0}C".to_owned(), vec![Some(20.0)]));
+    assert_eq!(columns("T,cycle\n\u{b0}C,-\n20,7\n", 1)[1], ("cycle_1".to_owned(), vec![Some(7.0)]));
+}
+
+fn record(text: &str, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
+    parse_record(text, Path::new("test/load.csv"), time, times)
+}
+
+#[test]
+fn a_record_is_interpolated_between_its_rows_and_ends_with_them() {
+    // Row spacing changes; a value is missing.
+    let text = "Time [s],Load [N],way_mm\n1,0,0\n2,10,\n4,30,6\n4,31,7\n5,40,8\n";
+    let table = record(text, "Time", &FrameTimes::every(0.5, 0.0, 11)).unwrap();
+    let values = |k: usize| table.columns[k].values.clone();
+    assert_eq!(table.columns[0].name, "Time_s");
+    assert_eq!(values(0)[3], Some(2.0));
+    let load = [None, Some(0.0), Some(5.0), Some(10.0), Some(15.0), Some(20.0), Some(25.0), Some(30.0)];
+    assert_eq!(values(1)[..8], load);
+    assert_eq!(values(1)[8..], [Some(35.5), Some(40.0), None], "the later of two rows at one time goes on from there");
+    assert_eq!(
+        values(2)[..8],
+        [None, Some(0.0), None, None, None, None, None, Some(6.0)],
+        "an empty cell is not bridged"
+    );
+    assert!(table.notes[0].contains("frames 1, 11 lie outside the load record (1 to 5 s)"), "{:?}", table.notes);
+    let stress = table.with_stress(2.0, Path::new("test/load.csv")).unwrap();
+    assert_eq!(stress.columns[3].name, "stress_MPa");
+    assert_eq!(stress.columns[3].at(4), Some(5.0));
+}
+
+#[test]
+fn clock_times_count_from_the_first_row_or_join_two_clocks() {
+    let text = "Clock;Load [N]\n10:31:00,0;0\n10:31:10,0;100\n";
+    let table = record(text, "clock", &FrameTimes::every(2.5, 0.0, 3)).unwrap();
+    assert_eq!(table.columns[1].values, [Some(25.0), Some(50.0), Some(75.0)]);
+    assert_eq!(table.columns[0].name, "Clock_s");
+    assert!(table.notes[0].contains("counted from the first row (10:31:00,0)"), "{:?}", table.notes);
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera.csv");
+    std::fs::write(&camera, "name,timestamp\na.tif,10:31:01\nb.tif,10:31:09.5\n").unwrap();
+    let times = read_frame_times(&camera, 2).unwrap();
+    assert_eq!(record(text, "clock", &times).unwrap().columns[1].values, [Some(10.0), Some(95.0)]);
+    let wrong = record("t_s,load_N\n0,0\n9,9\n", "t", &times).unwrap_err();
+    assert!(matches!(wrong, LoadError::Clocks { .. }), "{wrong}");
+}
+
+#[test]
+fn records_that_cannot_be_joined_say_why_and_where() {
+    let times = FrameTimes::every(1.0, 0.0, 3);
+    let error = |text: &str, time: &str, wanted: &[&str]| {
+        let error = record(text, time, &times).map(|table| format!("{text:?} is read as {table:?}")).unwrap_err();
+        let said = error.to_string();
+        for wanted in wanted.iter().chain(&["test/load.csv"]) {
+            assert!(said.contains(wanted), "{wanted:?} is not said: {said}");
+        }
+        error
+    };
+    let wrong = error("t_s,load_N\n0,1\n1,2\n", "time", &["no column 'time'", "t_s, load_N"]);
+    assert!(matches!(wrong, LoadError::NoTime { .. }));
+    assert!(matches!(error("t_1,load_N\n0,1\n1,2\n", "t", &["are no seconds", "[min]"]), LoadError::TimeUnit { .. }));
+    let wrong = error("t_s,load_N\n0,1\n2,2\n1,3\n", "t", &["line 4", "column 't_s'", "must not fall"]);
+    assert!(matches!(wrong, LoadError::TimeOrder { line: 4, .. }));
+    assert!(matches!(error("t_s,load_N\n0,1\n,2\n", "t", &["line 3"]), LoadError::TimeOrder { .. }));
+    let wrong = error("t_s,load_N\n10,1\n20,2\n", "t", &["from 10 to 20 s", "from 1 to 3 s", "start_s"]);
+    assert!(matches!(wrong, LoadError::Apart { .. }));
+    assert!(matches!(error("t_s,load_N\n0,1\nx,2\n", "t", &["line 3", "'x'"]), LoadError::Number { line: 3, .. }));
+    let path = Path::new("test/load.csv");
+    for text in ["way_mm\n1\n", "a_N,b_N\n1,2\n", "load_N,stress_MPa\n1,2\n"] {
+        let wrong = parse(text, 1).unwrap().with_stress(2.0, path).unwrap_err();
+        assert!(
+            matches!(wrong, LoadError::Force { .. }) && wrong.to_string().contains("one column of force"),
+            "{wrong}"
+        );
+    }
+    assert_eq!(parse("a_N,Force_N\n1,2\n", 1).unwrap().with_stress(2.0, path).unwrap().columns[2].at(1), Some(1.0));
 }

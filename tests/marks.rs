@@ -1,9 +1,9 @@
 //! Elements give up, not frames; and nothing converges wrong without a mark. Images by another renderer than the program's
-//! own (`common/spots.rs`), with the truth known.
+//! own (`common/scenes.rs`), with the truth known.
 
 mod common;
-#[path = "common/spots.rs"]
-mod spots;
+#[path = "common/scenes.rs"]
+mod scenes;
 
 use common::{inside, prepared};
 use quadrille::correlate::{Correlation, Options, ReferenceChain, Tracker};
@@ -12,7 +12,7 @@ use quadrille::imaging::Image;
 use quadrille::units::Px;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use spots::{AffineMotion, SPOT_PX, Spots, photographed};
+use scenes::{AffineMotion, SPOT_PX, Spots, photographed};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 

@@ -282,6 +282,7 @@ fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Optio
         range_grey: 255.0,
         element_size_px: 16.0,
         strain: StrainDefinition::Infinitesimal,
+        strain_window: None,
         case: String::new(),
     };
     let writer = StoreWriter::create(&path.join("fields.zarr"), &header).unwrap();

@@ -420,7 +420,7 @@ fn the_program_refuses_in_one_line() {
         ("ref.tif small.tif", "small.tif: the image is 20 x 10 px, the reference 320 x 320 px"),
         ("ref.tif --element-sizes 16,3", "4 to 128"),
         ("ref.tif --element-sizes -5", "4 to 128"),
-        ("ref.tif --element-sizes 16,x", "invalid"),
+        ("ref.tif --element-sizes 16,x", "no whole number"),
         ("ref.tif --roi 0,0,100,100 --element-sizes 64", "do not fit"),
         ("ref.tif --roi 0,0,400,100", "outside the image"),
         ("ref.tif --roi 100,0,0,100", "no rectangle"),

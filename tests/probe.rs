@@ -51,11 +51,12 @@ fn points_of_a_run_are_those_of_its_tables() {
         // Moved by a quarter pixel per frame, as a whole.
         assert!((number(between, "ux_px") - 0.25 * frame as f64).abs() < 0.02, "{between:?}");
         assert!(number(between, "exx").abs() < 2e-3 && number(between, "sigma_exx") > 0.0);
-        assert_eq!((number(node, "load_kN"), number(node, "time_s")), (1.25 * frame as f64, 0.5 * frame as f64));
+        assert_eq!((number(node, "load_N"), number(node, "time_s")), (1250.0 * frame as f64, 0.5 * frame as f64));
         assert_eq!((node["point"].as_str(), between["point"].as_str()), ("point1", "point2"));
     }
     let text = desk.read("out/quantities/points.csv");
     assert!(text.contains("strain: hencky") && text.contains("load file: load.txt"), "{text}");
+    assert!(text.contains("# load_N: kN in the load file, times 1000\n"), "{text}");
 }
 
 #[test]
@@ -229,5 +230,78 @@ fn curves_are_drawn_against_the_load_or_the_frame() {
         for words in ["elongation (px)", label] {
             assert!(curve.contains(&format!("aria-label=\"{words}\"")), "no '{words}'");
         }
+        // Of a load also the other way round: what the specimen does along x.
+        let turned = files.iter().any(|file| file == "extensometer1-load_N-against-strain_true.png");
+        assert_eq!(turned, against == "load_N", "{files:?}");
     }
+}
+
+#[test]
+fn a_record_at_another_rate_is_joined_by_time_and_gives_a_stress() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --output out ref.png a.png b.png c.png")).fine();
+    // 10 Hz beside frames every 0.25 s; the record ends before the last frame.
+    let rows: String = (0..7).map(|k| format!("{:.1};{}\n", 0.1 * f64::from(k), 2 * k).replace('.', ",")).collect();
+    desk.write("machine.txt", format!("Time;Force;\ns;kN;\n{rows}"));
+    let probe = "probe out --point 48,48 --load machine.txt --load-time time";
+    let ran = desk.run(&format!("{probe} --frame-interval 0.25 --area 50")).fine();
+    for wanted in
+        ["frame 3 lies outside the load record (0 to 0.6 s)", "a frame every 0.25 s", "kN in the load file, times 1000"]
+    {
+        assert!(ran.stderr.contains(wanted), "'{wanted}' is not said: {ran}");
+    }
+    let rows = table(&desk, "out/quantities/points.csv");
+    for (row, want) in rows.iter().zip([5000.0, 10000.0]) {
+        // 20 kN per second, between rows.
+        assert!((number(row, "Force_N") / want - 1.0).abs() < 1e-12, "{row:?}");
+        assert!((number(row, "stress_MPa") / (want / 50.0) - 1.0).abs() < 1e-12, "{row:?}");
+    }
+    assert_eq!((rows[2]["Force_N"].as_str(), rows[2]["stress_MPa"].as_str()), ("", ""), "nothing is extrapolated");
+    assert_eq!(number(&rows[2], "Time_s"), 0.75);
+    // The same from the camera's own times, and by a case file.
+    desk.write("camera.txt", "file,time [ms]\nref.png,0\na.png,250\nb.png,500\nc.png,600\n");
+    desk.run(&format!("{probe} --frame-times camera.txt")).fine();
+    assert_eq!(number(&table(&desk, "out/quantities/points.csv")[2], "Force_N"), 12000.0);
+    desk.write(
+        "case.toml",
+        "[load]\nfile = 'machine.txt'\ntime = 'time'\nframe_times = 'camera.txt'\nstart_s = -0.05\narea_mm2 = 10\n\
+         [[probe]]\npoint = [48, 48]\n",
+    );
+    desk.run("probe out --case case.toml").fine();
+    assert!((number(&table(&desk, "out/quantities/points.csv")[2], "stress_MPa") - 1100.0).abs() < 1e-9);
+    for (line, wanted) in [
+        (probe.to_owned(), "nobody knows when the frames were taken"),
+        ("probe out --point 48,48 --load machine.txt --frame-interval 1".to_owned(), "not the column of the load file"),
+        (format!("{probe} --frame-interval 0"), "is 0; give a finite number above 0"),
+        (format!("{probe} --frame-interval 5 --load-start 9"), "no frame lies within the record"),
+        (
+            "probe out --point 48,48 --load machine.txt --load-time clock --frame-interval 1".to_owned(),
+            "no column 'clock'",
+        ),
+        ("probe out --point 48,48 --area 3".to_owned(), "give --load FILE as well"),
+    ] {
+        let ran = desk.run(&line);
+        ran.refused(&[wanted]);
+    }
+}
+
+#[test]
+fn strains_over_a_window_stand_beside_the_others_at_points() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{INSIDE} --strain-window 3 --output out ref.png a.png b.png c.png")).fine();
+    desk.run("probe out --point 48,48 --line 40,48,80,48").fine();
+    let rows = table(&desk, "out/quantities/points.csv");
+    let nodes = desk.rows("out/csv/000001.csv");
+    let (strain, sigma) = nodes.iter().find(|row| row.px.position == [48.0, 48.0]).unwrap().window_strain.unwrap();
+    // At a node it is that of the node; tables of frames have 32 bits.
+    for (column, want) in [("exx_window", strain.xx), ("exy_window", strain.xy), ("sigma_eyy_window", sigma[1])] {
+        let found = number(&rows[0], column);
+        assert!((found - want).abs() < 1e-6 * want.abs().max(1e-4), "{column}: {found}, {want}");
+    }
+    assert!(number(&rows[0], "sigma_exx_window") < number(&rows[0], "sigma_exx"));
+    assert!(desk.read("out/quantities/points.csv").contains("virtual strain gauge"));
+    assert!(desk.read("out/quantities/lines.csv").contains("exx_window"));
+    desk.run("probe out --point 48,48 --strain-window 1").fine();
+    assert!(!desk.read("out/quantities/points.csv").contains("exx_window"));
+    desk.run("probe out --point 48,48 --strain-window 4").refused(&["give an odd number from 3 to 51"]);
 }

@@ -476,7 +476,7 @@ fn printed_uncertainty_of_quantities_is_their_scatter() {
                 at("node on the border", [48.0, 0.0]),
                 at("corner", [0.0, 0.0]),
             ];
-            for (what, PointValues { displacement, sigma, strain }) in places {
+            for (what, PointValues { displacement, sigma, strain, .. }) in places {
                 (0..2).for_each(|c| found.add(&format!("displacement, {what}"), displacement[c], sigma[c]));
                 let (strain, sigma) = strain.unwrap();
                 // On a border exx and eyy differ: along and across.
@@ -597,11 +597,13 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
     second.measured[0] = false;
     let quantities = Quantities {
         strain: StrainDefinition::Hencky,
+        window: None,
         remove_rigid: None,
         points: vec![("inside".into(), [50.0, 50.0]), ("corner".into(), [24.0, 20.0]), ("gap".into(), [50.0, 110.0])],
         lines: vec![("down".into(), Segment::new([50.0, 90.0], [50.0, 130.0], 10.0).unwrap())],
         extensometers: vec![("along".into(), Extensometer::new([30.0, 50.0], [130.0, 50.0], 0.0).unwrap())],
         openings: vec![("joint".into(), Facing::between(&mesh, "z0", "z1").unwrap())],
+        cracks: Vec::new(),
     };
     let load = parse_load("load_N,time_s\n10,1\n20,2\n,3\n", Path::new("l.csv"), 3).unwrap();
     let (files, notes, curves) = tables(&quantities, &load, &[Some(&first), Some(&second), None], true);
@@ -676,7 +678,7 @@ fn profiles_and_removed_motions_are_there_for_pictures_and_tables() {
         ..Quantities::default()
     };
     assert!(!quantities.is_empty() && Quantities::default().is_empty());
-    let drawn = quantities.draw(&turned, &noise_of(&turned));
+    let drawn = quantities.draw(&turned, &noise_of(&turned), None);
     let profiles = quantities.profiles(&drawn);
     let opening = profiles.iter().find(|curve| curve.quantity == "opening_px").unwrap();
     // Rotation of the gap by 3 degrees would show as 1.7 px of sliding.

@@ -76,16 +76,12 @@ fn errors<M: Motion>(measurement: &Measurement<Px>, motion: &M) -> (f64, f64) {
 // ---- What does not converge without ----------------------------------------------------------------------
 
 #[test]
-fn a_rotation_by_80_degrees_is_measured_in_stages_and_not_without() {
+fn a_rotation_by_80_degrees_is_measured_in_one_piece_and_in_stages() {
     const SIDE: usize = 384;
     let motion = Rotation::new(80.0, SIDE, SIDE);
     let (reference, frames) = series(&motion, 16, &eight_bit(SIDE, SIDE));
     let zones = inside(SIDE, SIDE, 96);
-    let alone = followed(&mut chain_of(&reference, &zones, Options::default(), NEVER), &frames);
-    let lost = alone.iter().filter(|found| found.measurement.status != Status::Converged).count();
-    println!("without updates {lost} frames of 16 are lost");
-    assert!(lost >= 3, "{lost} frames lost");
-    for update in [RESIDUAL, every(4), every(1)] {
+    for update in [NEVER, RESIDUAL, every(4), every(1)] {
         let mut chain = chain_of(&reference, &zones, Options::default(), update);
         let found = followed(&mut chain, &frames);
         for (k, found) in found.iter().enumerate() {
@@ -123,16 +119,12 @@ impl Motion for Neck {
 }
 
 #[test]
-fn a_neck_of_30_percent_that_turns_is_measured_in_stages_and_not_without() {
+fn a_neck_of_30_percent_that_turns_is_measured_in_stages() {
     const SIDE: usize = 320;
     let motion = Neck { strain: 0.3, width: 80.0, degrees: 75.0, centre: [159.5; 2] };
     let (reference, frames) = series(&motion, 15, &eight_bit(SIDE, SIDE));
     let zones = inside(SIDE, SIDE, 80);
     let options = Options { element_size: 12, ..Options::default() };
-    let alone = followed(&mut chain_of(&reference, &zones, options.clone(), NEVER), &frames);
-    let lost = alone.iter().filter(|found| found.measurement.status != Status::Converged).count();
-    println!("without updates {lost} frames of 15 are lost");
-    assert!(lost >= 2, "{lost} frames lost");
     for update in [RESIDUAL, every(3), every(1)] {
         let mut chain = chain_of(&reference, &zones, options.clone(), update);
         let found = followed(&mut chain, &frames);

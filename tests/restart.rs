@@ -98,7 +98,7 @@ fn a_run_that_is_killed_at_random_moments_and_given_again_ends_with_the_same_bit
 #[test]
 fn so_does_one_whose_reference_is_renewed() {
     let turning = desk_of(|k| Rotation::new(3.0 * k, program::WIDTH, program::HEIGHT));
-    killed(&turning, "--update-reference residual", 15, 20_261_122);
+    killed(&turning, "--update-reference every:4", 15, 20_261_122);
     killed(&desk(), "--update-reference every:2", 15, 20_261_123);
 }
 

@@ -415,6 +415,24 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     // What is wrong with the joint is told with its line before anything is correlated.
     refused("delta_n_mm = ", "delta_n_m = ", &["case.toml, line ", "delta_n_m:"]);
     refused("parameters = [\"phi_n\"", "parameters = [\"phi\"", &["case.toml, line ", "'phi'"]);
+    // So is what only the whole of it shows: frames, nodes, materials and border of the joint that will be measured.
+    refused(
+        "[measurement]",
+        "[measurement]\ninstant_weights = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]",
+        &["case.toml, line ", "instant_weights has 20 entries, but there are 19 instants"],
+    );
+    refused("nodes = \"free\"", "nodes = [1000000]", &["case.toml, line ", "the mesh has", "node 1000000"]);
+    refused("nodes = \"free\"", "nodes = \"selected\"", &["case.toml, line ", "selected_nodes"]);
+    refused("weights = \"covariance\"", "weights = \"paper\"\nnoise_mm = -1", &["case.toml, line ", "noise_mm = -1"]);
+    refused("boundary = \"measured\"", "boundary = \"estimated\"\nnoise_relative_std = 0", &["noise_relative_std"]);
+    refused("[fit]", "[fit]\nprofile = \"r\"", &["case.toml, line ", "profile = \"r\""]);
+    refused("[fit]", "[fit]\nmax_seconds = 0", &["case.toml, line ", "max_seconds = 0"]);
+    refused("[fit]", "[mesh]\nrefine = 0\n[fit]", &["case.toml, line "]);
+    refused(
+        "exact = true                          # the images",
+        "alpha_std = 0 #",
+        &["case.toml, line ", "alpha_std"],
+    );
     assert!(!folder.path().join("out/correlation").exists());
     // Another folder's results are not written over.
     let taken = folder.path().join("taken");
@@ -422,6 +440,28 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     std::fs::write(taken.join("summary.json"), "{}").unwrap();
     let (code, said) = run(&made().join("case.toml"), &taken);
     assert!(code == Some(2) && said.contains("--overwrite"), "{said}");
+}
+
+#[test]
+fn a_pixel_size_in_micrometres_is_warned_of_at_once_and_the_run_ends_in_its_time_with_the_correlation_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = text(made().join("case.toml")).replace("\"images/", &format!("\"{}/images/", made().display()));
+    let case = folder.path().join("case.toml");
+    std::fs::write(&case, base.replace("0.00193125", "1.93125")).unwrap();
+    let out = folder.path().join("out");
+    let words = ["run", case.to_str().unwrap(), "--output", out.to_str().unwrap(), "--max-seconds", "3"];
+    let begin = std::time::Instant::now();
+    let done = quadrille(&words);
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    // The correlation takes some seconds more; without a limit nothing was said for ten minutes.
+    assert!(begin.elapsed().as_secs() < 120, "{said}");
+    assert_eq!(done.status.code(), Some(2), "{said}");
+    let first = said.lines().next().unwrap();
+    assert!(first.starts_with("warning: ") || said.contains("is pixel_size_mm in mm"), "{said}");
+    let warned = said.find("if micrometres are meant, it is 0.00193125").expect("the value that is meant");
+    assert!(warned < said.find("frames in ").expect("the correlation"), "{said}");
+    assert!(said.trim_end().lines().last().unwrap().contains("max_seconds"), "{said}");
+    assert!(out.join("correlation/summary.json").exists());
 }
 
 #[test]

@@ -5,7 +5,10 @@
 mod program;
 
 use program::{Desk, INSIDE, moved};
-use quadrille::field::{ElementMark, Measurement, ModelError, Status, StrainDefinition, StrainField, TensorStrain};
+use quadrille::field::{
+    ElementMark, Measurement, ModelError, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows,
+    TensorStrain,
+};
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
 use quadrille::io::npz::NpzWriter;
@@ -54,7 +57,9 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
 }
 
 fn strain(field: &Measurement<Px>) -> StrainField {
-    StrainField::of(field, StrainDefinition::Hencky)
+    let windows = StrainWindows::new(&field.mesh, StrainWindow::new(3).unwrap(), false);
+    let window = Some(windows.of(field, StrainDefinition::Hencky));
+    StrainField { window, ..StrainField::of(field, StrainDefinition::Hencky) }
 }
 
 fn header() -> StoreHeader {
@@ -70,6 +75,7 @@ fn header() -> StoreHeader {
         range_grey: 231.3,
         element_size_px: 16.0,
         strain: StrainDefinition::Hencky,
+        strain_window: StrainWindow::new(3),
         case: "[correlation]\nnoise = 2.0\n".into(),
     }
 }
@@ -502,6 +508,7 @@ fn a_chunk_that_is_cut_changed_or_missing_is_refused_by_name_and_the_other_frame
         let assert_damaged = |what: &str| {
             let error = match variable {
                 Variable::StrainElement | Variable::StrainNode => store.strain(1).unwrap_err(),
+                Variable::StrainWindow | Variable::SigmaStrainWindow => store.values(1, variable).unwrap_err(),
                 _ => store.frame(1).unwrap_err(),
             };
             let named =
@@ -684,7 +691,7 @@ fn a_run_writes_the_store_and_exports_from_it_are_those_of_the_run() {
     let desk = Desk::with_series();
     desk.write("broken.png", "no image");
     // Frame 2 leaves the image in part, frame 3 is none.
-    desk.image("far.png", &moved([-3.0, 38.0]));
+    desk.image("far.png", &moved([-3.0, 24.0]));
     let flags = "--roi 16,16,112,48 --roi 16.5,50,112,80 --element-size 8 --strain hencky --pixel-size 0.00193125";
     desk.correlate(&format!("{flags} --export csv,vtu --output out ref.png a.png far.png broken.png b.png"))
         .incomplete();

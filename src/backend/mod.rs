@@ -255,8 +255,9 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &mut Self::Field,
     ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError>;
 
-    /// One Gauss-Newton step: right-hand side, solution, update of the field by `damping` times the
-    /// correction, and of its transfer.
+    /// One Gauss-Newton step: right-hand side, solution, update of the field by `scale` times the correction, and of its
+    /// transfer. `scale` is `damping (cos a, sin a)`: each correction is turned by the angle a of the field, since the
+    /// matrix is made of gradients of the reference, which are turned in the deformed image.
     ///
     /// # Errors
     /// When the device fails.
@@ -266,7 +267,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
         frame: &mut Self::Frame,
         field: &mut Self::Field,
         solver: &Self::Solver,
-        damping: f64,
+        scale: [f64; 2],
     ) -> Result<Step, BackendError>;
 
     /// The right-hand side of the last evaluation, per node: what checks compare.

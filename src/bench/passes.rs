@@ -87,7 +87,7 @@ impl<B: Subject> ResidualPass<B> {
     /// # Errors
     /// When the device fails.
     pub fn step(&mut self) -> Result<(), BackendError> {
-        self.backend.step(&self.level, &mut self.frame, &mut self.field, &self.solver, 1.0).map(|_| ())
+        self.backend.step(&self.level, &mut self.frame, &mut self.field, &self.solver, [1.0, 0.0]).map(|_| ())
     }
 
     /// The field and the match of every element, on the host.

@@ -58,11 +58,11 @@ fn size_table(
         f,
         "  {size} x {size} px, {n_elements} elements of {element} px, {n_nodes} nodes; median (fastest-slowest) of {runs}"
     )?;
-    writeln!(f, "  {:34} {:>30} {:>8} {:>8} {:>7}", "pass, in and out of the host", "ms", "ns/px", "GB/s", "of copy")?;
+    writeln!(f, "  {:28} {:>24} {:>7} {:>7} {:>7}", "pass, in and out of the host", "ms", "ns/px", "GB/s", "of copy")?;
     for pass in &cost.passes {
         writeln!(
             f,
-            "  {:34} {:>30} {:8.3} {:8.2} {:5.0} %",
+            "  {:28} {:>24} {:7.3} {:7.2} {:5.0} %",
             pass.name,
             ms(clock(pass.seconds)),
             pass.ns_per_px,
@@ -71,12 +71,12 @@ fn size_table(
         )?;
     }
     if !cost.kernels.is_empty() {
-        writeln!(f, "  {:34} {:>30} {:>8} {:>8} {:>7}", "kernel (dispatches)", "ms", "ns/px", "GB/s", "of copy")?;
+        writeln!(f, "  {:28} {:>24} {:>7} {:>7} {:>7}", "kernel (dispatches)", "ms", "ns/px", "GB/s", "of copy")?;
     }
     for kernel in &cost.kernels {
         writeln!(
             f,
-            "  {:34} {:>30} {:8.3} {:8.2} {:5.0} %",
+            "  {:28} {:>24} {:7.3} {:7.2} {:5.0} %",
             format!("{} ({})", kernel.kernel, kernel.dispatches),
             ms(kernel.seconds),
             kernel.ns_per_px,
@@ -86,25 +86,20 @@ fn size_table(
     }
     let both = |times: Times| format!("{} ms wall, {:.3} ms processor", ms(times.wall), 1e3 * times.cpu.fastest);
     writeln!(f, "  cold pair: reference {}", both(cost.pair.reference_s))?;
+    writeln!(f, "             frame     {}", both(cost.pair.frame_s))?;
+    writeln!(f, "             {} + {} coarse iterations", cost.pair.iterations, cost.pair.coarse_iterations)?;
     writeln!(
         f,
-        "             frame     {}; {} + {} coarse iterations",
-        both(cost.pair.frame_s),
-        cost.pair.iterations,
-        cost.pair.coarse_iterations
-    )?;
-    writeln!(
-        f,
-        "  series:    {:.1} frames/s; {}; {:.1} iterations; {} frames",
+        "  series:    {:.1} frames/s; {:.1} iterations; {} frames\n             {}",
         cost.series.frames_per_s,
-        both(cost.series.frame_s),
         cost.series.iterations,
-        cost.series.frames
+        cost.series.frames,
+        both(cost.series.frame_s)
     )?;
     if let Some(traffic) = &cost.series.traffic {
         writeln!(
             f,
-            "             per frame {} submissions, {} readbacks, {} B up, {} B down; host's own thread {:.3} ms",
+            "             per frame {} submissions, {} readbacks, {} B up, {} B down\n             host's own thread {:.3} ms",
             traffic.submissions,
             traffic.readbacks,
             traffic.bytes_up,

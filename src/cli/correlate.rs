@@ -1,20 +1,38 @@
 //! `quadrille correlate`.
 
 use super::args::{CorrelateArgs, ProgressKind};
-use super::progress::{Progress, Talk};
+use super::paint::Paint;
+use super::progress::Progress;
+use super::talk::Talk;
 use super::{Outcome, Result, devices, signals};
 use crate::io::case::read_case;
-use crate::run::{Existing, Overlay, Plan, RunFolder, Session, run_series};
+use crate::run::{Existing, Overlay, Plan, RunError, RunFolder, Session, run_series, shell_word};
 
 /// Runs the command.
-pub(super) fn run(args: &CorrelateArgs) -> Result<Outcome> {
+pub(super) fn run(args: &CorrelateArgs, paint: Paint) -> Result<Outcome> {
     let case = args.case.as_deref().map(read_case).transpose()?.unwrap_or_default();
-    let plan = Plan::of(&overlay(args), &case)?;
-    let mut progress = Progress::new(talk(args));
+    let plan = Plan::of(&overlay(args), &case).map_err(with_command)?;
+    let mut progress = Progress::new(talk(args), paint);
     let (folder, pool) = (RunFolder::writable(&args.output)?, args.threads.pool()?);
     let ran = run_series(&plan, &folder, &pool, session(args)?, &mut |event| progress.take(event))?;
     draw(args, ran.complete)?;
     Ok(ran.outcome)
+}
+
+/// Words of a command that are shown; of more, as a shell makes of a pattern, the first.
+const SHOWN: usize = 14;
+
+/// The error, with the command that was meant when only the reference is to be named.
+fn with_command(error: RunError) -> Box<dyn std::error::Error + Send + Sync> {
+    let RunError::WhichReference { named, .. } = &error else { return error.into() };
+    let given: Vec<String> = std::env::args_os().map(|word| shell_word(&word.to_string_lossy())).collect();
+    let rest: Vec<&str> = given.iter().skip_while(|word| *word != "correlate").skip(1).map(String::as_str).collect();
+    let mut words = rest.iter().take(SHOWN).copied().collect::<Vec<_>>().join(" ");
+    if rest.len() > SHOWN {
+        words.push_str(&format!(" ... (and the {} other arguments)", rest.len() - SHOWN));
+    }
+    let named = shell_word(&named.display().to_string());
+    format!("{error}:\n  quadrille correlate --reference {named} {words}").into()
 }
 
 /// Draws the figures that the arguments ask for, of a series that is complete.
@@ -55,6 +73,11 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         mask: args.mask.clone(),
         mesh: args.mesh.clone(),
         guard: args.guard,
+        crack: args.crack.iter().map(|path| path.0.clone()).collect(),
+        crack_guard: args.crack_guard,
+        crack_young: args.crack_young,
+        crack_poisson: args.crack_poisson,
+        crack_radius: args.crack_radius,
         element_share: args.element_share,
         element_size: args.element_size,
         interpolation: args.interpolation,
@@ -70,6 +93,8 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         drop_textureless: args.drop_textureless,
         export: args.export.as_ref().map(|tables| tables.iter().map(|&table| table.into()).collect()),
         strain: args.strain,
+        strain_window: args.strain_window,
+        no_report: args.no_report,
         device: args.device.clone(),
         gpu: devices::options(),
         isa: args.isa.clone(),

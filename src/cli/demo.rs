@@ -1,6 +1,8 @@
 //! `quadrille demo`: the virtual test, run from its images to the report, against the truth.
 
 use super::args::DemoArgs;
+use super::paint::Paint;
+use super::talk::Talk;
 use super::{Outcome, Result, devices, run, virtual_test};
 use crate::field::{Measurement, Status};
 use crate::io::store::Store;
@@ -71,7 +73,7 @@ struct Truth {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
+pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     let begin = Instant::now();
     // The demo owns its folder: running it again replaces what it made.
     let folder = RunFolder::open(&args.output, true)?;
@@ -88,7 +90,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<Outcome> {
         ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
     };
     // The page is named with the other results, at the end.
-    let outcome = run::of_case(&asked, args.threads, false, |_| ())?;
+    let outcome = run::of_case(&asked, args.threads, (Talk::Normal, paint), |_| ())?;
     let fit: FitRecord = read_json(&run_folder.join("fit.json"))?;
     let Truth { images } = read_json(&test_folder.join("truth.json"))?;
     let store = Store::open(correlation_in(&run_folder))?;

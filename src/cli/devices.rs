@@ -1,6 +1,7 @@
 //! `quadrille devices`.
 
 use super::args::DevicesArgs;
+use super::lines::wrapped;
 use super::{Outcome, Result};
 use crate::backend::choice::{DeviceChoice, choose};
 use crate::backend::gpu::{GpuOptions, adapters};
@@ -79,18 +80,19 @@ pub(super) fn run(args: &DevicesArgs) -> Result<Outcome> {
         let mark = if device.auto { "*" } else { " " };
         println!("{mark} {:<4} {} ({})", device.device, device.name, device.kind);
         let api = if device.api.is_empty() { String::new() } else { format!("{}, ", device.api) };
-        println!("       {api}{}", device.driver);
+        println!("{}", wrapped(&format!("       {api}{}", device.driver), 7));
         if let (Some(binding), Some(buffer)) = (device.max_binding_bytes, device.max_buffer_bytes) {
             let times = if device.timestamps { "times its kernels" } else { "cannot time its kernels" };
             println!("       {} MiB at once per kernel, {} MiB per buffer; {times}", binding >> 20, buffer >> 20);
         }
         if let Some(why) = device.unusable {
-            println!("       cannot be used: {why}");
+            println!("{}", wrapped(&format!("       cannot be used: {why}"), 7));
         }
     }
-    println!("* is taken by --device auto; a software device only by its name or number, or by --device gpu");
+    let mark = "* is taken by --device auto; a software device only by its name or number, or by --device gpu";
+    println!("{}", wrapped(mark, 2));
     if let Some(reason) = &adapters.reason {
-        println!("no graphics device: {reason}");
+        println!("{}", wrapped(&format!("no graphics device: {reason}"), 2));
     }
     Ok(Outcome::Fine)
 }

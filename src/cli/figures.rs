@@ -3,11 +3,12 @@
 use super::args::{FiguresArgs, StrainPlace};
 use super::frames::Frames;
 use super::{Outcome, Result, chain, plural, pool, without_doubles};
+use crate::field::StrainWindow;
 use crate::imaging::Image;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
-use crate::run::{FIGURES, Record, frame_in_words};
+use crate::run::{FIGURES, Record, frame_in_words, strain_window};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -24,7 +25,7 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
-    let series = RunFigures::new(&store, options(args, store.header()), args.scale, args.talk.quiet);
+    let series = RunFigures::new(&store, options(args, store.header())?, args.scale, args.talk.quiet);
     series.draw(&numbers, &folder, args.threads.threads)?;
     let complete = n_without == 0 || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
@@ -35,7 +36,9 @@ pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet:
     let store = Store::open(run)?;
     let (numbers, _) = drawable(frames, &store, quiet)?;
     let header = store.header();
-    let options = of_header(header, FigureOptions { strain: header.strain, ..FigureOptions::default() });
+    let options =
+        FigureOptions { strain: header.strain, strain_window: header.strain_window, ..FigureOptions::default() };
+    let options = of_header(header, FigureOptions { figures: usual(header.strain_window), ..options });
     RunFigures::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
 }
 
@@ -53,20 +56,30 @@ fn drawable(frames: &Frames, store: &Store, quiet: bool) -> Result<(Vec<usize>, 
 }
 
 /// What is drawn, from the arguments and from what the run says.
-fn options(args: &FiguresArgs, header: &StoreHeader) -> FigureOptions {
+fn options(args: &FiguresArgs, header: &StoreHeader) -> Result<FigureOptions> {
     let default = FigureOptions::default();
+    let asked = args.strain_window.map(|nodes| strain_window(Some(nodes))).transpose()?;
+    let window = asked.unwrap_or(header.strain_window);
     let options = FigureOptions {
-        figures: if args.quantity.is_empty() { default.figures.clone() } else { without_doubles(&args.quantity) },
+        figures: if args.quantity.is_empty() { usual(window) } else { without_doubles(&args.quantity) },
         formats: without_doubles(&args.format),
         line: args.line,
         magnify: args.magnify,
         range: args.range.map(|[low, high]| (low, high)),
         strain: args.strain.unwrap_or(header.strain),
+        strain_window: window,
         strain_on_nodes: args.strain_on == StrainPlace::Nodes,
         rigid: args.remove_rigid,
         ..default
     };
-    of_header(header, options)
+    Ok(of_header(header, options))
+}
+
+/// What is drawn of a frame when nobody names it: strains over a window as well, where there is one.
+fn usual(window: Option<StrainWindow>) -> Vec<Figure> {
+    let mut figures = FigureOptions::default().figures;
+    figures.extend(window.iter().flat_map(|_| Figure::OF_WINDOW));
+    figures
 }
 
 /// `options` with what the run says.

@@ -1,67 +1,29 @@
 //! `quadrille identify` and `quadrille sweep`: the parameters of the adhesive from measured displacements.
 
 use super::args::{IdentifyArgs, SweepArgs};
-use super::{Outcome, Result, plural};
+use super::paint::Paint;
+use super::progress::Progress;
+use super::run::or_stopped;
+use super::talk::Talk;
+use super::{Outcome, Result, plural, signals};
 use crate::identify::{Case, FitStatus, SweepRow, sweep};
 use crate::io::joint::read_joint;
-use crate::report::fit::{FitRecord, SweepRecord, budget_lines, defaults_used, write_sweep};
+use crate::report::fit::{SweepRecord, write_sweep};
 use crate::report::{Axis, Plot, PlotSeries, Style};
 use crate::run::{Event, FIGURES, RunFolder, identify};
-use std::path::Path;
 use std::time::Instant;
 
 /// Runs `quadrille identify`.
-pub(super) fn run(args: &IdentifyArgs) -> Result<Outcome> {
-    let input = read_joint(&args.case)?;
-    let mut watcher = |event: Event<'_>| match event {
-        Event::Identified { fit, folder } if !args.talk.quiet => say(fit, folder),
-        _ => {}
-    };
-    let (_, outcome) = identify(
-        &input,
-        &args.case,
-        &args.results.output,
-        args.results.overwrite,
-        &args.threads.pool()?,
-        &mut watcher,
-    )?;
-    Ok(outcome)
-}
-
-/// What a user has to know at once.
-pub(super) fn say(json: &FitRecord, output: &Path) {
-    json.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    for name in &json.parameter_order {
-        let p = &json.parameters[name];
-        let spread = match p.ends95 {
-            [Some(low), Some(high)] => format!(", 95 % {low:.6} to {high:.6}"),
-            [Some(low), None] => format!(", 95 % from {low:.6}, no upper end"),
-            [None, Some(high)] => format!(", 95 % up to {high:.6}, no lower end"),
-            [None, None] if p.std.is_some() => ", 95 % interval without ends".to_owned(),
-            [None, None] => String::new(),
-        };
-        let conditional = json.verdict.conditional && p.std.is_some();
-        let conditional = if conditional { " if the model were true" } else { "" };
-        let bound = if p.at_bound { ", on its bound" } else { "" };
-        eprintln!("{name} = {:.6} {}{spread}{conditional}{bound}", p.value, p.unit);
+pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
+    let mut input = read_joint(&args.case)?;
+    if let Some(fit) = &mut input.case.fit {
+        args.limits.over(fit);
     }
-    let parts = budget_lines(json);
-    if !parts.is_empty() {
-        eprintln!("largest standard uncertainties: {}", parts.join("; "));
-    }
-    defaults_used(json).iter().for_each(|line| eprintln!("{line}"));
-    let verdict = &json.verdict;
-    eprintln!("verdict: {}. {} ({})", verdict.outcome, verdict.text, verdict.thresholds);
-    let evaluations = plural(json.evaluations, "evaluation");
-    let rescued = if json.rescued > 0 { format!(", {} rescued", json.rescued) } else { String::new() };
-    eprintln!(
-        "{}: {}; omega = {:.6e}, {evaluations}{rescued}, {:.3} s, results in {}",
-        json.status,
-        json.reason,
-        json.omega,
-        json.seconds,
-        output.display()
-    );
+    let mut progress = Progress::new(Talk::of(args.progress, args.talk.quiet), paint);
+    let (output, pool, stop) = (&args.results.output, args.threads.pool()?, signals::listen()?);
+    let mut watcher = |event: Event<'_>| progress.take(event);
+    let ran = identify(&input, &args.case, output, args.results.overwrite, &pool, &stop, &mut watcher);
+    or_stopped(ran.map(|(_, outcome)| outcome), &stop)
 }
 
 /// Runs `quadrille sweep`.

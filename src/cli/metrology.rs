@@ -1,6 +1,7 @@
 //! `quadrille metrology`: what can be measured on the user's own images.
 
 use super::args::MetrologyArgs;
+use super::lines::wrapped;
 use super::{Outcome, Result, absolute, plural};
 use crate::imaging::Image;
 use crate::io::images::{Loaded, read_image};
@@ -220,16 +221,18 @@ fn case_lines(noise: &Noise) -> Vec<String> {
 fn print(found: &Metrology, options: &Options) {
     let Metrology { noise, texture, .. } = found;
     let [x0, y0, x1, y1] = found.zone_px;
-    println!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0);
+    said(&format!("looked at       x {x0} to {x1}, y {y0} to {y1} px ({} x {} px)", x1 - x0, y1 - y0));
     print_noise(noise);
     let [gx, gy] = texture.gradient_grey_per_px;
-    println!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px");
+    said(&format!("gradient        {gx:.2} along x, {gy:.2} along y, rms, grey levels per px"));
     let [sx, sy] = texture.speckle_px.map(|size| number(size, 1));
-    println!("speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)");
+    said(&format!(
+        "speckles        {sx} px along x, {sy} px along y (width of the autocorrelation at half its height)"
+    ));
     let ([low, high], [p1, p99], [dark, bright]) =
         (texture.range_grey, texture.percentiles_grey, texture.saturated_percent);
     let used = texture.range_used_percent.map_or(String::new(), |used| format!(", {used:.0} % of the scale"));
-    println!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}");
+    said(&format!("grey levels     {low} to {high}; 98 % of the pixels {p1} to {p99}{used}"));
     println!("saturated       {dark:.2} % dark, {bright:.2} % bright");
     print_sizes(found);
     println!();
@@ -244,11 +247,16 @@ fn print(found: &Metrology, options: &Options) {
         None => println!("no element size can be recommended"),
     }
     for reason in &found.advice.reasons {
-        println!("  {reason}");
+        println!("{}", wrapped(&format!("  {reason}"), 2));
     }
     for hint in &found.advice.hints {
-        println!("note: {hint}");
+        println!("{}", wrapped(&format!("note: {hint}"), 2));
     }
+}
+
+/// A line about one matter, which begins in the column that all have.
+fn said(line: &str) {
+    println!("{}", wrapped(line, 16));
 }
 
 /// What is known of the noise, and what of it goes into a case file.
@@ -258,15 +266,15 @@ fn print_noise(noise: &Noise) {
         Origin::Given => "as given".into(),
         Origin::Assumed => "ASSUMED from the highest frequencies of this one image, not measured".into(),
     };
-    println!(
+    said(&format!(
         "noise           {:.2} grey levels of one image, {origin} (white noise in it: at most {:.2})",
         noise.sigma_grey, noise.ceiling_grey
-    );
+    ));
     for pair in &noise.pairs {
-        println!(
+        said(&format!(
             "                {:.2} with {}, which has drifted by ({:.3}, {:.3}) px",
             pair.sigma_grey, pair.name, pair.drift_px[0], pair.drift_px[1]
-        );
+        ));
     }
     if !noise.by_grey.is_empty() {
         let parts: Vec<_> = noise
@@ -274,26 +282,26 @@ fn print_noise(noise: &Noise) {
             .iter()
             .map(|part| format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey))
             .collect();
-        println!("                by grey level: {}", parts.join(", "));
+        said(&format!("                by grey level: {}", parts.join(", ")));
     }
     if let Some(photon) = noise.photon.filter(PhotonFit::is_certain) {
         let PhotonFit { a_grey2, b_grey, a_sigma_grey2, b_sigma_grey } = photon;
-        println!(
+        said(&format!(
             "                variance a + b grey: a = {a_grey2:.3} +- {a_sigma_grey2:.3}, b = {b_grey:.5} +- {b_sigma_grey:.5}"
-        );
+        ));
     }
     if let Some(correlation) = &noise.correlation {
         let along = |lags: &[f64]| lags[1..].iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
-        println!(
+        said(&format!(
             "                correlation at 1 to {} px: {} along x, {} along y",
             correlation.along_x.len() - 1,
             along(&correlation.along_x),
             along(&correlation.along_y)
-        );
+        ));
         if let (Some([x, y]), Some(sigma)) = (correlation.factor, correlation.factor_sigma) {
-            println!(
+            said(&format!(
                 "                which makes displacements {x:.2} (x), {y:.2} (y) times as uncertain as white noise, +- {sigma:.2}"
-            );
+            ));
         }
     }
     if noise.origin == Origin::StaticImages {
@@ -302,21 +310,16 @@ fn print_noise(noise: &Noise) {
     }
 }
 
-/// A row for each element size.
+/// A row for each element size: what it measures, and what it resolves.
 fn print_sizes(found: &Metrology) {
     println!();
-    println!("standard uncertainty of one component (the larger of x and y), and shortest period resolved at 90 %");
-    println!(
-        "element  without |  displacement of a node, px          |  strain at centre | period, px             | uncertainty"
-    );
-    println!(
-        "size px  texture |  formula predicted measured  on edge |  formula measured |  best   mean theory worst | x period"
-    );
+    println!("standard uncertainty of one component (the larger of x and y)");
+    println!("element  without | displacement of a node, px           | strain at centre");
+    println!("size px  texture | formula predicted measured  on edge  | formula measured");
     for result in &found.sizes {
         let measured = result.measured.as_ref();
-        let periods = result.period_measured;
         println!(
-            "{:7}  {:5.1} % |  {:>7} {:>9} {:>8} {:>8} |  {:>7} {:>8} | {:>5} {:>6} {:>6} {:>5} | {:>8}",
+            "{:7}  {:5.1} % | {:>7} {:>9} {:>8} {:>8}  | {:>7} {:>8}",
             result.element_size_px,
             result.refused_percent,
             number(Some(larger(result.sigma_formula_px)), 4),
@@ -325,10 +328,21 @@ fn print_sizes(found: &Metrology) {
             number(measured.and_then(|scatter| scatter.edge_px).map(larger), 4),
             small(Some(larger(result.strain_sigma_formula))),
             small(measured.and_then(|scatter| scatter.strain).map(larger)),
+        );
+    }
+    println!();
+    println!("shortest period resolved at 90 %, px");
+    println!("element |         measured        | theory | uncertainty");
+    println!("size px |  best     mean    worst |   mean |    x period");
+    for result in &found.sizes {
+        let periods = result.period_measured;
+        println!(
+            "{:7} | {:>5} {:>8} {:>8} | {:>6} | {:>11}",
+            result.element_size_px,
             number(periods.and_then(|p| p.at_node_px), 0),
             number(periods.and_then(|p| p.averaged_px), 0),
-            number(Some(result.period_theory_px[1]), 0),
             number(periods.and_then(|p| p.at_middle_px), 0),
+            number(Some(result.period_theory_px[1]), 0),
             number(result.sigma_times_period_px2, 2),
         );
     }

@@ -8,13 +8,17 @@ mod demo;
 mod devices;
 mod export;
 mod figures;
+mod fitting;
 mod frames;
 mod identify;
+mod lines;
 mod metrology;
+mod paint;
 mod paper;
 mod paper_text;
 mod probe;
 mod progress;
+mod results;
 mod run;
 mod schema;
 mod signals;
@@ -22,14 +26,17 @@ mod simulate;
 mod slurm;
 mod status;
 mod synth;
+mod talk;
 mod virtual_test;
 mod watch;
+mod wrong_words;
 
 use crate::run::Outcome;
 use crate::run::text::{absolute, chain, plural};
 use args::{BenchArgs, BenchWhat};
-use clap::Parser;
 use clap::error::ErrorKind;
+use clap::{CommandFactory, FromArgMatches};
+use paint::Paint;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -39,36 +46,45 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// 130 stopped.
 pub fn main() -> ExitCode {
     devices::quiet_drivers();
-    let cli = match args::Cli::try_parse_from(args::joined(std::env::args_os())) {
+    let arguments = args::joined(std::env::args_os());
+    let command = args::grouped(args::Cli::command());
+    let parsed = command.clone().try_get_matches_from(&arguments);
+    let cli = match parsed.and_then(|matches| args::Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
+        Err(asked) if asked.kind() == ErrorKind::DisplayHelp && arguments.iter().any(|word| word == "-h") => {
+            let (command, name) = wrong_words::command_of(command, &arguments);
+            print!("{}", args::short_help(&command, &name));
+            return ExitCode::SUCCESS;
+        }
         // Help and version are what was asked for; clap prints them.
         Err(asked) if !asked.use_stderr() || asked.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             asked.exit()
         }
         Err(wrong) => {
-            eprintln!("quadrille: {}", one_line(&wrong.render().to_string()));
+            eprintln!("quadrille: {}", wrong_words::in_words(&wrong, &arguments));
             return ExitCode::from(2);
         }
     };
+    let paint = Paint::of(cli.color);
     let outcome = match cli.command {
-        args::Command::Correlate(args) => correlate::run(&args),
-        args::Command::Watch(args) => watch::run(&args),
-        args::Command::Status(args) => status::run(&args),
+        args::Command::Correlate(args) => correlate::run(&args, paint),
+        args::Command::Watch(args) => watch::run(&args, paint),
+        args::Command::Status(args) => status::run(&args, Paint::of_stdout(cli.color)),
         args::Command::Slurm(args) => slurm::run(&args),
         args::Command::Export(args) => export::run(&args),
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
         args::Command::Synth(args) => synth::run(&args),
-        args::Command::Demo(args) => demo::run(&args),
+        args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),
         args::Command::Devices(args) => devices::run(&args),
         args::Command::Bench(BenchArgs { what: Some(BenchWhat::Series(args)), .. }) => bench_series::run(&args),
         args::Command::Bench(args) => bench::run(&args),
-        args::Command::Simulate(args) => simulate::run(&args),
-        args::Command::Identify(args) => identify::run(&args),
+        args::Command::Simulate(args) => simulate::run(&args, paint),
+        args::Command::Identify(args) => identify::run(&args, paint),
         args::Command::Sweep(args) => identify::run_sweep(&args),
         args::Command::Virtual(args) => virtual_test::run(&args),
-        args::Command::Run(args) => run::run(&args),
+        args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
     };
@@ -81,14 +97,6 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
-}
-
-/// What clap says about wrong arguments, on one line: the fault and its tip, without the usage.
-fn one_line(message: &str) -> String {
-    let said = message.trim_start_matches("error: ").lines().map(str::trim);
-    let said = said.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"));
-    let said: Vec<_> = said.filter(|line| !line.is_empty()).collect();
-    format!("{}; more with --help", said.join(" ").replace(" tip: ", "; "))
 }
 
 /// The list with each item at its first place only.

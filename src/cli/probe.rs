@@ -6,11 +6,11 @@ use crate::field::Curve;
 use crate::io::case::{
     CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, parse_case, read_case,
 };
-use crate::io::load::name_and_unit;
 use crate::io::store::Store;
-use crate::report::{Axis, Plot, PlotSeries, Style};
-use crate::run::Record;
+use crate::report::Plot;
+use crate::report::correlation::{along_load, turned};
 use crate::run::quantities::{FOLDER, write_of_store};
+use crate::run::{Record, strain_window};
 use std::path::Path;
 
 /// Folder of the pictures of curves.
@@ -49,7 +49,8 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
     wanted.sort_unstable();
     let n = wanted.len();
     let output = args.output.as_deref().unwrap_or(&args.run);
-    let summary = write_of_store(&store, &asked, args.strain, &wanted, output, |_, _| ())?;
+    let window = args.strain_window.map(|nodes| strain_window(Some(nodes))).transpose()?;
+    let summary = write_of_store(&store, &asked, (args.strain, window), &wanted, output, |_, _| ())?;
     if args.curves {
         let bound = Record::of(store.header()).is_regularised();
         draw_curves(&summary.curves, bound, &output.join(CURVES))?;
@@ -65,32 +66,25 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
 /// Draws each curve of at least two points, with bars of two standard uncertainties, or of upper bounds of them.
 fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
+    let bars = "bars: \u{b1}2 standard uncertainties";
+    let bars = if bound { format!("{bars} (upper bounds: the field is regularised)") } else { bars.to_owned() };
     for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
-        let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
-        let series = PlotSeries::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
-        // What is drawn is in px or has no unit, and may have blanks in its name: `strain_engineering`.
-        let quantity = curve.quantity.strip_suffix("_px").map_or((&*curve.quantity, "1"), |quantity| (quantity, "px"));
-        let against = name_and_unit(&curve.against);
-        let words = |name: &str| name.replace('_', " ");
-        let label = |(name, unit)| match unit {
-            "1" => words(name),
-            unit => format!("{} ({unit})", words(name)),
-        };
-        let bars = "bars: \u{b1}2 standard uncertainties";
-        let plot = Plot {
-            title: format!("{}: {} against {}", curve.name, words(quantity.0), words(against.0)),
-            x: Axis::linear(label(against)),
-            y: Axis::linear(label(quantity)),
-            series: vec![series],
-            notes: vec![if bound { format!("{bars} (upper bounds: the field is regularised)") } else { bars.into() }],
-        };
-        let picture = plot.draw()?;
-        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-        let name: String =
-            format!("{}-{}-against-{}", curve.name, curve.quantity, curve.against).chars().map(plain).collect();
-        for ending in ["png", "svg"] {
-            picture.save(folder.join(format!("{name}.{ending}")))?;
+        let names = [curve.quantity.as_str(), curve.against.as_str()];
+        save(folder, &curve.name, names, Plot { notes: vec![bars.clone()], ..along_load(curve) })?;
+        if curve.is_against_load() {
+            save(folder, &curve.name, [names[1], names[0]], turned(curve))?;
         }
+    }
+    Ok(())
+}
+
+/// Writes the picture of a curve, of the first quantity against the second.
+fn save(folder: &Path, name: &str, [of, against]: [&str; 2], plot: Plot) -> Result<()> {
+    let picture = plot.draw()?;
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = format!("{name}-{of}-against-{against}").chars().map(plain).collect();
+    for ending in ["png", "svg"] {
+        picture.save(folder.join(format!("{name}.{ending}")))?;
     }
     Ok(())
 }
@@ -137,7 +131,24 @@ fn asked(args: &ProbeArgs, store: &Store) -> Result<CaseQuantities> {
     }
     asked.options.remove_rigid = args.remove_rigid.or(asked.options.remove_rigid);
     if let Some(load) = &args.load {
-        asked.load = Some(CaseLoad { file: load.display().to_string() });
+        // Another file has times and areas of its own.
+        asked.load = Some(CaseLoad { file: load.display().to_string(), ..CaseLoad::default() });
+    }
+    let given = |asked: &mut CaseLoad| {
+        asked.time = args.load_time.clone().or(asked.time.take());
+        if args.frame_interval.is_some() || args.frame_times.is_some() {
+            asked.frame_interval_s = args.frame_interval;
+            asked.frame_times = args.frame_times.as_ref().map(|file| file.display().to_string());
+        }
+        asked.start_s = args.load_start.or(asked.start_s);
+        asked.area_mm2 = args.area.or(asked.area_mm2);
+    };
+    match &mut asked.load {
+        Some(load) => given(load),
+        None if args.load_time.is_some() || args.area.is_some() => {
+            return Err("--load-time and --area are about a load file; give --load FILE as well".into());
+        }
+        None => {}
     }
     Ok(asked)
 }

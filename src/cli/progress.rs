@@ -1,27 +1,25 @@
 //! What a user sees of a long run, on stderr.
 
+use super::fitting::Fitting;
+use super::lines::wrapped;
+use super::paint::Paint;
 use super::plural;
+use super::results;
+use super::talk::Talk;
 use crate::field::Status;
+use crate::report::fit::FitRecord;
 use crate::report::summary::FrameSummary;
 use crate::run::{Busy, Event};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
-use serde_json::json;
+use serde_json::{Map, Value, json};
 use std::io::IsTerminal;
+use std::path::Path;
 use std::time::{Duration, Instant};
-
-/// How much is said.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Talk {
-    Quiet,
-    Normal,
-    Verbose,
-    /// One JSON object a line.
-    Json,
-}
 
 /// Progress of a series: a bar on a terminal, else a plain line now and then.
 pub(super) struct Progress {
     talk: Talk,
+    paint: Paint,
     bar: ProgressBar,
     terminal: bool,
     /// None when nobody knows how many there will be.
@@ -32,6 +30,9 @@ pub(super) struct Progress {
     failed: usize,
     begin: Instant,
     last_line: Instant,
+    fitting: Fitting,
+    /// What was warned of.
+    warned: Vec<String>,
 }
 
 /// Seconds between two plain lines.
@@ -41,20 +42,38 @@ const EVERY_JSON: Duration = Duration::from_secs(1);
 
 impl Progress {
     /// One that has nothing to show yet.
-    pub fn new(talk: Talk) -> Self {
+    pub fn new(talk: Talk, paint: Paint) -> Self {
         let (bar, now) = (ProgressBar::hidden(), Instant::now());
         let terminal = std::io::stderr().is_terminal();
-        Self { talk, bar, terminal, total: None, before: 0, done: 0, failed: 0, begin: now, last_line: now }
+        let (fitting, warned) = (Fitting::new(talk), Vec::new());
+        let (total, before, done, failed) = (None, 0, 0, 0);
+        let (begin, last_line) = (now, now);
+        Self { talk, paint, bar, terminal, total, before, done, failed, begin, last_line, fitting, warned }
     }
 
     /// Shows what has happened.
     pub fn take(&mut self, event: Event<'_>) {
         match event {
             Event::Begun { total, before } => self.begin(total, before),
-            Event::Note(line) => self.say(line),
+            Event::Note(line) => {
+                // What was warned of before anything ran is found once more by the step that it is about.
+                let warning = line.strip_prefix("warning: ");
+                if warning.is_none_or(|warning| !self.warned.iter().any(|before| before == warning)) {
+                    self.warned.extend(warning.map(str::to_owned));
+                    self.say(line);
+                }
+            }
             Event::Frame { summary, busy } => self.frame(summary, busy),
             Event::Finished { frames, seconds } => self.finish(frames, seconds),
-            Event::Simulated { .. } | Event::Identified { .. } | Event::Reported { .. } => {}
+            Event::Fitting(at) => self.fitting.take(at),
+            Event::Identified { fit, folder } => self.identified(fit, folder),
+            Event::Simulated { summary, folder } => {
+                self.fitting.done();
+                if self.talk != Talk::Quiet {
+                    results::of_joint(summary, folder);
+                }
+            }
+            Event::Reported { .. } => {}
         }
     }
 
@@ -77,7 +96,8 @@ impl Progress {
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style.with_key("rate", rate));
         let now = Instant::now();
-        *self = Self { bar, total, before, begin: now, last_line: now, ..*self };
+        (self.bar, self.total, self.before) = (bar, total, before);
+        (self.begin, self.last_line) = (now, now);
     }
 
     /// A line about the run as a whole.
@@ -90,10 +110,40 @@ impl Progress {
     fn print(&self, line: &str) {
         if self.talk == Talk::Json {
             eprintln!("{}", json!({ "message": line }));
-        } else if self.terminal {
-            self.bar.suspend(|| eprintln!("{line}"));
+            return;
+        }
+        let line = self.paint.line(line);
+        if self.terminal {
+            self.bar.suspend(|| self.fitting.suspend(|| eprintln!("{line}")));
         } else {
             eprintln!("{line}");
+        }
+    }
+
+    /// A fit has ended: what it found, and what was not warned of before.
+    fn identified(&self, fit: &FitRecord, folder: &Path) {
+        self.fitting.done();
+        let new = fit.warnings.iter().filter(|warning| !self.warned.contains(warning));
+        match self.talk {
+            Talk::Quiet => {}
+            Talk::Json => {
+                new.for_each(|warning| self.print(&format!("warning: {warning}")));
+                let values: Map<String, Value> =
+                    fit.parameters.iter().map(|(name, p)| (name.to_string(), json!(p.value))).collect();
+                let result = json!({ "result": {
+                    "status": fit.status,
+                    "cut_short": fit.cut_short,
+                    "omega": fit.omega,
+                    "parameters": values,
+                    "verdict": fit.verdict.outcome,
+                    "folder": folder,
+                }});
+                eprintln!("{result}");
+            }
+            _ => {
+                new.for_each(|warning| self.print(&format!("warning: {warning}")));
+                results::of_fit(fit, folder, self.paint);
+            }
         }
     }
 
@@ -104,7 +154,7 @@ impl Progress {
         self.failed += usize::from(!fine);
         self.bar.set_position((self.before + self.done) as u64);
         if self.talk == Talk::Verbose || (!fine && self.talk == Talk::Normal) {
-            self.print(&line(frame));
+            self.print(&line(frame, self.paint));
         }
         let now = self.before + self.done;
         // The last one before a pause of unknown length shall not be held back.
@@ -143,23 +193,24 @@ impl Progress {
             return;
         }
         const SHOWN: usize = 30;
-        eprintln!(
-            "frame  status           it.  correction  residual  residual   u_x mean   u_y mean  rotation  misfit     model"
-        );
-        eprintln!(
-            "                                     px      grey         %         px         px       deg       %  error px"
-        );
-        for frame in frames.iter().take(SHOWN) {
-            eprintln!("{}", row(frame));
+        HEAD.iter().for_each(|cells| eprintln!("{}", columns(cells)));
+        // Those that want a look come first.
+        let mut order: Vec<&FrameSummary> = frames.iter().collect();
+        order.sort_by_key(|frame| frame.status == Status::Converged);
+        for frame in order.into_iter().take(SHOWN) {
+            eprintln!("{}", row(frame, self.paint));
         }
         if frames.len() > SHOWN {
             eprintln!("... {} more in summary.json", frames.len() - SHOWN);
         }
         if let Some(line) = about_misfit(frames) {
+            eprintln!("{}", wrapped(&line, 2));
+        }
+        if let Some(line) = about_ambiguity(frames) {
             eprintln!("{line}");
         }
         if let Some(line) = about_marks(frames) {
-            eprintln!("{line}");
+            eprintln!("{}", wrapped(&line, 2));
         }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
@@ -169,23 +220,41 @@ impl Progress {
     }
 }
 
-fn row(frame: &FrameSummary) -> String {
-    let status = frame.status.name().replace('_', " ");
-    let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-    let motion = frame.rigid_motion.as_ref();
+/// The head of the closing table, and the units; what it leaves out is in summary.json.
+const HEAD: [[&str; 9]; 2] = [
+    ["frame", "status", "it.", "correct.", "residual", "u_x mean", "u_y mean", "rotation", "misfit"],
+    ["", "", "", "px", "%", "px", "px", "deg", "%"],
+];
+
+/// A line of the closing table: 80 columns.
+fn columns(cells: &[&str; 9]) -> String {
+    let [number, status, iterations, correction, residual, x, y, rotation, misfit] = cells;
     format!(
-        "{:5}  {status:15}  {:3}  {:>10}  {:>8}  {:>8}  {:>9}  {:>9}  {:>8}  {:>6}  {:>8}",
-        frame.number,
-        frame.iterations,
-        frame.correction_px.map_or("-".to_owned(), |v| format!("{v:.1e}")),
-        number(frame.residual_grey, 3),
-        number(frame.residual_percent, 2),
-        number(motion.map(|m| m.translation_px[0]), 4),
-        number(motion.map(|m| m.translation_px[1]), 4),
-        number(motion.map(|m| m.rotation_deg), 4),
-        number(frame.model_error.map(|_| frame.misfit.map_or(0.0, |misfit| misfit.percent)), 1),
-        number(frame.model_error.map(|error| error.rms_px), 4),
+        "{number:>5}  {status:15} {iterations:>3} {correction:>8} {residual:>8} {x:>9} {y:>9} {rotation:>8} {misfit:>6}"
     )
+}
+
+fn row(frame: &FrameSummary, paint: Paint) -> String {
+    let status = frame.status.name().replace('_', " ");
+    // Large numbers need no small digits.
+    let number = |v: Option<f64>, digits: usize, width: usize| {
+        let with = |digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        (0..=digits).rev().map(with).find(|text| text.len() <= width).unwrap_or_else(|| with(0))
+    };
+    let motion = frame.rigid_motion.as_ref();
+    let line = columns(&[
+        &frame.number.to_string(),
+        "*",
+        &frame.iterations.to_string(),
+        &frame.correction_px.map_or("-".to_owned(), |v| format!("{v:.1e}")),
+        &number(frame.residual_percent, 2, 8),
+        &number(motion.map(|m| m.translation_px[0]), 4, 9),
+        &number(motion.map(|m| m.translation_px[1]), 4, 9),
+        &number(motion.map(|m| m.rotation_deg), 4, 8),
+        &number(frame.model_error.map(|_| frame.misfit.map_or(0.0, |misfit| misfit.percent)), 1, 6),
+    ]);
+    // Colour has no width, but characters.
+    line.replacen(&format!("{:15}", "*"), &paint.status(frame.status, &format!("{status:15}")), 1)
 }
 
 /// The frame with most misfit in words, and how many have some.
@@ -207,9 +276,17 @@ fn about_marks(frames: &[FrameSummary]) -> Option<String> {
     Some(format!("{} with marked elements, most in frame {number}: {}", plural(n, "frame"), marks.join("; ")))
 }
 
+/// The frame whose displacement is told worst, where the texture repeats, and how many there are.
+fn about_ambiguity(frames: &[FrameSummary]) -> Option<String> {
+    let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.ambiguity.as_ref()?)));
+    let (number, worst) = with().max_by(|a, b| a.1.from_expected_px.total_cmp(&b.1.from_expected_px))?;
+    Some(format!("warning: {} with a texture that repeats; frame {number}: {worst}", plural(with().count(), "frame")))
+}
+
 /// One frame in words.
-fn line(frame: &FrameSummary) -> String {
-    let mut text = format!("frame {} ({}): {}", frame.number, frame.file, frame.status.name().replace('_', " "));
+fn line(frame: &FrameSummary, paint: Paint) -> String {
+    let status = paint.status(frame.status, &frame.status.name().replace('_', " "));
+    let mut text = format!("frame {} ({}): {status}", frame.number, frame.file);
     if let Some(correction) = frame.correction_px {
         text.push_str(&format!(", {} iterations, correction {correction:.1e} px", frame.iterations));
         if let (false, Some([x, y])) = (frame.status == Status::Converged, frame.correction_at_px) {

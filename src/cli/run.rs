@@ -1,32 +1,55 @@
 //! `quadrille run`: from images to the report.
 
 use super::args::{RunArgs, Threads};
-use super::progress::{Progress, Talk};
-use super::{Outcome, Result, devices, identify, simulate};
-use crate::run::{CaseRun, Event, run_case};
+use super::paint::Paint;
+use super::progress::Progress;
+use super::talk::Talk;
+use super::{Outcome, Result, chain, devices, signals};
+use crate::run::{CaseRun, Event, RunError, Stop, run_case};
 use std::path::Path;
 
 /// Runs the command.
-pub(super) fn run(args: &RunArgs) -> Result<Outcome> {
+pub(super) fn run(args: &RunArgs, paint: Paint) -> Result<Outcome> {
     let asked = CaseRun {
         overwrite: args.overwrite,
         device: args.device.clone(),
         gpu: devices::options(),
+        max_seconds: args.limits.max_seconds,
+        max_evaluations: args.limits.max_evaluations,
+        stop: signals::listen()?,
         ..CaseRun::new(&args.case, &args.output)
     };
-    let report = |page: &Path| eprintln!("report: {}", page.display());
-    of_case(&asked, args.threads, args.talk.quiet, report)
+    let talk = Talk::of(args.progress, args.talk.quiet);
+    let report = |page: &Path| match talk {
+        Talk::Quiet => {}
+        Talk::Json => eprintln!("{}", serde_json::json!({ "report": page })),
+        _ => eprintln!("report: {}", page.display()),
+    };
+    of_case(&asked, args.threads, (talk, paint), report)
 }
 
 /// Runs a case and says how it goes; `reported` gets the page.
-pub(super) fn of_case(asked: &CaseRun, threads: Threads, quiet: bool, reported: impl Fn(&Path)) -> Result<Outcome> {
-    let mut progress = Progress::new(if quiet { Talk::Quiet } else { Talk::Normal });
+pub(super) fn of_case(
+    asked: &CaseRun,
+    threads: Threads,
+    (talk, paint): (Talk, Paint),
+    reported: impl Fn(&Path),
+) -> Result<Outcome> {
+    let mut progress = Progress::new(talk, paint);
     let mut watcher = |event: Event<'_>| match event {
-        Event::Identified { .. } | Event::Simulated { .. } | Event::Reported { .. } if quiet => {}
-        Event::Identified { fit, folder } => identify::say(fit, folder),
-        Event::Simulated { summary, folder } => simulate::say(summary, folder),
         Event::Reported { page } => reported(page),
         _ => progress.take(event),
     };
-    Ok(run_case(asked, &threads.pool()?, &mut watcher)?)
+    or_stopped(run_case(asked, &threads.pool()?, &mut watcher), &asked.stop)
+}
+
+/// What a run came to; one that could not go on because it was asked to stop was stopped, and says where.
+pub(super) fn or_stopped(ran: std::result::Result<Outcome, RunError>, stop: &Stop) -> Result<Outcome> {
+    match ran {
+        Err(error) if stop.is_asked() => {
+            eprintln!("quadrille: {}", chain(&error));
+            Ok(Outcome::Stopped)
+        }
+        ran => Ok(ran?),
+    }
 }

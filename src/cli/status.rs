@@ -1,6 +1,8 @@
 //! `quadrille status`: how far a run is.
 
 use super::args::StatusArgs;
+use super::lines::wrapped;
+use super::paint::Paint;
 use super::{Outcome, Result, plural};
 use crate::field::Status;
 use crate::io::store::Store;
@@ -43,7 +45,7 @@ struct Standing {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &StatusArgs) -> Result<Outcome> {
+pub(super) fn run(args: &StatusArgs, paint: Paint) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
     // Also where the store itself was named.
     let folder = store.path().parent().unwrap_or(&args.run).to_owned();
@@ -54,7 +56,7 @@ pub(super) fn run(args: &StatusArgs) -> Result<Outcome> {
     if args.json {
         println!("{}", serde_json::to_string_pretty(&standing)?);
     } else {
-        standing.print(&args.run);
+        standing.print(&args.run, paint);
     }
     let fine = standing.converged == standing.frames;
     Ok(if fine { Outcome::Fine } else { Outcome::Incomplete })
@@ -105,19 +107,18 @@ impl Standing {
         }
     }
 
-    fn print(&self, run: &Path) {
-        println!(
-            "{}: {} of {} done, {} converged",
-            run.display(),
-            self.done,
-            plural(self.frames, "frame"),
-            self.converged
-        );
+    fn print(&self, run: &Path, paint: Paint) {
+        let converged = format!("{} converged", self.converged);
+        let converged = if self.failed.is_empty() { paint.good(&converged) } else { converged };
+        let (done, frames) = (self.done, plural(self.frames, "frame"));
+        println!("{}: {done} of {frames} done, {converged}", run.display());
         for (status, frames) in &self.failed {
-            println!("{}: {}", status.replace('_', " "), in_words(frames));
+            let status = paint.bad(&status.replace('_', " "));
+            println!("{}", wrapped(&format!("{status}: {}", in_words(frames)), 2));
         }
         if !self.missing.is_empty() {
-            println!("missing: {}", in_words(&self.missing));
+            let missing = paint.doubtful("missing");
+            println!("{}", wrapped(&format!("{missing}: {}", in_words(&self.missing)), 2));
         }
         if let Some(rate) = self.frames_per_second {
             let left = self.seconds_left.map_or(String::new(), |left| format!(", {left:.0} s left"));

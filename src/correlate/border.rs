@@ -3,6 +3,7 @@
 use crate::imaging::Image;
 use crate::mesh::{Mesh, Zone};
 use crate::units::Px;
+use std::collections::{HashMap, HashSet};
 
 /// A zone that ends at a place without texture and has no guard there.
 ///
@@ -17,58 +18,171 @@ pub struct BareBorder {
     pub length_px: f64,
     /// Middle of the longest piece of it, px.
     pub at: [f64; 2],
+    /// Whether it lies inside the zone, where nodes without texture are left out: no guard helps there.
+    pub is_within: bool,
 }
 
 /// Beyond the border the texture (mean square of differences along it) is less than this share of that
 /// within: a tenth in amplitude, and a step in grey level of as much as its own contrast.
 const BARE: f64 = 0.15;
-/// Rows of pixels looked at beyond the border, and within, px from the border: the reach of the interpolation.
-const BEYOND: [f64; 2] = [1.0, 2.0];
-const WITHIN: [f64; 4] = [3.0, 4.0, 5.0, 6.0];
+/// Within the zone, places as large as those compared may not come this near to it by chance.
+const NEARLY_BARE: f64 = 0.25;
+/// Rows of pixels looked at beyond the border, px from it: the reach of the interpolation.
+const BEYOND: [usize; 2] = [1, 2];
+/// Pairs of rows within, and the first of them, px from the border.
+const N_WITHIN: usize = 11;
+const FIRST_WITHIN: usize = 3;
+/// Elements that border on a band at least, side by side.
+const LEAST_EDGES: usize = 4;
 
-/// The zones without guard that border on a place without texture over at least two elements.
-pub(super) fn bare_borders(reference: &Image, mesh: &Mesh<Px>, zones: &[Zone]) -> Vec<BareBorder> {
+/// Mean squares of differences along an edge: beyond it, and within in pairs of rows one after the other.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    beyond: f64,
+    within: [f64; N_WITHIN],
+}
+
+/// The zones that border on a place without texture where they have no guard: along what is left of them without the nodes
+/// that are not in `keep`.
+///
+/// Between sparse speckles there is room for a short bare strip. So strips of as many elements are compared as are never bare
+/// within the zone: those along the border, and the same moved inwards by up to 24 px.
+pub(super) fn bare_borders(reference: &Image, mesh: &Mesh<Px>, zones: &[Zone], keep: &[bool]) -> Vec<BareBorder> {
     let mut found = Vec::new();
-    for (zone, given) in zones.iter().enumerate().filter(|(_, given)| given.guard.is_none()) {
-        let mut length = 0.0;
-        let mut longest: (f64, [f64; 2]) = (0.0, [0.0; 2]);
-        for [a, b] in mesh.boundary(zone) {
-            let [a, b] = [a, b].map(|node| mesh.nodes()[node as usize]);
-            if is_bare(reference, a, b) {
-                let edge = (b[0] - a[0]).hypot(b[1] - a[1]);
-                length += edge;
-                if edge > longest.0 {
-                    longest = (edge, [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
-                }
+    for (zone, given) in zones.iter().enumerate() {
+        let own = outline(mesh, zone, |_| true);
+        let left = outline(mesh, zone, |nodes| nodes.iter().all(|&node| keep[node as usize]));
+        let is_own = |edge: &[u32; 2]| own.contains(edge);
+        for is_within in [false, true] {
+            if !is_within && !given.guard.is_none() {
+                continue;
             }
-        }
-        if length >= 2.0 * mesh.element_size() {
-            found.push(BareBorder { zone: given.name.clone(), length_px: length, at: longest.1 });
+            let edges: Vec<[u32; 2]> = mesh
+                .zone_elements(zone)
+                .flat_map(|element| sides(mesh.elements()[element]))
+                .filter(|edge| left.contains(edge) && is_own(edge) != is_within)
+                .collect();
+            let ends = |[a, b]: [u32; 2]| [a, b].map(|node| mesh.nodes()[node as usize]);
+            let seen: HashMap<[u32; 2], Beside> = edges
+                .iter()
+                .filter_map(|&edge| Some((edge, beside(reference, ends(edge)[0], ends(edge)[1])?)))
+                .collect();
+            let chains = chains(edges.iter().copied().filter(|edge| seen.contains_key(edge)));
+            let length = |edge: [u32; 2]| {
+                let [a, b] = ends(edge);
+                (b[0] - a[0]).hypot(b[1] - a[1])
+            };
+            let bare: Vec<[u32; 2]> = bare_edges(&chains, &seen, is_within);
+            let Some(longest) = bare.iter().copied().max_by(|&a, &b| length(a).total_cmp(&length(b))) else { continue };
+            let length_px = bare.iter().map(|&edge| length(edge)).sum();
+            let [a, b] = ends(longest);
+            let at = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            found.push(BareBorder { zone: given.name.clone(), length_px, at, is_within });
         }
     }
     found
 }
 
-/// Whether there is no texture beyond the edge from `a` to `b`, which has the inside to its right (y down).
-fn is_bare(image: &Image, a: [f64; 2], b: [f64; 2]) -> bool {
+fn sides(nodes: [u32; 4]) -> impl Iterator<Item = [u32; 2]> {
+    (0..4).map(move |k| [nodes[k], nodes[(k + 1) % 4]]).filter(|[a, b]| a != b)
+}
+
+/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their right.
+fn outline(mesh: &Mesh<Px>, zone: usize, counts: impl Fn(&[u32; 4]) -> bool) -> HashSet<[u32; 2]> {
+    let elements = || mesh.elements()[mesh.zone_elements(zone)].iter().filter(|nodes| counts(nodes));
+    let mut all: HashSet<[u32; 2]> = elements().flat_map(|&nodes| sides(nodes)).collect();
+    let shared: Vec<[u32; 2]> = all.iter().filter(|[a, b]| all.contains(&[*b, *a])).copied().collect();
+    shared.iter().for_each(|edge| {
+        all.remove(edge);
+    });
+    all
+}
+
+/// Edges in a row, each beginning where the one before ends.
+fn chains(edges: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<[u32; 2]>> {
+    let edges: Vec<[u32; 2]> = edges.collect();
+    let mut next: HashMap<u32, Vec<[u32; 2]>> = HashMap::new();
+    edges.iter().for_each(|&edge| next.entry(edge[0]).or_default().push(edge));
+    let mut n_before: HashMap<u32, usize> = HashMap::new();
+    edges.iter().for_each(|edge| *n_before.entry(edge[1]).or_default() += 1);
+    let mut chains = Vec::new();
+    // From where nothing leads to first; what is left are closed lines.
+    let is_begin = |edge: &&[u32; 2]| !n_before.contains_key(&edge[0]);
+    let order: Vec<[u32; 2]> = edges.iter().filter(is_begin).chain(&edges).copied().collect();
+    for start in order {
+        let mut chain = Vec::new();
+        let mut at = start[0];
+        while let Some(edge) = next.get_mut(&at).and_then(|edges| (!edges.is_empty()).then(|| edges.remove(0))) {
+            chain.push(edge);
+            at = edge[1];
+        }
+        if !chain.is_empty() {
+            chains.push(chain);
+        }
+    }
+    chains
+}
+
+/// The edges beside which there is no texture. Where that `is_known` (the nodes there were left out for it), chance is not asked.
+fn bare_edges(chains: &[Vec<[u32; 2]>], seen: &HashMap<[u32; 2], Beside>, is_known: bool) -> Vec<[u32; 2]> {
+    let longest = chains.iter().map(Vec::len).max().unwrap_or(0);
+    let mut n = LEAST_EDGES;
+    while n <= longest {
+        let mut bare: Vec<[u32; 2]> = Vec::new();
+        let mut by_chance = false;
+        for strip in chains.iter().flat_map(|chain| chain.windows(n)) {
+            let mean = |get: &dyn Fn(&Beside) -> f64| strip.iter().map(|edge| get(&seen[edge])).sum::<f64>() / n as f64;
+            let rows: [f64; N_WITHIN] = std::array::from_fn(|k| mean(&|beside| beside.within[k]));
+            let within = rows.iter().sum::<f64>() / N_WITHIN as f64;
+            by_chance |= !is_known && rows.iter().any(|row| *row < NEARLY_BARE * within);
+            if mean(&|beside| beside.beyond) < BARE * within {
+                bare.extend(strip.iter().filter(|edge| !bare.contains(edge)).copied().collect::<Vec<_>>());
+            }
+        }
+        if !by_chance {
+            return bare;
+        }
+        n *= 2;
+    }
+    Vec::new()
+}
+
+/// What is seen along the edge from `a` to `b`, which has the inside to its right (y down); `None` where rows beyond it lie
+/// outside the image, from where nothing is mixed in.
+fn beside(image: &Image, a: [f64; 2], b: [f64; 2]) -> Option<Beside> {
     let way = [b[0] - a[0], b[1] - a[1]];
     let length = way[0].hypot(way[1]);
     let along = way.map(|w| w / length);
     let outward = [along[1], -along[0]];
     let n = length.floor() as usize;
+    if n < 2 {
+        return None;
+    }
     // Zones are half-open: the last row of pixels within lies half a pixel off the border on every side.
     let grey = |distance: f64, step: usize| {
         let at = |c: usize| a[c] - 0.5 + (step as f64 + 0.5) * along[c] + (distance - 0.5) * outward[c];
         let inside = |v: f64, n: usize| (v > -0.5 && v < n as f64 - 0.5).then(|| v.round() as usize);
         Some(f64::from(image.grey(inside(at(0), image.width())?, inside(at(1), image.height())?)))
     };
-    let row = |distance: f64| -> Option<Vec<f64>> { (0..n).map(|step| grey(distance, step)).collect() };
-    let texture = |row: &Vec<f64>| row.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum::<f64>() / row.len().max(2) as f64;
-    let rows = |distances: &[f64]| distances.iter().map(|&distance| row(distance)).collect::<Option<Vec<_>>>();
-    // At the border of the image there is nothing to be mixed in.
-    let (Some(beyond), Some(within)) = (rows(&BEYOND), rows(&WITHIN.map(|distance| 1.0 - distance))) else {
-        return false;
+    let texture = |distance: f64| {
+        let mut sum = 0.0;
+        let mut before = grey(distance, 0)?;
+        for step in 1..n {
+            let now = grey(distance, step)?;
+            sum += (now - before).powi(2);
+            before = now;
+        }
+        Some(sum / n as f64)
     };
-    let mean = |rows: &[Vec<f64>]| rows.iter().map(texture).sum::<f64>() / rows.len() as f64;
-    n > 1 && mean(&beyond) < BARE * mean(&within)
+    let mut beyond = 0.0;
+    for row in BEYOND {
+        beyond += texture(row as f64)? / BEYOND.len() as f64;
+    }
+    let mut within = [0.0; N_WITHIN];
+    for (k, within) in within.iter_mut().enumerate() {
+        let inward = |row: usize| texture(1.0 - (FIRST_WITHIN + 2 * k + row) as f64);
+        // Where a narrow zone ends at the border of the image, there is nothing to compare with.
+        *within = 0.5 * (inward(0)? + inward(1)?);
+    }
+    Some(Beside { beyond, within })
 }

@@ -256,7 +256,8 @@ impl ReferenceChain {
                 let baseline = self.baseline.iter().flatten();
                 residuals(correlation).into_iter().zip(baseline).any(beyond)
             }
-            Status::LeftImage | Status::Unreadable => false,
+            // Another reference repeats itself as this one does.
+            Status::LeftImage | Status::Unreadable | Status::Ambiguous => false,
         }
     }
 
@@ -444,7 +445,8 @@ impl ReferenceChain {
             *error = [0.0; 2];
         }
 
-        let dropped = self.original.dropped().len();
+        let n_measured = measured.iter().filter(|&&measured| measured).count();
+        let elsewhere = self.original.dropped().len() + n_measured + found.nodes_in_noise;
         let zones = found.zones.into_iter().zip(&transfer).enumerate().map(|(zone, (found, &transfer))| ZoneResult {
             rigid: rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone)),
             transfer,
@@ -455,7 +457,7 @@ impl ReferenceChain {
             rigid: rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes()),
             correction_at: mesh.nodes()[stage.nodes[found.worst_node]],
             worst_node: stage.nodes[found.worst_node],
-            nodes_left: mesh.n_nodes() - dropped - measured.iter().filter(|&&measured| measured).count(),
+            nodes_left: mesh.n_nodes().saturating_sub(elsewhere),
             reference_frame: key.frame,
             measurement: Measurement {
                 mesh: mesh.clone(),

@@ -90,7 +90,12 @@ impl<B: Backend> Correlate for Correlator<B> {
         zones: &[Zone],
         options: Options,
     ) -> Result<Box<dyn Correlate>, CorrelationError> {
-        Ok(Box::new(Self::with_offset(self.backend().clone(), image, zones, options, self.grey_offset())?))
+        let made = Self::with_offset(self.backend().clone(), image, zones, options, self.grey_offset())?;
+        // A texture that does not repeat does not begin to: it is looked at once for all references of a series.
+        if self.periods().iter().all(Vec::is_empty) {
+            made.repeats_nowhere();
+        }
+        Ok(Box::new(made))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::light::SmoothLight;
 use super::noise_correlation::NoiseColour;
 use super::noise_model::PhotonNoise;
+use super::period::Ambiguity;
 use crate::backend::{GreyTransfer, Traffic};
 use crate::field::{Measurement, ModelError, RigidMotion};
 use crate::mesh::Mesh;
@@ -71,6 +72,9 @@ pub struct Correlation {
     pub start: StartUsed,
     /// Nodes not measured because their elements have left the deformed image.
     pub nodes_left: usize,
+    /// Nodes not measured because their texture does not stand out of the noise that the residual shows around them
+    /// (THEORY 2).
+    pub nodes_in_noise: usize,
     /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
     /// (THEORY 10).
     pub nodes_at_bound: usize,
@@ -86,6 +90,9 @@ pub struct Correlation {
     pub photon_noise: Option<PhotonNoise>,
     /// What went between host and device for the frame so far, when they are two.
     pub traffic: Option<Traffic>,
+    /// What is said of a displacement that the images tell but for multiples of a period, because the texture repeats;
+    /// `None` where it does not.
+    pub ambiguity: Option<Ambiguity>,
     /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
     /// correlation coefficients are those against this image.
     pub reference_frame: usize,

@@ -3,9 +3,10 @@
 use super::border::bare_borders;
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::error::CorrelationError;
+use super::features::Features;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
-use super::iterate::{Limits, Outcome, iterate, nothing};
+use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
 use super::marks::Pair;
@@ -17,8 +18,8 @@ use super::options::Options;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
 use super::screen::{LEAST_LEFT, continued};
-use super::search::{Motion, motions};
 use super::start::Start;
+use super::texture::{SeenByNode, lost_in_noise};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, NoiseCorrelation, Status};
@@ -26,7 +27,7 @@ use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use std::ops::Deref;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
 pub(super) const MATCHED: f64 = 0.5;
@@ -44,10 +45,8 @@ const MISFIT_EVERYWHERE: f64 = 3.0;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
 /// On coarse levels: good enough for the next finer one.
-const COARSE: Limits<'_> =
-    Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12, own: false, regulariser: None };
-/// With this correlation coefficient a zone is found: no other candidates are tried.
-const FOUND: f64 = 0.8;
+pub(super) const COARSE: Limits<'_> =
+    Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12, turn: Turn::NONE, own: false, regulariser: None };
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -58,18 +57,24 @@ const SEARCH_ZONE: f64 = 20.0;
 pub struct Correlator<B: Backend> {
     pub(super) backend: B,
     reference: Reference,
-    /// Its image, for the names of what is the matter with an element.
-    image: Arc<Image>,
     pub(super) levels: Vec<Level<B>>,
-    search_map: GreyMap,
+    pub(super) search_map: GreyMap,
+    /// The reference image, whose points are found when a frame is first looked for in the whole image, and by which it is
+    /// named what is the matter with an element.
+    pub(super) image: Arc<Image>,
+    pub(super) features: OnceLock<Features>,
+    /// The shifts at which each zone of the reference looks like itself, found with the first frame.
+    pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
     /// The pixels of each zone that are summed over on the coarsest level.
-    search_pixels: Vec<PixelSet>,
+    pub(super) search_pixels: Vec<PixelSet>,
     pub(super) noise_gain: NoiseGain,
     /// What looks for noise that is not white, if that is wanted and the zones are large enough.
     probe: Option<NoiseProbe>,
     pub(super) misfit_test: MisfitTest,
     mesh_lines: MeshLines,
     enough_px: Vec<f64>,
+    /// What the nodes see; none where the noise is stated or a regularisation holds them.
+    seen: Vec<SeenByNode>,
     /// Standard deviation of the rounding to integer grey levels.
     rounding: f64,
 }
@@ -120,10 +125,10 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
-        let bare_borders = bare_borders(&reference, &laid.mesh, zones);
         let mut frame = backend.frame(reference.clone(), &kernel)?;
-        let Finest { level, spread, dropped, held } =
+        let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
+        let bare_borders = bare_borders(&reference, &laid.mesh, zones, &level.keep);
         let sigma: Vec<f64> = {
             let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
@@ -183,12 +188,19 @@ impl<B: Backend> Correlator<B> {
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
             enough_px,
+            seen: if reference.is_regularised || reference.options.noise.constant().is_some() {
+                Vec::new()
+            } else {
+                seen
+            },
             rounding,
             backend,
             reference,
-            image,
             levels,
             search_map,
+            image,
+            features: OnceLock::new(),
+            periods: OnceLock::new(),
             search_pixels: laid.zone_pixels,
         })
     }
@@ -239,33 +251,37 @@ impl<B: Backend> Correlator<B> {
             }
             let attempt = self.follow_prediction(&mut frame, displacement, transfer)?;
             if attempt.measurement.status == Status::Converged {
-                return Ok(attempt);
+                return self.told(&mut frame, attempt, Some(displacement));
             }
-            let mut best = better(attempt, self.search(&mut frame, false)?);
-            if best.measurement.status != Status::Converged {
+            let mut best = attempt;
+            if best.worst_zone() > MATCHED {
+                // A match but for some elements: without them, before it is looked for elsewhere.
                 let again = self.second_try(&mut frame, displacement, transfer, StartUsed::Predicted, 0)?;
                 best = better(best, again);
             }
             if best.measurement.status != Status::Converged {
-                best = better(best, self.search(&mut frame, true)?);
+                best = better(best, self.search(&mut frame)?);
             }
-            return Ok(best);
+            return self.told(&mut frame, best, Some(displacement));
         }
-        let cold = self.search(&mut frame, false)?;
-        if cold.measurement.status == Status::Converged {
-            return Ok(cold);
-        }
-        Ok(better(cold, self.search(&mut frame, true)?))
+        let found = self.search(&mut frame)?;
+        self.told(&mut frame, found, None)
     }
 
-    pub(super) fn limits(&self) -> Limits<'_> {
+    pub(super) fn limits(&self, turn: Turn) -> Limits<'_> {
         Limits {
             tolerance_px: self.tolerance_px,
             enough_px: &self.enough_px,
             max_iterations: self.options.max_iterations,
+            turn,
             own: false,
             regulariser: None,
         }
+    }
+
+    /// How far a field on a level is turned; not at all with regularisation, whose part of a correction is not.
+    pub(super) fn turn(&self, level: &Level<B>, displacement: &[[f64; 2]]) -> Turn {
+        if self.is_regularised { Turn::NONE } else { Turn::of(&level.mesh, displacement) }
     }
 
     fn follow_prediction(
@@ -276,7 +292,8 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Correlation, CorrelationError> {
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
-        let outcome = iterate(&self.backend, finest, frame, &mut field, self.limits(), &self.kernel, nothing)?;
+        let limits = self.limits(self.turn(finest, displacement));
+        let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
         if near {
             let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
@@ -288,74 +305,32 @@ impl<B: Backend> Correlator<B> {
         for pair in self.levels.windows(2) {
             coarse = pair[1].taken_from_finer(&pair[0].mesh, &coarse);
         }
-        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse, false)
-    }
-
-    /// Finds each zone on the coarsest level and iterates down the pyramid; a second time `smoothly`.
-    fn search(&self, frame: &mut B::Frame, smoothly: bool) -> Result<Correlation, CorrelationError> {
-        let top = self.levels.len() - 1;
-        let level = &self.levels[top];
-        let deformed = self.backend.grey_map(frame, top);
-        let n_zones = level.mesh.zones().len();
-        let of_zone = |zone| motions(&self.search_map, &deformed, level.mesh.bounds(zone), &self.search_pixels[zone]);
-        let candidates: Vec<Vec<Motion>> = (0..n_zones).map(of_zone).collect();
-        // Every zone tries its own next candidate in each round and keeps the best match.
-        let mut best: Vec<(f64, Motion, GreyTransfer)> =
-            vec![(f64::NEG_INFINITY, Motion::rest(), GreyTransfer::NONE); n_zones];
-        let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
-        for round in 0..rounds {
-            if best.iter().all(|b| b.0 > FOUND) {
-                break;
-            }
-            let tried: Vec<Motion> = candidates.iter().map(|c| c[round.min(c.len() - 1)].clone()).collect();
-            let displacement = self.moved(level, &tried);
-            let transfer = vec![GreyTransfer::NONE; n_zones];
-            let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
-            let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
-            for (zone, (sums, transfer)) in observed.into_iter().enumerate() {
-                let score = sums.correlation();
-                if score > best[zone].0 {
-                    best[zone] = (score, tried[zone].clone(), transfer);
-                }
-            }
-        }
-        let transfer = best.iter().map(|b| b.2).collect();
-        let motions: Vec<Motion> = best.into_iter().map(|b| b.1).collect();
-        self.down_the_pyramid(frame, self.moved(level, &motions), transfer, StartUsed::Cold, smoothly)
-    }
-
-    /// The displacement of a level's nodes under the motions of their zones.
-    fn moved(&self, level: &Level<B>, motions: &[Motion]) -> Vec<[f64; 2]> {
-        let zones = level.mesh.node_zone();
-        level.mesh.nodes().iter().zip(zones).map(|(&x, &zone)| motions[zone as usize].displacement(x)).collect()
+        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse)
     }
 
     /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest.
-    fn down_the_pyramid(
+    pub(super) fn down_the_pyramid(
         &self,
         frame: &mut B::Frame,
         displacement: Vec<[f64; 2]>,
         transfer: Vec<GreyTransfer>,
         start: StartUsed,
-        smoothly: bool,
     ) -> Result<Correlation, CorrelationError> {
         let top = &self.levels[self.levels.len() - 1];
+        let turn = self.turn(top, &displacement);
         let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
-        if smoothly {
-            let (field, iterations) = self.smooth_pyramid(frame, field)?;
-            let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
-            return self.second_try(frame, &displacement, &transfer, start, iterations);
-        }
         let mut coarse_iterations = 0;
         for pair in self.levels.windows(2).rev() {
             let [finer, level] = pair else { continue };
-            let outcome = iterate(&self.backend, level, frame, &mut field, COARSE, &self.kernel, nothing)?;
+            let outcome =
+                iterate(&self.backend, level, frame, &mut field, Limits { turn, ..COARSE }, &self.kernel, nothing)?;
             coarse_iterations += outcome.iterations;
             // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
             let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, self.limits(), &self.kernel, nothing)?;
+        let limits = self.limits(turn);
+        let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
         self.finish(frame, &mut field, outcome, start, coarse_iterations, Vec::new())
     }
 
@@ -395,7 +370,8 @@ impl<B: Backend> Correlator<B> {
             light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
             self.backend.light(prepared, frame, field, light.nodes())
         };
-        let mut more = iterate(&self.backend, &self.levels[0], frame, field, self.limits(), &self.kernel, follow)?;
+        let limits = self.limits(outcome.turn);
+        let mut more = iterate(&self.backend, &self.levels[0], frame, field, limits, &self.kernel, follow)?;
         more.iterations += outcome.iterations;
         if outcome.status == Status::Converged && more.status != Status::Converged {
             // What was found with one gain and offset per zone is worth more than a field that does not settle.
@@ -451,7 +427,7 @@ impl<B: Backend> Correlator<B> {
             least: self.rounding * self.rounding,
         };
         let photon_noise = by_grey.photon(self.options.noise);
-        let mut freedom_left = Vec::new();
+        let (mut freedom_left, mut of_pair) = (Vec::new(), Vec::new());
         for (zone, name) in mesh.zones().iter().enumerate() {
             let nodes = mesh.zone_nodes(zone);
             let sums = &last[zone];
@@ -471,13 +447,15 @@ impl<B: Backend> Correlator<B> {
             let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
             let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer, by_sums.then_some(sums));
             // Identical images still hold the same rounding.
+            of_pair.push(gain.residual * freedom_left[zone].max(f64::MIN_POSITIVE));
             let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
             let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
             let noise = given.unwrap_or(residual_noise);
             for node in nodes.clone().filter(|&node| measured[node]) {
                 let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
                 nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
-                sigma[node] = [0, 1].map(|c| gain.variance(noise, at[c], c).sqrt());
+                let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
+                sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
             }
             zones.push(ZoneResult {
                 name: name.clone(),
@@ -489,6 +467,13 @@ impl<B: Backend> Correlator<B> {
                 noise,
                 residual_noise,
             });
+        }
+        let in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
+        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
+            }
         }
         // What has no finite uncertainty is not measured.
         for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
@@ -571,7 +556,9 @@ impl<B: Backend> Correlator<B> {
             zones,
             start,
             nodes_left,
+            nodes_in_noise: in_noise.len(),
             nodes_at_bound,
+            ambiguity: None,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
             full_displacement,
@@ -614,6 +601,15 @@ impl<B: Backend> Correlator<B> {
             *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
         }
         (measured, left)
+    }
+
+    /// The measured nodes whose texture does not stand out of the noise that the residual shows. THEORY 2.
+    fn lost_in_noise(&self, elements: &[ElementMatch], of_pair: &[f64], measured: &[bool]) -> Vec<usize> {
+        if self.seen.is_empty() {
+            return Vec::new();
+        }
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
     }
 
     /// Whether a zone has lost so many elements that do not match that those left have been chosen.
@@ -684,7 +680,7 @@ impl<B: Backend> Correlator<B> {
 
 /// Of two results of one frame the one that tells more: that which converged, else that which matches better, the
 /// second where they match alike.
-fn better(first: Correlation, second: Correlation) -> Correlation {
+pub(super) fn better(first: Correlation, second: Correlation) -> Correlation {
     let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
     if is_better { second } else { first }
 }

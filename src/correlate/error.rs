@@ -29,6 +29,14 @@ pub enum CorrelationError {
         /// Nodes of the mesh.
         n_nodes: usize,
     },
+    /// Nodes on a border that has to be whole see no texture.
+    #[error("on the edge of zone '{zone}', which is to be whole (the face of a joint or of an opening), {} too little texture in the reference image: {}; move that edge of the zone to where there is texture, enlarge the elements, or let such nodes be left out there too with --drop-textureless (drop_textureless = true)", nodes_see(faults.len()), first_few(faults))]
+    FaceWithoutTexture {
+        /// Name of the zone.
+        zone: String,
+        /// The nodes on its edge.
+        faults: Vec<TextureFault>,
+    },
     /// Nothing is left to measure.
     #[error("no node of the reference image sees texture: check the zone, the exposure and the focus")]
     Textureless,
@@ -183,9 +191,13 @@ impl UpdateRefused {
     }
 }
 
+fn nodes_see(n: usize) -> String {
+    if n == 1 { "1 node sees".into() } else { format!("{n} nodes see") }
+}
+
 fn advice(some_are_left: bool) -> &'static str {
     if some_are_left {
-        "move the zone off them, enlarge the elements, leave them out with --drop-textureless, or hold them with --regularisation"
+        "more than may be left out: move the zone off them, name no zone (the specimen is then found), enlarge the elements, leave them out with --drop-textureless, or hold them with --regularisation"
     } else {
         "check the zone, the exposure and the focus"
     }

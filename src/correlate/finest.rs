@@ -5,7 +5,7 @@ use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass
 use super::level::{Level, elimination_order, support};
 use super::options::Options;
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
-use super::texture::{faults, least_determined, undetermined};
+use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, KernelOptions};
 use crate::linalg::{BlockMatrix, Pattern, Solver};
@@ -19,6 +19,8 @@ pub(super) struct Finest<B: Backend> {
     pub level: Level<B>,
     /// Variances for image noise of one grey level, per node.
     pub spread: NodalSpread,
+    /// What the nodes see of texture and noise together.
+    pub seen: Vec<SeenByNode>,
     /// Nodes left out.
     pub dropped: Vec<TextureFault>,
     /// Nodes without texture that the regularisation holds.
@@ -49,6 +51,7 @@ pub(super) fn finest_level<B: Backend>(
         let support = support(&mesh, &moments);
         let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
         let mut found = faults(&mesh, &with_noise, &support, noise, kernel.interpolation);
+        let seen_by_nodes = seen_by_nodes(&with_noise, &support);
         drop(with_noise);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
@@ -106,13 +109,11 @@ pub(super) fn finest_level<B: Backend>(
                 dropped.sort_by_key(|fault| fault.node);
                 let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
-                return Ok(Finest { level, spread, dropped, held });
+                return Ok(Finest { level, spread, seen: seen_by_nodes, dropped, held });
             }
         }
-        if !options.drop_textureless
-            && let Some(too_many) = refused(&mesh, &dropped, &found, options)
-        {
-            return Err(CorrelationError::NoTexture { faults: too_many, n_nodes: mesh.n_nodes() });
+        if !options.drop_textureless {
+            may_be_left_out(&mesh, &dropped, &found, options)?;
         }
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             return Err(CorrelationError::Textureless);
@@ -132,27 +133,32 @@ pub(super) fn finest_level<B: Backend>(
     }
 }
 
-/// The nodes without texture, when they are not few: more than their share of a zone, or on a border of which none may be
-/// left out. `dropped` went before, because of others; `found` would follow.
-fn refused(
+/// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left out.
+/// `dropped` went before, because of others; `found` would follow.
+fn may_be_left_out(
     mesh: &Mesh<Px>,
     dropped: &[TextureFault],
     found: &[TextureFault],
     options: &Options,
-) -> Option<Vec<TextureFault>> {
+) -> Result<(), CorrelationError> {
     let mut all: Vec<TextureFault> = dropped.iter().chain(found).cloned().collect();
     all.sort_by_key(|fault| fault.node);
-    let are_few = |zone: usize| {
+    for (zone, name) in mesh.zones().iter().enumerate() {
         let nodes = mesh.zone_nodes(zone);
-        let of_zone = || all.iter().map(|fault| fault.node).filter(|node| nodes.contains(node));
-        let whole = options.whole_borders.contains(&mesh.zones()[zone]);
-        let on_border = whole && {
+        let of_zone = || all.iter().filter(|fault| nodes.contains(&fault.node));
+        if of_zone().count() as f64 > options.textureless_share * nodes.len() as f64 {
+            return Err(CorrelationError::NoTexture { faults: all, n_nodes: mesh.n_nodes() });
+        }
+        if options.whole_borders.contains(name) {
             let border: HashSet<u32> = mesh.boundary(zone).into_iter().flatten().collect();
-            of_zone().any(|node| border.contains(&(node as u32)))
-        };
-        !on_border && of_zone().count() as f64 <= options.textureless_share * nodes.len() as f64
-    };
-    (!(0..mesh.zones().len()).all(are_few)).then_some(all)
+            let on_border = |fault: &&TextureFault| border.contains(&(fault.node as u32));
+            let faults: Vec<TextureFault> = of_zone().filter(on_border).cloned().collect();
+            if !faults.is_empty() {
+                return Err(CorrelationError::FaceWithoutTexture { zone: name.clone(), faults });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The nodes that see texture: kept, and not held by the regularisation alone.

@@ -3,8 +3,10 @@
 use super::level::{Level, step_matrix};
 use super::regularisation::Regulariser;
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
-use crate::field::Status;
+use crate::field::{RigidMotion, Status};
 use crate::linalg::Solver;
+use crate::mesh::Mesh;
+use crate::units::Px;
 
 /// When to stop.
 #[derive(Clone, Copy)]
@@ -14,10 +16,55 @@ pub(super) struct Limits<'a> {
     /// noise is not what slows them down.
     pub enough_px: &'a [f64],
     pub max_iterations: usize,
+    /// How far the field is turned.
+    pub turn: Turn,
     /// Whether the frame has lost elements already at its last evaluation, so that the first step needs its own solver.
     pub own: bool,
     /// What holds the displacement of the frame's own solver in place of what the level has.
     pub regulariser: Option<&'a Regulariser>,
+}
+
+/// How far a field is turned as a whole, for steps: the normal matrix is made of gradients of the reference, which are
+/// turned in the deformed image, and with them the corrections. Left as they are they converge the slower the larger
+/// the rotation, and beyond 60 degrees not at all.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Turn {
+    cos: f64,
+    sin: f64,
+}
+
+impl Turn {
+    /// Not at all.
+    pub const NONE: Self = Self { cos: 1.0, sin: 0.0 };
+
+    /// Of a displacement of the nodes, the mean over the zones by their nodes. Below 8 degrees none: it would save a
+    /// fraction of an iteration.
+    pub fn of(mesh: &Mesh<Px>, displacement: &[[f64; 2]]) -> Self {
+        const LEAST: f64 = 8.0 / 180.0 * std::f64::consts::PI;
+        let (mut cos, mut sin) = (0.0, 0.0);
+        for zone in 0..mesh.zones().len() {
+            let nodes = mesh.zone_nodes(zone);
+            // Some thousand tell it as well as all.
+            let some = nodes.clone().step_by(nodes.len() / 4096 + 1);
+            let points = some.map(|node| (mesh.nodes()[node], displacement[node]));
+            if let Some(motion) = RigidMotion::fit(points) {
+                cos += nodes.len() as f64 * motion.rotation_rad.cos();
+                sin += nodes.len() as f64 * motion.rotation_rad.sin();
+            }
+        }
+        let (angle, length) = (sin.atan2(cos), cos.hypot(sin));
+        // Zones that turn against each other have no turn in common.
+        if angle.abs() < LEAST || length.is_nan() || length <= 0.5 * mesh.n_nodes() as f64 {
+            return Self::NONE;
+        }
+        Self { cos: cos / length, sin: sin / length }
+    }
+
+    /// Variances along x and y of what was found before it was turned, in the deformed image.
+    pub fn variances(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (c, s) = (self.cos * self.cos, self.sin * self.sin);
+        if self == Self::NONE { [x, y] } else { [c * x + s * y, s * x + c * y] }
+    }
 }
 
 /// From this iteration on corrections count as slow, and as stalled from the second on.
@@ -40,6 +87,8 @@ pub(super) struct Outcome<B: Backend> {
     pub own: Option<B::Solver>,
     /// and what that is made of.
     pub own_moments: Vec<ElementMoments>,
+    /// How far the field was turned.
+    pub turn: Turn,
 }
 
 /// The frame's own matrix is renewed when the pixels counted have changed by this share since.
@@ -83,6 +132,7 @@ pub(super) fn iterate<B: Backend>(
         gained: 0.0,
         own: None,
         own_moments: Vec::new(),
+        turn: limits.turn,
     };
     // The last two corrections, the latest first.
     let (mut before, mut stalls) = ([f64::INFINITY; 2], 0);
@@ -102,7 +152,8 @@ pub(super) fn iterate<B: Backend>(
         // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
         // settles it. More of them would only slow down what approaches from one side.
         let damping = if stalls == 3 { 0.5 } else { 1.0 };
-        let step = backend.step(&level.prepared, frame, field, solver, damping)?;
+        let scale = [damping * limits.turn.cos, damping * limits.turn.sin];
+        let step = backend.step(&level.prepared, frame, field, solver, scale)?;
         let correction = step.correction_px;
         outcome.iterations = iteration;
         outcome.correction_px = correction;

@@ -165,7 +165,7 @@ fn places<'a>(
     other: &'a Mesh<Px>,
     at: impl Fn(f64) -> f64 + 'a,
 ) -> impl Iterator<Item = Place> + 'a {
-    mesh.nodes().iter().zip(mesh.node_zone()).map(move |(node, &zone)| {
+    mesh.sides().into_iter().zip(mesh.node_zone()).map(move |(node, &zone)| {
         let [x, y] = node.map(&at);
         let (element, xi, eta) = other.nearest(zone as usize, x, y);
         Place { nodes: other.elements()[element], weights: shape_functions(xi, eta) }

@@ -1,11 +1,14 @@
 //! Global Q4 correlation of an image series (THEORY 2): one reference, any number of deformed images.
 
+mod ambiguity;
 mod border;
 mod chain;
 mod chosen;
 mod correlation;
 mod correlator;
 mod error;
+mod features;
+mod find;
 mod finest;
 mod gradient_noise;
 mod iterate;
@@ -18,6 +21,7 @@ mod noise_correlation;
 mod noise_model;
 mod options;
 mod patch;
+mod period;
 mod reference;
 mod reference_noise;
 mod regularisation;
@@ -27,6 +31,7 @@ mod series;
 mod start;
 mod texture;
 mod uncertainty;
+mod wide_search;
 
 pub use border::BareBorder;
 pub use chain::{ChainState, Keyframe, ReferenceChain};
@@ -38,6 +43,7 @@ pub use light::SmoothLight;
 pub use noise_correlation::NoiseColour;
 pub use noise_model::PhotonNoise;
 pub use options::Options;
+pub use period::Ambiguity;
 pub use reference::Reference;
 pub use reference_noise::assumed_noise;
 pub use regularisation::Regularisation;

@@ -61,7 +61,7 @@ impl Default for Options {
             noise_correlation: NoiseCorrelation::default(),
             n_references: 1,
             drop_textureless: false,
-            textureless_share: 0.05,
+            textureless_share: 0.2,
             whole_borders: Vec::new(),
             regularisation: Regularisation::default(),
             solver: SolverChoice::default(),

@@ -11,7 +11,7 @@
 use super::correlation::{Correlation, StartUsed};
 use super::correlator::{Correlator, MATCHED};
 use super::error::CorrelationError;
-use super::iterate::{Limits, Outcome, iterate, nothing};
+use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
 use super::level::{Level, step_matrix, support};
 use super::light::{Light, Seen};
 use super::misfit::{Look, Residuals};
@@ -139,7 +139,7 @@ impl<B: Backend> Correlator<B> {
             self.backend.exclude(prepared, frame, field, excluded)?;
             let mut iterations = outcome.iterations;
             for tries in 1.. {
-                *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found)?;
+                *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found, outcome.turn)?;
                 iterations += outcome.iterations;
                 outcome.iterations = iterations;
                 if outcome.status == Status::Converged || tries == TRIES {
@@ -163,9 +163,10 @@ impl<B: Backend> Correlator<B> {
         field: &mut B::Field,
         light: Option<&mut Light>,
         found: &Found,
+        turn: Turn,
     ) -> Result<Outcome<B>, CorrelationError> {
         let level = &self.levels[0];
-        let limits = self.rest_limits();
+        let limits = self.rest_limits(turn);
         let Some(light) = light else {
             return Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?);
         };
@@ -181,8 +182,8 @@ impl<B: Backend> Correlator<B> {
         Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, follow)?)
     }
 
-    fn rest_limits(&self) -> Limits<'_> {
-        let limits = self.limits();
+    fn rest_limits(&self, turn: Turn) -> Limits<'_> {
+        let limits = self.limits(turn);
         Limits { own: true, max_iterations: limits.max_iterations.min(REST_ITERATIONS), ..limits }
     }
 
@@ -203,7 +204,7 @@ impl<B: Backend> Correlator<B> {
         let then = match outcome.status {
             Status::Diverged => now.clone(),
             _ => {
-                let one = Limits { max_iterations: 1, ..self.rest_limits() };
+                let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
                 iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
                 self.backend.found(prepared, frame, field)?.displacement
             }
@@ -236,12 +237,16 @@ impl<B: Backend> Correlator<B> {
         Regulariser::new(smooth, mesh, pattern, &active, &texture)
     }
 
-    /// Iterates the coarse levels smoothly, from where `field` is on the coarsest, to a start on the finest.
+    /// [`Correlator::down_the_pyramid`], smoothly as long as it is not known what does not match.
     pub(super) fn smooth_pyramid(
         &self,
         frame: &mut B::Frame,
-        mut field: B::Field,
-    ) -> Result<(B::Field, usize), CorrelationError> {
+        displacement: Vec<[f64; 2]>,
+        transfer: Vec<GreyTransfer>,
+        start: StartUsed,
+    ) -> Result<Correlation, CorrelationError> {
+        let top = &self.levels[self.levels.len() - 1];
+        let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
         let mut iterations = 0;
         for (at, pair) in self.levels.windows(2).enumerate().rev() {
             let [finer, level] = pair else { continue };
@@ -268,7 +273,8 @@ impl<B: Backend> Correlator<B> {
             }
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
-        Ok((field, iterations))
+        let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
+        self.second_try(frame, &displacement, &transfer, start, iterations)
     }
 
     fn smooth_limits<'a>(&self, regulariser: Option<&'a Regulariser>) -> Limits<'a> {
@@ -278,6 +284,8 @@ impl<B: Backend> Correlator<B> {
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
             regulariser,
+            // The penalty is not turned with the corrections.
+            turn: Turn::NONE,
         }
     }
 
@@ -318,9 +326,10 @@ impl<B: Backend> Correlator<B> {
             self.backend.exclude(prepared, frame, &mut field, &excluded)?;
         }
         let safe = self.backend.found(prepared, frame, &field)?.displacement;
+        let turn = self.turn(level, &safe);
         let mut outcome = None;
         for _ in 0..ROUNDS {
-            let limits = self.rest_limits();
+            let limits = self.rest_limits(turn);
             let mut now = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
             iterations += now.iterations;
             now.iterations = iterations;

@@ -19,7 +19,7 @@ const AGREEMENT_PX: f64 = 1.5;
 
 /// An affine displacement `u(x) = shift + gradient (x - centre)`, px of its level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Affine {
+pub(super) struct Affine {
     centre: [f64; 2],
     shift: [f64; 2],
     gradient: [[f64; 2]; 2],
@@ -30,7 +30,8 @@ impl Affine {
         Self { centre: [0.0; 2], shift, gradient: [[0.0; 2]; 2] }
     }
 
-    fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
+    /// The displacement of the point `x`, px of the level.
+    pub fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
         let d = [x[0] - self.centre[0], x[1] - self.centre[1]];
         std::array::from_fn(|c| self.shift[c] + self.gradient[c][0] * d[0] + self.gradient[c][1] * d[1])
     }
@@ -53,11 +54,13 @@ impl Motion {
         Self::of(Affine::translation([0.0; 2]))
     }
 
-    fn of(affine: Affine) -> Self {
+    /// The same affine motion everywhere.
+    pub fn of(affine: Affine) -> Self {
         Self { affine, deviations: Vec::new() }
     }
 
-    fn with_deviations(affine: Affine, matches: &[Match]) -> Self {
+    /// An affine motion with what matches find beyond it around them.
+    pub fn with_deviations(affine: Affine, matches: &[Match]) -> Self {
         let deviation = |m: &Match| {
             let u = affine.displacement(m.centre);
             (m.centre, [m.displacement[0] - u[0], m.displacement[1] - u[1]])
@@ -87,10 +90,13 @@ impl Motion {
 
 /// Where one tile was found.
 #[derive(Debug, Clone, Copy)]
-struct Match {
-    centre: [f64; 2],
-    displacement: [f64; 2],
-    score: f64,
+pub(super) struct Match {
+    /// Its centre in the reference, px of the level.
+    pub centre: [f64; 2],
+    /// How far it has moved, px of the level.
+    pub displacement: [f64; 2],
+    /// Its correlation coefficient there.
+    pub score: f64,
 }
 
 /// The motions worth trying for one zone, the most probable first; the last is rest.
@@ -287,7 +293,7 @@ fn agreed_motion(matches: &[Match]) -> Option<Affine> {
 
 /// Least-squares affine motion; a rotation with scale when the tiles lie on a line (a thin strip); `None`
 /// when they are fewer than three or all at one place.
-fn fit(matches: &[Match]) -> Option<Affine> {
+pub(super) fn fit(matches: &[Match]) -> Option<Affine> {
     let n = matches.len() as f64;
     if matches.len() < 3 {
         return None;

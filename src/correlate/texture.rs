@@ -2,6 +2,7 @@
 
 use super::error::{Lack, TextureFault};
 use super::gradient_noise::AssumedNoise;
+use crate::backend::ElementMatch;
 use crate::imaging::Interpolation;
 use crate::linalg::BlockMatrix;
 use crate::mesh::Mesh;
@@ -53,6 +54,61 @@ pub(super) fn faults(
             })
         })
         .collect()
+}
+
+/// What a node sees: enough to ask again whether that is texture, when the noise is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SeenByNode {
+    /// Mean square of the gradient in its weakest direction, with its noise, (grey levels / px)^2.
+    weakest: f64,
+    /// Sum of psi^2 over the pixels.
+    support: f64,
+}
+
+/// What every node sees, by the `matrix` with its noise.
+pub(super) fn seen_by_nodes(matrix: &BlockMatrix, support: &[f64]) -> Vec<SeenByNode> {
+    let seen = |(node, &support): (usize, &f64)| {
+        let [xx, xy, yy] = matrix.diagonal(node);
+        let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
+        SeenByNode { weakest: (mean - half).max(0.0) / support.max(f64::MIN_POSITIVE), support }
+    };
+    support.iter().enumerate().map(seen).collect()
+}
+
+impl SeenByNode {
+    /// Whether nothing of it stands out of noise that adds `from_noise` to the mean square of each component of the
+    /// gradient: noise that was seen, so that it is enough that more is there than it can scatter by.
+    pub fn is_noise(self, from_noise: f64) -> bool {
+        self.weakest <= noise_margin(self.support, true) * from_noise
+    }
+}
+
+/// The nodes of `measured` that see nothing but noise, after the residual of a frame: the mean square of those of a node's
+/// elements, divided by `of_pair` (what noise of one grey level in one image gives, per zone), is the noise there. The quietest
+/// places of the reference, by which it was checked at first, may be the holes themselves.
+///
+/// `gain` is what noise of variance one adds to the mean square of the reference's gradient.
+pub(super) fn lost_in_noise(
+    mesh: &Mesh<Px>,
+    seen: &[SeenByNode],
+    elements: &[ElementMatch],
+    of_pair: &[f64],
+    gain: f64,
+    measured: &[bool],
+) -> Vec<usize> {
+    let mut sums = vec![[0.0; 2]; mesh.n_nodes()];
+    for (element, (nodes, matched)) in mesh.elements().iter().zip(elements).enumerate() {
+        let square = matched.residual_rms.powi(2) / of_pair[mesh.element_zone()[element] as usize];
+        for &node in nodes.iter().filter(|_| matched.n > 0.0 && square.is_finite()) {
+            let sums = &mut sums[node as usize];
+            *sums = [sums[0] + matched.n * square, sums[1] + matched.n];
+        }
+    }
+    let is_lost = |&node: &usize| {
+        let [squares, n] = sums[node];
+        measured[node] && n > 0.0 && seen[node].is_noise(gain * squares / n)
+    };
+    (0..mesh.n_nodes()).filter(is_lost).collect()
 }
 
 /// A node less certain than this (px, standard uncertainty) is not measured but guessed.

@@ -22,11 +22,17 @@ pub enum Status {
     LeftImage,
     /// The image could not be read, or is not an image of this series.
     Unreadable,
+    /// The texture repeats, and the displacement may be off by multiples of its period: nothing says which one it is.
+    Ambiguous,
 }
 
 impl Status {
+    /// All of them, by their code.
+    pub const ALL: [Self; 6] =
+        [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable, Self::Ambiguous];
+
     /// Number used where a file cannot hold a word: 0 converged, 1 iteration limit, 2 diverged, 3 left the
-    /// image, 4 unreadable.
+    /// image, 4 unreadable, 5 ambiguous.
     pub fn code(self) -> u8 {
         match self {
             Status::Converged => 0,
@@ -34,6 +40,7 @@ impl Status {
             Status::Diverged => 2,
             Status::LeftImage => 3,
             Status::Unreadable => 4,
+            Status::Ambiguous => 5,
         }
     }
 
@@ -45,14 +52,13 @@ impl Status {
     /// assert_eq!(Status::from_code(255), None);
     /// ```
     pub fn from_code(code: u8) -> Option<Self> {
-        let all = [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable];
-        all.into_iter().find(|status| status.code() == code)
+        Self::ALL.into_iter().find(|status| status.code() == code)
     }
 
     /// Whether a frame that ended so has a field that may be shown: a diverged one is no measurement.
     pub fn has_field(self) -> bool {
         match self {
-            Status::Converged | Status::IterationLimit | Status::LeftImage => true,
+            Status::Converged | Status::IterationLimit | Status::LeftImage | Status::Ambiguous => true,
             Status::Diverged | Status::Unreadable => false,
         }
     }
@@ -65,6 +71,7 @@ impl Status {
             Status::Diverged => "diverged",
             Status::LeftImage => "left_image",
             Status::Unreadable => "unreadable",
+            Status::Ambiguous => "ambiguous",
         }
     }
 }
@@ -109,6 +116,9 @@ impl fmt::Display for Misfit {
         )
     }
 }
+
+/// Standard uncertainty, in medians over the field, above which a node is to be doubted.
+pub const DOUBTFUL: f64 = 5.0;
 
 /// The displacement field of one deformed image, on the nodes of a mesh of the reference image.
 ///
@@ -181,6 +191,31 @@ impl<U: Length> Measurement<U> {
             Marked { mark, elements, percent: 100.0 * elements as f64 / marks.len().max(1) as f64 }
         };
         ElementMark::ALL.into_iter().map(marked).filter(|marked| marked.elements > 0).collect()
+    }
+
+    /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is above
+    /// [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
+    pub fn doubtful(&self) -> Vec<bool> {
+        let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
+        let mut known: Vec<f64> =
+            self.sigma.iter().zip(&self.measured).filter(|(_, measured)| **measured).map(|(s, _)| rms(s)).collect();
+        let middle = known.len() / 2;
+        let median = match known.get(middle) {
+            Some(_) => *known.select_nth_unstable_by(middle, f64::total_cmp).1,
+            None => return vec![false; self.measured.len()],
+        };
+        let is_doubtful = |(s, &measured): (&[f64; 2], &bool)| measured && rms(s) > DOUBTFUL * median;
+        self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
+    }
+
+    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose displacement is
+    /// marked as doubtful.
+    pub fn hatched(&self) -> Vec<bool> {
+        let nodes = self.doubtful();
+        let by_node = self.mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize]));
+        let marks = self.marks.as_deref().unwrap_or_default();
+        let is_marked = |element: usize| marks.get(element).is_some_and(|mark| *mark != ElementMark::None);
+        by_node.enumerate().map(|(element, by_node)| by_node || is_marked(element)).collect()
     }
 
     /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.

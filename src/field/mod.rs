@@ -8,16 +8,19 @@ mod options;
 mod quantities;
 mod rigid;
 mod strain;
+mod strain_field;
+mod strain_window;
 
 pub use mark::{ElementMark, Marked};
-pub use measurement::{Measurement, Misfit, ModelError, Status};
+pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use quantities::{
-    Curve, Elongation, Extensometer, Facing, FacingPoint, FrameQuantities, Jump, NodalNoise, OpeningValues,
-    PointValues, Quantities, QuantityError, Reading, RemoveRigid, RigidRemoved, Segment, Value, at_point, remove_rigid,
+    CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
+    FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
+    RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
 };
 pub use rigid::RigidMotion;
-pub use strain::{
-    ELEMENT_NOISE, NODE_NOISE, StrainDefinition, StrainField, TensorStrain, element_strain_sigma, node_strain_sigma,
-};
+pub use strain::{ELEMENT_NOISE, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma};
+pub use strain_field::StrainField;
+pub use strain_window::{StrainWindow, StrainWindows, WindowStrains};

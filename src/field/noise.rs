@@ -109,6 +109,9 @@ impl Noise {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         match self {
             Self::Constant(sigma) if !positive(sigma) => Some("a positive standard deviation in grey levels"),
+            Self::Constant(sigma) if sigma > highest => {
+                Some("a standard deviation in grey levels of the image, less than the brightest of the reference")
+            }
             Self::Photon { a, b } if !(a.is_finite() && b.is_finite() && b >= 0.0) => {
                 Some("a variance a + b grey with two numbers, b not negative")
             }

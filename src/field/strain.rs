@@ -4,9 +4,7 @@
 //! `F = I + grad u`. Everything is `f64`; the shear is that of the tensor, `exy = (du_x/dy + du_y/dx)/2` for
 //! small strains: half the change of a right angle.
 
-use super::{Measurement, UnknownChoice};
-use crate::mesh::{CORNERS, ElementGeometry, LocalMap, Mesh};
-use crate::units::Length;
+use super::UnknownChoice;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -113,6 +111,28 @@ impl StrainDefinition {
         };
         strain.iter().all(|e| e.is_finite()).then(|| TensorStrain::of_components(strain))
     }
+
+    /// Derivatives of exx, eyy and exy by the components of the displacement gradient, at `gradient`; `None` where the field
+    /// folds. What carries the noise of a gradient to that of its strain.
+    pub(super) fn slopes(self, gradient: [[f64; 2]; 2]) -> Option<[[[f64; 2]; 2]; 3]> {
+        // Central differences of smooth functions of order one: right to about 1e-10.
+        const STEP: f64 = 1e-5;
+        let mut slopes = [[[0.0; 2]; 2]; 3];
+        for c in 0..2 {
+            for k in 0..2 {
+                let [low, high] = [-STEP, STEP].map(|step| {
+                    let mut moved = gradient;
+                    moved[c][k] += step;
+                    self.of_gradient(moved)
+                });
+                let (low, high) = (low?.components(), high?.components());
+                for e in 0..3 {
+                    slopes[e][c][k] = (high[e] - low[e]) / (2.0 * STEP);
+                }
+            }
+        }
+        Some(slopes)
+    }
 }
 
 /// `ln(I + 2 E)/2` of a symmetric 2x2 matrix `E` = [xx, yy, xy].
@@ -203,110 +223,6 @@ pub fn element_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
 /// times `sqrt 3` of the other axis. `1.67 sigma/(l^2 g_x) = 0.681 sigma_ux/l`.
 pub fn node_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
     [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| NODE_NOISE * sigma / length)
-}
-
-/// The strains of a measured field, on its elements and on its nodes.
-#[derive(Debug, Clone)]
-pub struct StrainField {
-    /// How they are made.
-    pub definition: StrainDefinition,
-    /// At the centre of each element; `None` where one of its nodes is not measured or the field folds.
-    pub elements: Vec<Option<TensorStrain>>,
-    /// At each node; `None` where it is not measured, has no element with all nodes measured, or the field folds.
-    pub nodes: Vec<Option<TensorStrain>>,
-    /// Length over which the strain of an element is measured: the root of the mean area of the elements, px
-    /// (in the unit of the mesh). The strains of nodes have twice that.
-    pub length_px: f64,
-}
-
-impl StrainField {
-    /// The strains of `measurement`.
-    ///
-    /// On elements: the gradient of the bilinear field at the centre. On nodes: the mean of the gradients in that
-    /// corner of the elements around it, weighted by their areas (the central difference on a grid). Both are exact
-    /// where the displacement is affine.
-    ///
-    /// ```
-    /// # use quadrille::{field::{Measurement, Status, StrainDefinition, StrainField}, mesh::{Mesh, Roi, Zone}};
-    /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
-    /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
-    /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
-    /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-    /// #     element_residual: vec![1.0; 4], model_error: None, marks: None, mesh: mesh.into(), displacement };
-    /// let strain = StrainField::of(&measurement, StrainDefinition::GreenLagrange); // stretched by 1 % along x
-    /// assert!((strain.elements[0].unwrap().xx - 0.01005).abs() < 1e-12);
-    /// assert_eq!(strain.length_px, 16.0);
-    /// ```
-    pub fn of<U: Length>(measurement: &Measurement<U>, definition: StrainDefinition) -> Self {
-        let mesh = &measurement.mesh;
-        let mut elements = vec![None; mesh.n_elements()];
-        let mut sums = vec![([[0.0; 2]; 2], 0.0); mesh.n_nodes()];
-        for (element, strain) in elements.iter_mut().enumerate() {
-            let geometry = StrainElement::new(mesh, element);
-            let nodes = geometry.nodes;
-            if !nodes.iter().all(|&node| measurement.measured[node]) {
-                continue;
-            }
-            let u = nodes.map(|node| measurement.displacement[node]);
-            let gradient = |at: [f64; 2]| geometry.gradient_of(&u, at);
-            *strain = gradient([0.5; 2]).and_then(|gradient| definition.of_gradient(gradient));
-            for (corner, at) in geometry.corners() {
-                let Some(gradient) = gradient(at) else { continue };
-                let (sum, area) = &mut sums[nodes[corner]];
-                for c in 0..2 {
-                    for k in 0..2 {
-                        sum[c][k] += geometry.area * gradient[c][k];
-                    }
-                }
-                *area += geometry.area;
-            }
-        }
-        let nodes = sums.into_iter().map(|(sum, area)| {
-            (area > 0.0).then(|| definition.of_gradient(sum.map(|row| row.map(|g| g / area)))).flatten()
-        });
-        Self { definition, nodes: nodes.collect(), elements, length_px: mesh.element_size() }
-    }
-}
-
-/// One element of a mesh as gradients are taken in it.
-pub(super) struct StrainElement {
-    pub nodes: [usize; 4],
-    /// Positive whatever the sense in which the nodes are numbered.
-    pub area: f64,
-    shape: ElementGeometry,
-}
-
-impl StrainElement {
-    pub fn new<U: Length>(mesh: &Mesh<U>, element: usize) -> Self {
-        let shape = mesh.geometry(element);
-        Self { nodes: mesh.elements()[element].map(|node| node as usize), area: shape.area(), shape }
-    }
-
-    /// Its corners, and the local coordinates at which their gradient is taken.
-    pub fn corners(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
-        // A triangle has one gradient; in its doubled corner the map of the quadrilateral is singular.
-        let triangle = self.nodes[2] == self.nodes[3];
-        let places = CORNERS.into_iter().enumerate().take(if triangle { 3 } else { 4 });
-        places.map(move |(corner, place)| (corner, if triangle { [0.5; 2] } else { place }))
-    }
-
-    /// The map at local coordinates; `None` where the element is too flat for a gradient. Relative to the area: units do
-    /// not matter. NaN is flat as well.
-    fn map_at(&self, at: [f64; 2]) -> Option<LocalMap> {
-        let map = self.shape.map_at(at);
-        (map.determinant.abs() > 1e-9 * self.area).then_some(map)
-    }
-
-    /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` at local coordinates of the field with the values `u` at the corners;
-    /// `None` where the element is flat.
-    fn gradient_of(&self, u: &[[f64; 2]; 4], at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
-        self.map_at(at).map(|map| map.gradient_of(u))
-    }
-
-    /// `[dN/dx, dN/dy]` of the four shape functions at local coordinates; `None` where the element is flat.
-    pub fn gradients(&self, at: [f64; 2]) -> Option<[[f64; 2]; 4]> {
-        self.map_at(at).map(|map| map.gradients())
-    }
 }
 
 #[cfg(test)]

@@ -141,7 +141,7 @@ impl Base<'_> {
 
     /// The problem and the border that the fitted model gives with this noise.
     fn simulated(&self, noise: &[Vec<f64>], sign: f64) -> Option<(Problem<'_>, BoundaryHistory)> {
-        let Problem { joint, observation, noise: known, unknowns } = self.problem;
+        let Problem { joint, observation, noise: known, unknowns, watch } = self.problem;
         let mut data = (**observation).clone();
         for observed in &mut data.instants {
             let u = &self.evaluation.solution.instants[observed.index].displacement;
@@ -164,7 +164,8 @@ impl Base<'_> {
             joint.measured.boundary(self.boundary.instants().iter().zip(noise).map(moved).collect()).ok()?
         };
         let unknowns = unknowns.starting_at(&self.evaluation.x).ok()?;
-        Some((Problem { joint, observation: Arc::new(data), noise: Arc::clone(known), unknowns }, boundary))
+        let (observation, noise, watch) = (Arc::new(data), Arc::clone(known), watch.clone());
+        Some((Problem { joint, observation, noise, unknowns, watch }, boundary))
     }
 
     fn refit(&self, noise: &[Vec<f64>], sign: f64) -> Refit {

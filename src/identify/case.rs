@@ -10,6 +10,7 @@ use super::starts::latin_hypercube;
 use super::trust_region::TrustRegionOptions;
 use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
+use super::watch::FitWatch;
 use super::weights::WeightKind;
 use crate::correlate::NOISE_CONTRADICTED;
 use crate::io::case::{
@@ -43,6 +44,8 @@ pub struct Case<'a> {
     pub doubts: Vec<String>,
     /// Values of the case that hardly anything has.
     pub implausible: Vec<Implausible>,
+    /// Time after which the fit ends at the best point so far, s.
+    pub max_seconds: Option<f64>,
 }
 
 /// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
@@ -161,6 +164,10 @@ impl<'a> Case<'a> {
             None => None,
             Some(name) => {
                 let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
+                if unknowns.n() == 1 {
+                    let what = "profile needs two parameters or more: of one alone the interval says it all";
+                    return Err(wrong("fit", "profile", what));
+                }
                 Some(of_fit.ok_or_else(|| {
                     wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"))
                 })?)
@@ -195,9 +202,11 @@ impl<'a> Case<'a> {
             weights.name(),
             noise.source
         );
-        let problem = Problem { joint, observation: Arc::new(observation), noise: Arc::new(noise), unknowns };
+        let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
+        let problem = Problem { joint, observation, noise, unknowns, watch };
         let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
-        Ok(Self { problem, options, profile, sweep, about, boundary, doubts, implausible })
+        let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
+        Ok(Self { problem, options, profile, sweep, about, boundary, doubts, implausible, max_seconds })
     }
 }
 
@@ -449,6 +458,23 @@ fn observation(
             "measurement",
             "instant_weights",
             format!("instant_weights holds {factor}; give finite numbers, zero or more"),
+        ));
+    }
+    let n_all = match measured {
+        MeasurementInput::Run(run) => run.frames.len() + run.left_out.len(),
+        MeasurementInput::Table(_) => joint.boundary.instants().len(),
+    };
+    if factors.len() > n_all {
+        let what = format!("instant_weights has {} entries, but there are {n_all} instants", factors.len());
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    if let MeasurementInput::Run(run) = measured
+        && !(factors.is_empty() || run.left_out.is_empty())
+    {
+        doubts.push(format!(
+            "instant_weights counts the frames that converged: {} did not, and the weights behind them are those of earlier \
+             entries",
+            run.left_out.len()
         ));
     }
     let (mut instants, mut unknown_nodes) = (Vec::new(), 0);

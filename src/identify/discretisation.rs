@@ -6,6 +6,7 @@ use crate::io::joint::RunMatrix;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::Jump;
 use crate::mechanics::{BoundaryHistory, Carry, ForwardOptions, Instant, JointMesh, Model};
+use std::cell::Cell;
 use std::collections::HashMap;
 
 /// What elements half as large would change.
@@ -38,7 +39,13 @@ impl Problem<'_> {
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
         let fine = Model::new(mesh, model.materials().to_vec(), boundary.nodes(), *model.options()).ok()?;
-        let solution = fine.forward(&*law, &boundary, &ForwardOptions::default()).ok()?;
+        let (most, steps) = (self.most_steps(&fine, &boundary), Cell::new(0_usize));
+        let go_on = |instant: usize| {
+            steps.set(steps.get() + 1);
+            self.watch.at(instant, boundary.instants().len(), || self.named(&evaluation.x));
+            steps.get() <= most && self.watch.ended().is_none()
+        };
+        let solution = fine.forward_while(&*law, &boundary, &ForwardOptions::default(), &go_on).ok()?;
         let observation = &self.observation;
         let compared = |i: &super::observation::ObservedInstant| solution.instants[i.index].status.converged();
         if !observation.instants.iter().all(compared) {

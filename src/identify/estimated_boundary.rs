@@ -96,6 +96,9 @@ pub(super) fn estimate_boundary(
         if small > 1 {
             break (FitStatus::Converged, format!("two steps moved by {share:.1e} of the uncertainty"), weights);
         }
+        if let Some(ended) = problem.watch.ended() {
+            break (ended.status(), format!("{} after {} linearisations", ended.reason(), trail.len()), weights);
+        }
         if trail.len() >= STEPS {
             let reason = format!("two steps still moved by {share:.1e} of the uncertainty");
             break (FitStatus::EvaluationLimit, reason, weights);
@@ -110,6 +113,8 @@ pub(super) fn estimate_boundary(
         let slope = 2.0 * (square(&weights, &problem.noise, &rest) - point.omega);
         match search.along(&point, &step, &more, slope, stage)? {
             Some(next) => point = next,
+            // Said above.
+            None if problem.watch.ended().is_some() => {}
             None => {
                 // No lower neighbour: the end, where the step is nothing beside the uncertainty.
                 let share = share_of(&local.h, &step);
@@ -167,6 +172,7 @@ impl Search<'_> {
             let boundary = self.boundary(&corrections)?;
             let evaluation = self.problem.evaluate(&self.problem.unknowns.unscaled(&z), &boundary)?;
             let omega = evaluation.as_ref().map(|evaluation| self.omega(evaluation));
+            self.problem.watch.tried(omega, self.problem.named(&self.problem.unknowns.unscaled(&z)));
             let accepted = omega.is_some_and(|omega| omega <= from.omega + ENOUGH * length * slope);
             let rescued = evaluation.as_ref().is_some_and(|evaluation| evaluation.rescued);
             stage.evaluations += 1;

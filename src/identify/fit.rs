@@ -8,7 +8,7 @@ use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
-use super::options::{Discretisation, FitOptions};
+use super::options::{Discretisation, FitOptions, Intervals};
 use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
 use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
@@ -16,6 +16,7 @@ use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
 use super::unknowns::Unknowns;
 use super::verdict::{Grounds, Verdict};
+use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::Dense;
@@ -75,6 +76,28 @@ pub struct Fit {
     pub boundary: BoundaryHistory,
     /// Largest correction of a prescribed displacement, mm; where they are estimated.
     pub largest_correction: Option<f64>,
+    /// What ended the fit from outside, and what it is therefore without; `None` where nothing did.
+    pub cut_short: Option<CutShort>,
+}
+
+/// A fit that its limit of time, or a wish to stop, ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CutShort {
+    /// Which of them.
+    pub ended: Ended,
+    /// What was not computed.
+    pub missing: Vec<&'static str>,
+}
+
+impl CutShort {
+    /// In words.
+    pub fn text(&self) -> String {
+        let missing = match self.missing.as_slice() {
+            [] => String::new(),
+            list => format!("; not computed: {}", list.join(", ")),
+        };
+        format!("{}{missing}", self.ended.reason())
+    }
 }
 
 impl Fit {
@@ -144,10 +167,16 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         Some(statistics) => problem.constant_effects(&evaluation, statistics, &options.constants),
         None => Vec::new(),
     };
+    let watch = &problem.watch;
+    let mut missing = Vec::new();
+    watch.begins("element size");
     let refined = match options.discretisation {
         Discretisation::Off => None,
         _ => problem.refined(&evaluation, &boundary),
     };
+    if options.discretisation != Discretisation::Off && refined.is_none() && watch.ended().is_some() {
+        missing.push("the effect of the element size");
+    }
     let refinement = statistics.as_ref().zip(refined.as_ref()).map(|(statistics, refined)| Refinement {
         scaled: statistics.shift(&refined.change),
         jumps: refined.jumps.clone(),
@@ -206,26 +235,54 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             }
         })
         .collect();
+    watch.begins("intervals");
     let intervals = statistics.as_ref().map(|statistics| {
         let follows_data = weighted_again;
         let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
         let base = Base { problem, evaluation, statistics, weights, boundary, follows_data };
-        settle(&base, options.intervals, options.bootstrap, &budget, &mut parameters, &mut derived)
+        let mut settled = |wanted| settle(&base, wanted, options.bootstrap, &budget, &mut parameters, &mut derived);
+        let wanted = if watch.ended().is_some() { Intervals::Linear } else { options.intervals };
+        let basis = settled(wanted);
+        // What was computed in part says that fits fail, which is not what happened.
+        let basis = if watch.ended().is_some() { settled(Intervals::Linear) } else { basis };
+        if options.intervals != Intervals::Linear && watch.ended().is_some() {
+            missing.push("whether linear intervals are good enough");
+        }
+        basis
     });
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
     let change = refined.as_ref().map(|refined| refined.change.as_slice());
     let (misfit, released) = match &statistics {
-        Some(statistics) if options.doubt => (
-            Some(problem.misfit(&evaluation, &weights, statistics, change, &constants)?),
-            problem.released(&evaluation, &weights, statistics, &boundary)?,
-        ),
+        // Of a point that is no minimum they would tell that.
+        Some(statistics) if options.doubt && !stage.status.cut_short() => {
+            watch.begins("misfit");
+            let misfit = problem.misfit(&evaluation, &weights, statistics, change, &constants)?;
+            watch.begins("prescribed parameters as unknowns");
+            let released = problem.released(&evaluation, &weights, statistics, &boundary)?;
+            let ended = watch.ended().is_some();
+            missing.extend(ended.then_some("what the prescribed parameters would be as unknowns"));
+            (Some(misfit), released.filter(|_| !ended))
+        }
+        Some(_) if options.doubt => {
+            missing.push("the misfit test");
+            (None, None)
+        }
         _ => (None, None),
+    };
+    let cut_short = watch.ended().map(|ended| CutShort { ended, missing });
+    let unfinished: Vec<String> = match (stage.status, &cut_short) {
+        (FitStatus::Converged, None) => Vec::new(),
+        (FitStatus::Converged, Some(cut)) => vec![format!("the fit converged, but {}", cut.text())],
+        (_, Some(cut)) => vec![format!("the fit did not converge: {}; the values are the best so far", cut.text())],
+        (status, None) => {
+            vec![format!("the fit did not converge ({}): the values are the best so far", status.name())]
+        }
     };
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let verdict = match &of_noise {
-        None => Verdict::singular(&parameters),
+        None => Verdict::singular(&parameters, unfinished),
         Some(correlation) => {
             let prescribed =
                 released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
@@ -237,6 +294,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
                 intervals: intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,
                 given: problem.given(),
+                unfinished,
             };
             Verdict::new(&parameters, &grounds)
         }
@@ -270,6 +328,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         evaluation,
         boundary,
         largest_correction,
+        cut_short,
     })
 }
 

@@ -125,9 +125,11 @@ pub(super) fn settle(
     let linear =
         |value: f64, bias: f64, parts: Parts| interval95(value, [Some(NORMAL_95 * parts.noise); 2], bias, parts.others);
     for (k, p) in parameters.iter_mut().enumerate() {
+        (p.bias, p.bias_std, p.std_bootstrap) = (None, None, None);
         p.set_ends(linear(p.value, 0.0, budget.parameter(k)));
     }
     for (k, q) in quantities.iter_mut().enumerate() {
+        q.bias = None;
         q.set_ends(linear(q.quantity.value, 0.0, budget.quantity(k)));
     }
     let silent =

@@ -35,6 +35,7 @@ mod trust_region;
 mod uncertainties;
 mod unknowns;
 mod verdict;
+mod watch;
 mod weights;
 
 pub use bands::{Band, CurveBand, bands, curve_bands};
@@ -46,7 +47,7 @@ pub use constants::{Constant, ConstantEffect, ConstantKind, Face, Source};
 pub use derived::{Derived, derived};
 pub use discretisation::Refinement;
 pub use error::FitError;
-pub use fit::{Fit, first_order, fit};
+pub use fit::{CutShort, Fit, first_order, fit};
 pub use fitted::{FittedParameter, FittedQuantity, StartEnd};
 pub use intervals::{DRAWS, IntervalBasis, IntervalKind, LINEAR_PROBE, LINEAR_STD, Linearity, doubts};
 pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
@@ -67,4 +68,5 @@ pub use uncertainties::{
 };
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
 pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};
+pub use watch::{Ended, FitProgress, FitWatch};
 pub use weights::{InverseCovariance, WeightKind, Weights};

@@ -5,10 +5,12 @@ use super::noise::Noise;
 use super::observation::{Observation, ObservedInstant};
 use super::trust_region::Local;
 use super::unknowns::Unknowns;
+use super::watch::FitWatch;
 use super::weights::{WeightKind, Weights};
 use crate::linalg::Dense;
-use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, ModelError, Solution, Status};
+use crate::mechanics::{BoundaryHistory, ForwardOptions, Joint, Model, ModelError, Solution, Status};
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// Everything that stays while parameters are tried.
@@ -22,7 +24,14 @@ pub struct Problem<'a> {
     pub noise: Arc<Noise>,
     /// What is looked for.
     pub unknowns: Unknowns,
+    /// What ends the fit from outside, and who hears how it goes.
+    pub watch: FitWatch,
 }
+
+/// Solutions of equations that one forward run may take for each instant and for each node pair that can snap; one that the
+/// data can be fitted with takes a tenth of it. A law that is far off (lengths in another unit) snaps pair by pair in every
+/// increment, for hours.
+const STEPS: usize = 100;
 
 /// The objective at one set of parameters.
 #[derive(Debug, Clone)]
@@ -78,18 +87,55 @@ impl Evaluation {
 impl Problem<'_> {
     /// The same data with other unknowns.
     pub fn with_unknowns(&self, unknowns: Unknowns) -> Self {
-        Self { joint: self.joint, observation: self.observation.clone(), noise: self.noise.clone(), unknowns }
+        let (observation, noise, watch) = (self.observation.clone(), self.noise.clone(), self.watch.clone());
+        Self { joint: self.joint, observation, noise, unknowns, watch }
+    }
+
+    /// Parameters by their names, for those who watch.
+    pub(super) fn named(&self, x: &[f64]) -> Vec<(&'static str, f64)> {
+        self.unknowns.list().iter().zip(x).map(|(unknown, &x)| (unknown.parameter.name, x)).collect()
+    }
+
+    /// Solutions of equations that a forward run on `model` may take.
+    pub(super) fn most_steps(&self, model: &Model, boundary: &BoundaryHistory) -> usize {
+        STEPS * (10 + boundary.instants().len() + model.mesh().pairs().len())
     }
 
     /// The objective's ingredients at `x` with the prescribed displacements `boundary`; `None` where the law refuses the
-    /// values or the forward model has no solution.
+    /// values or the forward model has no solution; or would take too long, or when the fit has to end.
     ///
     /// # Errors
     /// A boundary of other nodes.
     pub fn evaluate(&self, x: &[f64], boundary: &BoundaryHistory) -> Result<Option<Evaluation>, ModelError> {
+        self.evaluate_unless(x, boundary, &|| self.watch.ended().is_some())
+    }
+
+    /// The same at a point that had a solution before, also when the fit has to end: of what was found the rest is wanted.
+    pub(super) fn evaluate_again(
+        &self,
+        x: &[f64],
+        boundary: &BoundaryHistory,
+    ) -> Result<Option<Evaluation>, ModelError> {
+        self.evaluate_unless(x, boundary, &|| false)
+    }
+
+    fn evaluate_unless(
+        &self,
+        x: &[f64],
+        boundary: &BoundaryHistory,
+        ended: &dyn Fn() -> bool,
+    ) -> Result<Option<Evaluation>, ModelError> {
         let Ok(law) = self.unknowns.law_at(x) else { return Ok(None) };
         let options = ForwardOptions { law_sensitivities: true, ..ForwardOptions::default() };
-        let solution = self.joint.model.forward(&*law, boundary, &options)?;
+        let model = &self.joint.model;
+        let (most, steps) = (self.most_steps(model, boundary), Cell::new(0_usize));
+        let go_on = |instant: usize| {
+            steps.set(steps.get() + 1);
+            self.watch.at(instant, boundary.instants().len(), || self.named(x));
+            steps.get() <= most && !ended()
+        };
+        let solution = model.forward_while(&*law, boundary, &options, &go_on)?;
+        self.watch.evaluated();
         let slopes = self.unknowns.slopes(x);
         let Observation { nodes, instants, .. } = &*self.observation;
         let mut blocks = Vec::with_capacity(instants.len());

@@ -220,7 +220,12 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) 
     let gap = mesh.gap();
     if let Some(mm) = mm_per_px {
         if !(PIXEL[0]..=PIXEL[1]).contains(&mm) {
-            let what = format!("1 px = {mm} mm: is pixel_size_mm in mm?");
+            let meant =
+                if mm > PIXEL[1] { format!("; if micrometres are meant, it is {}", mm * 1e-3) } else { String::new() };
+            let what = format!(
+                "1 px = {mm} mm makes a joint of {:.4} mm with an adhesive {gap:.4} mm thick: is pixel_size_mm in mm?{meant}",
+                mesh.extent()
+            );
             found.push(Implausible::new("pixel_size", mm, "mm", what));
         }
         if gap < mm {

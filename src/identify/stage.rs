@@ -2,7 +2,7 @@
 
 use super::FitError;
 use super::objective::{Evaluation, Problem};
-use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise};
+use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions, minimise_unless};
 use super::weights::{InverseCovariance, Weights};
 use crate::linalg::NotPositiveDefinite;
 use crate::mechanics::BoundaryHistory;
@@ -54,13 +54,16 @@ pub(super) fn run(
 ) -> End {
     let unknowns = &problem.unknowns;
     let [lower, upper] = unknowns.scaled_bounds();
-    minimise(&unknowns.scaled(start), [&lower, &upper], region, |z| {
-        let evaluation = match known.take() {
-            Some(evaluation) => evaluation,
-            None => problem.evaluate(&unknowns.unscaled(z), boundary).ok().flatten()?,
-        };
-        Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
-    })
+    let evaluate = |z: &[f64]| {
+        let x = unknowns.unscaled(z);
+        let evaluation = known.take().or_else(|| problem.evaluate(&x, boundary).ok().flatten());
+        let local = evaluation.map(|evaluation| evaluation.local(weights, &problem.noise));
+        let local = local.filter(|local| local.omega.is_finite());
+        problem.watch.tried(local.as_ref().map(|local| local.omega), problem.named(&x));
+        local
+    };
+    let ended = || problem.watch.ended().map(|ended| (ended.status(), ended.reason()));
+    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, ended)
 }
 
 /// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.
@@ -89,7 +92,7 @@ pub(super) fn reweight(
 
 /// The ingredients at `z`, where there must be a solution: it was reached before.
 pub(super) fn at(problem: &Problem<'_>, z: &[f64], boundary: &BoundaryHistory) -> Result<Evaluation, FitError> {
-    problem.evaluate(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
+    problem.evaluate_again(&problem.unknowns.unscaled(z), boundary)?.ok_or(FitError::Lost)
 }
 
 pub(super) fn full_weights(problem: &Problem<'_>, evaluation: &Evaluation) -> Result<Weights, FitError> {

@@ -44,17 +44,28 @@ pub enum FitStatus {
     EvaluationLimit,
     /// No step, however short, lowers the objective any more.
     Stalled,
+    /// Its limit of time was over.
+    TimeLimit,
+    /// It was asked to stop.
+    Stopped,
     /// The forward model has no solution at the start.
     NoStart,
 }
 
 impl FitStatus {
+    /// Whether something from outside ended it.
+    pub fn cut_short(self) -> bool {
+        matches!(self, Self::TimeLimit | Self::Stopped)
+    }
+
     /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Converged => "converged",
             Self::EvaluationLimit => "evaluation_limit",
             Self::Stalled => "stalled",
+            Self::TimeLimit => "time_limit",
+            Self::Stopped => "stopped",
             Self::NoStart => "no_start",
         }
     }
@@ -168,7 +179,18 @@ pub fn minimise(
     start: &[f64],
     [lower, upper]: [&[f64]; 2],
     options: &TrustRegionOptions,
+    evaluate: impl FnMut(&[f64]) -> Option<Local>,
+) -> End {
+    minimise_unless(start, [lower, upper], options, evaluate, || None)
+}
+
+/// The same; where `ended` says how, it ends at the best point so far.
+pub(super) fn minimise_unless(
+    start: &[f64],
+    [lower, upper]: [&[f64]; 2],
+    options: &TrustRegionOptions,
     mut evaluate: impl FnMut(&[f64]) -> Option<Local>,
+    ended: impl Fn() -> Option<(FitStatus, String)>,
 ) -> End {
     let mut radius = options.first_radius;
     let mut z = start.to_vec();
@@ -181,6 +203,10 @@ pub fn minimise(
     note(&z, first.as_ref(), radius, first.is_some());
     let mut evaluations = 1;
     let Some(mut local) = first else {
+        if let Some((status, reason)) = ended() {
+            let reason = format!("{reason} before the forward run at the start had ended");
+            return End { z, local: None, status, reason, evaluations, history };
+        }
         let reason = "the forward model has no solution at the start; start from a less brittle adhesive \
                       (smaller phi_n/delta_n)";
         let status = FitStatus::NoStart;
@@ -205,6 +231,9 @@ pub fn minimise(
                 false => (FitStatus::Converged, format!("the scaled step {size:.1e} is below its tolerance")),
             };
         }
+        if let Some((status, reason)) = ended() {
+            break (status, format!("{reason} after {evaluations} evaluations, the last scaled step was {size:.1e}"));
+        }
         if evaluations >= options.max_evaluations {
             let reason = format!("{evaluations} evaluations, the last scaled step was {size:.1e}");
             break (FitStatus::EvaluationLimit, reason);
@@ -216,6 +245,9 @@ pub fn minimise(
         let found = evaluate(&trial);
         let Some(new) = found else {
             note(&trial, None, with_radius, false);
+            if let Some((status, reason)) = ended() {
+                break (status, format!("{reason} in evaluation {evaluations}"));
+            }
             radius = 0.25 * length(&step);
             continue;
         };

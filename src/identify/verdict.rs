@@ -69,6 +69,8 @@ pub struct Grounds<'a> {
     pub noise_ratio: Option<f64>,
     /// The prescribed values, as `r = 4`.
     pub given: Vec<String>,
+    /// Why the fit is not at its end, a sentence each; empty where it is.
+    pub unfinished: Vec<String>,
 }
 
 impl Verdict {
@@ -78,13 +80,15 @@ impl Verdict {
     }
 
     /// The verdict where the data say nothing of some combination of the unknowns.
-    pub fn singular(parameters: &[FittedParameter]) -> Self {
+    /// `unfinished` says why the fit is not at its end, where it is not.
+    pub fn singular(parameters: &[FittedParameter], unfinished: Vec<String>) -> Self {
+        let singular = format!(
+            "these data do not determine {}: they say nothing of some combination of them",
+            list_of(parameters)
+        );
         Self {
             outcome: Outcome::NotDetermined,
-            sentences: vec![format!(
-                "these data do not determine {}: they say nothing of some combination of them",
-                list_of(parameters)
-            )],
+            sentences: std::iter::once(singular).chain(unfinished).collect(),
             given: Vec::new(),
             thresholds: thresholds(),
         }
@@ -93,7 +97,8 @@ impl Verdict {
     /// The verdict on `parameters`.
     pub fn new(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Self {
         let against = contradictions(grounds);
-        let mut open = undetermined(parameters, grounds);
+        let mut open = grounds.unfinished.clone();
+        open.extend(undetermined(parameters, grounds));
         if let Some(ratio) = grounds.noise_ratio
             && !(1.0 / LARGEST_NOISE_RATIO..=LARGEST_NOISE_RATIO).contains(&ratio)
         {
@@ -150,7 +155,7 @@ impl Verdict {
 
 fn thresholds() -> String {
     format!(
-        "not determined: standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
+        "not determined: a fit that did not come to its end, standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
          the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
         100.0 * LARGEST_STD,
         100.0 * LARGEST_FAILED

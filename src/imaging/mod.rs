@@ -1,11 +1,15 @@
 //! Grey-level images in their native depth, the bits they use, and the sub-pixel interpolations.
 
+mod blank;
 mod depth;
 mod image;
 mod interpolation;
 mod mean;
+mod specimen;
 
+pub use blank::{Blank, FlatBlocks};
 pub use depth::{GreyDepth, Saturation};
 pub use image::{Image, ImageError, Pixels};
 pub use interpolation::Interpolation;
 pub use mean::{Mean, small_shift};
+pub use specimen::{LeftOut, Specimen, SpecimenPart};

@@ -12,6 +12,7 @@ mod law;
 mod lists;
 mod quantities;
 mod schema;
+mod setup;
 
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
@@ -25,9 +26,10 @@ pub use law::{
     CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
 };
 pub use quantities::{
-    CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+    CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
 };
 pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
+pub use setup::CaseReport;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,7 +47,7 @@ pub struct Case {
     #[serde(default, skip_serializing_if = "is_default")]
     pub correlation: CaseCorrelation,
     /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
-    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the whole image is measured.
+    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
     #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<CaseZone>,
     /// How quantities are drawn from the fields (docs/quantities.md).
@@ -65,6 +67,12 @@ pub struct Case {
     /// Opening and sliding between two zones.
     #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
     pub openings: Vec<CaseOpening>,
+    /// What the program cannot know of the test, for the reporting table of `report.html`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub report: CaseReport,
+    /// Cracks and joints: paths along which the mesh is cut, with opening, sliding, tip and stress intensity along them.
+    #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.
     pub interface: Option<CaseInterface>,
     /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
@@ -122,6 +130,10 @@ pub struct CaseFile {
     pub extensometers: Vec<CaseExtensometer>,
     /// The sections `[[opening]]`, in order.
     pub openings: Vec<CaseOpening>,
+    /// The section `[report]`.
+    pub report: CaseReport,
+    /// The sections `[[crack]]`, in order.
+    pub cracks: Vec<CaseCrack>,
     /// The section `[run]`: how a finished run came about.
     pub run: Option<toml::Table>,
 }
@@ -132,9 +144,14 @@ impl CaseFile {
         self.base.join(name)
     }
 
-    /// What this case draws from the fields, with the load file as a path that starts at the current folder.
+    /// What this case draws from the fields, with the load files as paths that start at the current folder.
     pub fn drawn(&self) -> CaseQuantities {
-        let load = |load: &CaseLoad| CaseLoad { file: self.resolve(&load.file).display().to_string() };
+        let path = |name: &String| self.resolve(name).display().to_string();
+        let load = |load: &CaseLoad| CaseLoad {
+            file: path(&load.file),
+            frame_times: load.frame_times.as_ref().map(path),
+            ..load.clone()
+        };
         CaseQuantities {
             options: self.quantities.clone(),
             load: self.load.as_ref().map(load),
@@ -142,13 +159,14 @@ impl CaseFile {
             lines: self.lines.clone(),
             extensometers: self.extensometers.clone(),
             openings: self.openings.clone(),
+            cracks: self.cracks.clone(),
         }
     }
 
     /// This case with other quantities.
     pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
-        let CaseQuantities { options, load, probes, lines, extensometers, openings } = drawn.clone();
-        Self { quantities: options, load, probes, lines, extensometers, openings, ..self }
+        let CaseQuantities { options, load, probes, lines, extensometers, openings, cracks } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, openings, cracks, ..self }
     }
 }
 

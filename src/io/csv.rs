@@ -7,6 +7,8 @@ use std::io::{self, Read, Write};
 use thiserror::Error;
 
 const STRAIN_COLUMNS: [&str; 3] = ["exx", "eyy", "exy"];
+const WINDOW_COLUMNS: [&str; 6] =
+    ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
 const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
 const MARK_COLUMN: &str = "mark";
@@ -73,6 +75,9 @@ pub struct DisplacementRow {
     pub px: NodeValues,
     /// The strain, when the table has it and it is known at this node.
     pub strain: Option<TensorStrain>,
+    /// The strain over a window of nodes with the standard uncertainty of exx, eyy and exy, when the table has it and it is
+    /// known at this node.
+    pub window_strain: Option<(TensorStrain, [f64; 3])>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
     /// What is the matter with the elements of the node, the gravest mark of them, when the table has it.
@@ -84,9 +89,10 @@ pub struct DisplacementRow {
 /// Writes the measured nodes of `measurement`, a row each, under the comment lines `header`.
 ///
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
-/// `exx,eyy,exy` (without dimension; empty where it is not known), and with a `pixel_size` the six in px again
-/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand behind, and `mark`
-/// last, the name of what is the matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
+/// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window with
+/// their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
+/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand behind, and `mark` last, the name of what is the
+/// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
 /// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
 /// **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
@@ -130,7 +136,8 @@ pub fn write_displacements<W: Write>(
         writeln!(out, "# mark says what is the matter with an element of the node: none, or {}", names.join(", "))?;
     }
     if let Some(strain) = strain {
-        for line in strain.definition.describe(strain.length_px) {
+        let window = strain.window.iter().flat_map(|strains| strains.window.describe(strain.length_px));
+        for line in strain.definition.describe(strain.length_px).into_iter().chain(window) {
             writeln!(out, "# {line}")?;
         }
     }
@@ -139,9 +146,12 @@ pub fn write_displacements<W: Write>(
     }
     let mut table = WriterBuilder::new().has_headers(false).from_writer(out);
     let strain_columns = if strain.is_some() { &STRAIN_COLUMNS[..] } else { &[] };
+    let window = strain.and_then(|strain| strain.window.as_ref());
+    let window_columns = if window.is_some() { &WINDOW_COLUMNS[..] } else { &[] };
     let mm_columns = if pixel_size.is_some() { &MM_COLUMNS[..] } else { &[] };
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
-    let columns = ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(mm_columns);
+    let columns =
+        ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(window_columns).chain(mm_columns);
     let mark_column = marks.as_ref().map(|_| &MARK_COLUMN);
     table.write_record(columns.chain(model_columns).chain(mark_column))?;
     let mesh = &measurement.mesh;
@@ -162,11 +172,16 @@ pub fn write_displacements<W: Write>(
             Some(strain) => strain.components().map(|e| Some(e as f32)),
             None => [None; 3],
         });
+        let window = window.map(|strains| match strains.nodes[node] {
+            Some((strain, sigma)) => (strain.components().map(|e| Some(e as f32)), sigma.map(|e| Some(e as f32))),
+            None => ([None; 3], [None; 3]),
+        });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
         let model = measurement.model_error.as_ref().map(|model| model.nodes[node].map(|v| v as f32));
         // A slice of none is no column.
         let mark = marks.as_ref().map(|marks| marks[node].name());
-        table.serialize((node, zone, px, strain.as_slice(), mm.as_slice(), model.as_slice(), mark.as_slice()))?;
+        let (strain, window, mm) = (strain.as_slice(), window.as_slice(), mm.as_slice());
+        table.serialize((node, zone, px, strain, window, mm, model.as_slice(), mark.as_slice()))?;
     }
     table.flush()
 }
@@ -194,6 +209,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     let (strain, mm) = (find_group(&STRAIN_COLUMNS)?, find_group(&MM_COLUMNS)?);
     let model = find_group(&MODEL_COLUMNS)?;
     let mark = header.iter().position(|column| column == MARK_COLUMN);
+    let window = find_group(&WINDOW_COLUMNS)?;
     let mut rows = Vec::new();
     for record in table.records() {
         let record = record.map_err(row_error)?;
@@ -202,6 +218,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
             zone: zone.text(&record).to_owned(),
             px: NodeValues::from_columns(values(&px, &record)?),
             strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
+            window_strain: window.as_ref().map(|columns| window_of(columns, &record)).transpose()?.flatten(),
             model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
             mark: mark.and_then(|at| ElementMark::from_name(record.get(at)?)),
             mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?.map(NodeValues::from_columns),
@@ -247,6 +264,15 @@ fn strain_of(columns: &[Column], record: &StringRecord) -> Result<Option<TensorS
         return Ok(None);
     }
     values(columns, record).map(|e| Some(TensorStrain::of_components(e)))
+}
+
+/// `None` where all cells are empty.
+fn window_of(columns: &[Column], record: &StringRecord) -> Result<Option<(TensorStrain, [f64; 3])>, CsvError> {
+    if columns.iter().all(|column| column.text(record).is_empty()) {
+        return Ok(None);
+    }
+    let [xx, yy, xy, sigma @ ..] = values::<6>(columns, record)?;
+    Ok(Some((TensorStrain { xx, yy, xy }, sigma)))
 }
 
 fn row_error(error: ::csv::Error) -> CsvError {

@@ -3,7 +3,7 @@
 pub(super) mod raw;
 mod write;
 
-pub use write::{WriteError, write_image};
+pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
 use crate::imaging::{Image, ImageError, Pixels};

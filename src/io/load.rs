@@ -1,9 +1,17 @@
-//! Load files: what other instruments recorded, one row for each image.
+//! Load files: what other instruments recorded, a row for each image, or with a column of times at a rate of its own.
 
-use ::csv::{ReaderBuilder, StringRecord};
-use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
-use thiserror::Error;
+mod error;
+mod raw;
+mod times;
+mod units;
+
+pub use error::LoadError;
+pub use times::FrameTimes;
+
+use error::STRESS;
+use raw::{RawTable, Wanted};
+use std::io::ErrorKind;
+use std::path::Path;
 
 /// A quantity recorded beside the images, such as time or force.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,130 +50,48 @@ pub fn name_and_unit(column: &str) -> (&str, &str) {
 pub struct LoadTable {
     /// The columns, in the order of the file, without the number of the frame.
     pub columns: Vec<LoadColumn>,
+    /// What to know about them: units that were converted, frames without a value.
+    pub notes: Vec<String>,
 }
 
-/// Why a load file cannot be used.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum LoadError {
-    /// There is no such file.
-    #[error("{}: there is no such load file; check the name and the folder", path.display())]
-    NotFound {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file system refuses.
-    #[error("{}: the load file cannot be read: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        reason: io::Error,
-    },
-    /// The file is not UTF-8 text.
-    #[error("{}, line {line}: the load file is no UTF-8 text; save it as CSV (UTF-8)", path.display())]
-    NotText {
-        /// The file.
-        path: PathBuf,
-        /// Line of the first byte that is none, from 1.
-        line: usize,
-    },
-    /// There is no header, or no row after it.
-    #[error("{}: the load file has no {what}; a header such as `time_s,load_N` and a row per image are needed", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-        /// Header, column or row.
-        what: &'static str,
-    },
-    /// A column's name does not end in a unit.
-    #[error(
-        "{}, line {line}: column '{column}' has no unit; write it as {column}_N or {column} [N], {column}_1 when it has none",
-        path.display()
-    )]
-    NoUnit {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// The column.
-        column: String,
-    },
-    /// Two columns have one name, or one has none.
-    #[error("{}, line {line}: a column named '{column}' stands there twice or has no name", path.display())]
-    ColumnName {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// The name.
-        column: String,
-    },
-    /// A row is longer or shorter than the header, or cannot be taken apart.
-    #[error("{}, line {line}: {found} values under {expected} columns{}", path.display(), hint(*.decimal_commas))]
-    Row {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// Values in the row.
-        found: usize,
-        /// Columns of the header.
-        expected: usize,
-        /// Whether the row looks as if it had decimal commas between commas.
-        decimal_commas: bool,
-    },
-    /// A cell holds no finite number.
-    #[error("{}, line {line}, column '{column}': '{text}' is no finite number", path.display())]
-    Number {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// The column.
-        column: String,
-        /// What stands there.
-        text: String,
-    },
-    /// The column `frame` holds no frame of the series.
-    #[error("{}, line {line}: frame '{text}' is not among the {n_frames} deformed images (0 is the reference)", path.display())]
-    Frame {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// What stands there.
-        text: String,
-        /// Deformed images of the series.
-        n_frames: usize,
-    },
-    /// A frame has two rows.
-    #[error("{}, line {line}: frame {frame} has a row already", path.display())]
-    Twice {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// The frame.
-        frame: usize,
-    },
-    /// As many rows as there are neither deformed images nor images in all.
-    #[error(
-        "{}: {n_rows} rows for {n_frames} deformed images; give {n_frames} rows, {} with the reference first, or a column `frame`",
-        path.display(), n_frames + 1
-    )]
-    Length {
-        /// The file.
-        path: PathBuf,
-        /// Rows of the file.
-        n_rows: usize,
-        /// Deformed images of the series.
-        n_frames: usize,
-    },
+impl LoadTable {
+    /// The table with a column `stress_MPa`: the force over the area of the cross-section.
+    ///
+    /// The force is the column in N; of several that named `load` or `force`.
+    ///
+    /// # Errors
+    /// No such column or several, and one `stress_MPa` that is there.
+    pub fn with_stress(mut self, area_mm2: f64, path: &Path) -> Result<Self, LoadError> {
+        let forces: Vec<&LoadColumn> = self.columns.iter().filter(|column| column.name_and_unit().1 == "N").collect();
+        let is_named =
+            |column: &&&LoadColumn| ["load", "force"].contains(&column.name_and_unit().0.to_lowercase().as_str());
+        let force = match forces.as_slice() {
+            [force] => Some(*force),
+            several => several.iter().find(is_named).copied(),
+        };
+        let there = self.columns.iter().any(|column| column.name == STRESS);
+        let Some(force) = force.filter(|_| !there) else {
+            let columns = self.columns.iter().map(|column| column.name.clone()).collect();
+            return Err(LoadError::Force { path: path.to_owned(), columns });
+        };
+        self.notes.push(format!("{STRESS}: {} over {area_mm2} mm2", force.name));
+        let values = force.values.iter().map(|value| value.map(|force| force / area_mm2)).collect();
+        self.columns.push(LoadColumn { name: STRESS.to_owned(), values });
+        Ok(self)
+    }
 }
 
-fn hint(decimal_commas: bool) -> &'static str {
-    if decimal_commas { "; with decimal commas separate columns by ;" } else { "" }
+/// The text of the load file `path`.
+fn text_of(path: &Path) -> Result<String, LoadError> {
+    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
+        ErrorKind::NotFound => LoadError::NotFound { path: path.to_owned() },
+        _ => LoadError::Io { path: path.to_owned(), reason },
+    })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let line = 1 + error.as_bytes()[..valid].iter().filter(|&&b| b == b'\n').count();
+        LoadError::NotText { path: path.to_owned(), line }
+    })
 }
 
 /// Reads the load file `path` for a series of `n_frames` deformed images. See [`parse_load`].
@@ -173,32 +99,42 @@ fn hint(decimal_commas: bool) -> &'static str {
 /// # Errors
 /// A file that cannot be read, and those of [`parse_load`].
 pub fn read_load(path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
-    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
-        ErrorKind::NotFound => LoadError::NotFound { path: path.to_owned() },
-        _ => LoadError::Io { path: path.to_owned(), reason },
-    })?;
-    match std::str::from_utf8(&bytes) {
-        Ok(text) => parse_load(text, path, n_frames),
-        Err(error) => {
-            let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-            Err(LoadError::NotText { path: path.to_owned(), line })
-        }
-    }
+    parse_load(&text_of(path)?, path, n_frames)
+}
+
+/// Reads the record `path`, whose column `time` says when its rows were taken, at the `times` of the frames. See
+/// [`parse_record`].
+///
+/// # Errors
+/// A file that cannot be read, and those of [`parse_record`].
+pub fn read_record(path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
+    parse_record(&text_of(path)?, path, time, times)
+}
+
+/// Reads the times of `n_frames` deformed images from the file `path`: a row per image as a load file has it; taken is the
+/// column named `time`, `timestamp` or `t`, or the only one. Clock times are understood.
+///
+/// # Errors
+/// A file that cannot be read, without such a column, or with another number of rows.
+pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
+    times::parse_frame_times(&text_of(path)?, path, n_frames)
 }
 
 /// The load file with the content `text`; `path` stands in messages.
 ///
-/// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), then one
-/// row per image. Columns are separated by `,`, `;` or tabs; where they are not separated by `,`, numbers may have a
-/// decimal comma. Lines that begin with `#` and empty lines are passed over; an empty cell is a value that is not
-/// known. A column `frame` gives the number of the deformed image, from 1 (0, the reference, is passed over), in any
+/// A header with a unit at the end of each name (`load_N`, `load [N]` or `load (N)`; `_1` or `[-]` for none), or names and in
+/// the line below them their units; then one row per image. Columns are separated by `,`, `;` or tabs; where they are not
+/// separated by `,`, numbers may have a decimal comma. Lines that begin with `#` and empty lines are passed over; an empty cell
+/// is a value that is not known. Forces, lengths, times and stresses become N, mm, s and MPa ([`LoadTable::notes`] says from
+/// what). A column `frame` gives the number of the deformed image, from 1 (0, the reference, is passed over), in any
 /// order and with gaps; without it, rows are the deformed images in order, or all images with the reference first.
 ///
 /// ```
 /// use quadrille::io::load::parse_load;
-/// let table = parse_load("time [s];load [kN]\n0;0\n1,5;2,25\n3;4\n", "load.csv".as_ref(), 2)?;
-/// assert_eq!(table.columns[1].name, "load_kN");
-/// assert_eq!(table.columns[1].values, [Some(2.25), Some(4.0)]);
+/// let table = parse_load("Time;Load\ns;kN\n0;0\n1,5;2,25\n3;4\n", "load.csv".as_ref(), 2)?;
+/// assert_eq!(table.columns[1].name, "Load_N");
+/// assert_eq!(table.columns[1].values, [Some(2250.0), Some(4000.0)]);
+/// assert_eq!(table.notes, ["Load_N: kN in the load file, times 1000"]);
 /// # Ok::<(), quadrille::io::load::LoadError>(())
 /// ```
 ///
@@ -206,112 +142,38 @@ pub fn read_load(path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
 /// No header or row, names without unit, rows of another length, cells that are no number, frames that do not exist
 /// or come twice, and another number of rows than images: each names the file and the line.
 pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable, LoadError> {
-    let text = text.trim_start_matches('\u{feff}');
-    let path = path.to_owned();
-    let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#'));
-    let Some(first) = first else { return Err(LoadError::Empty { path, what: "header" }) };
-    let separator = [b';', b'\t', b','].into_iter().find(|&s| first.as_bytes().contains(&s)).unwrap_or(b',');
-    let mut reader = ReaderBuilder::new()
-        .delimiter(separator)
-        .comment(Some(b'#'))
-        .has_headers(false)
-        .flexible(true)
-        .trim(::csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let mut records = reader.records().filter(|record| {
-        // A row of nothing but separators is an empty line of a spreadsheet.
-        record.as_ref().map_or(true, |record| record.iter().any(|cell| !cell.is_empty()))
+    let table = RawTable::parse(text, path, Wanted::All)?;
+    let frames = table.frames(n_frames)?;
+    let values = table.values()?;
+    let columns = table.columns.iter().enumerate().map(|(k, name)| {
+        let mut of_frames = vec![None; n_frames];
+        for (frame, row) in frames.iter().zip(&values) {
+            if let Some(cell) = frame.checked_sub(1) {
+                of_frames[cell] = row[k];
+            }
+        }
+        LoadColumn { name: name.clone(), values: of_frames }
     });
-    let line_of = |record: &StringRecord| record.position().map_or(0, |position| position.line());
-    // `text` is UTF-8 and rows may have any length: the parser has nothing left to refuse.
-    let refused = |error: ::csv::Error| LoadError::Io { path: path.clone(), reason: io::Error::other(error) };
-    let Some(header) = records.next().transpose().map_err(refused)? else {
-        return Err(LoadError::Empty { path, what: "header" });
-    };
-    let line = line_of(&header);
-    let mut names: Vec<String> = Vec::new();
-    for cell in &header {
-        let name = if cell.eq_ignore_ascii_case("frame") { "frame".to_owned() } else { with_unit(cell) };
-        if cell.is_empty() || names.contains(&name) {
-            return Err(LoadError::ColumnName { path, line, column: name });
-        }
-        let has_unit = name.rsplit_once('_').is_some_and(|(name, unit)| !name.is_empty() && !unit.is_empty());
-        if name != "frame" && !has_unit {
-            return Err(LoadError::NoUnit { path, line, column: name });
-        }
-        names.push(name);
-    }
-    let frame_column = names.iter().position(|name| name == "frame");
-    let columns: Vec<usize> = (0..names.len()).filter(|&at| Some(at) != frame_column).collect();
-    if columns.is_empty() {
-        return Err(LoadError::Empty { path, what: "column of values" });
-    }
-    let mut rows: Vec<(u64, Option<usize>, Vec<Option<f64>>)> = Vec::new();
-    for record in records {
-        let record = record.map_err(refused)?;
-        let line = line_of(&record);
-        if record.len() != names.len() {
-            let decimal_commas = separator == b',' && record.len() == 2 * names.len();
-            let (found, expected) = (record.len(), names.len());
-            return Err(LoadError::Row { path, line, found, expected, decimal_commas });
-        }
-        let frame = match frame_column {
-            Some(at) => {
-                let frame = record[at].parse::<usize>().ok().filter(|&frame| frame <= n_frames);
-                let text = || record[at].to_owned();
-                Some(frame.ok_or_else(|| LoadError::Frame { path: path.clone(), line, text: text(), n_frames })?)
-            }
-            None => None,
-        };
-        let number = |&at: &usize| {
-            let cell = &record[at];
-            let plain = if separator == b',' { cell.to_owned() } else { cell.replacen(',', ".", 1) };
-            match plain.parse::<f64>() {
-                _ if cell.is_empty() => Ok(None),
-                Ok(value) if value.is_finite() => Ok(Some(value)),
-                _ => {
-                    let column = names[at].clone();
-                    Err(LoadError::Number { path: path.clone(), line, column, text: cell.to_owned() })
-                }
-            }
-        };
-        rows.push((line, frame, columns.iter().map(number).collect::<Result<_, _>>()?));
-    }
-    if rows.is_empty() {
-        return Err(LoadError::Empty { path, what: "row" });
-    }
-    if frame_column.is_none() {
-        // With the reference first its row is frame 0.
-        let first = match rows.len() {
-            n if n == n_frames => 1,
-            n if n == n_frames + 1 => 0,
-            n_rows => return Err(LoadError::Length { path, n_rows, n_frames }),
-        };
-        rows.iter_mut().zip(first..).for_each(|(row, frame)| row.1 = Some(frame));
-    }
-    let mut taken = vec![false; n_frames + 1];
-    let mut table: Vec<LoadColumn> =
-        columns.iter().map(|&at| LoadColumn { name: names[at].clone(), values: vec![None; n_frames] }).collect();
-    for (line, frame, values) in rows {
-        let frame = frame.unwrap_or(0);
-        if std::mem::replace(&mut taken[frame], true) {
-            return Err(LoadError::Twice { path, line, frame });
-        }
-        for (column, value) in table.iter_mut().zip(values) {
-            if frame > 0 {
-                column.values[frame - 1] = value;
-            }
-        }
-    }
-    Ok(LoadTable { columns: table })
+    Ok(LoadTable { columns: columns.collect(), notes: table.notes.clone() })
 }
 
-/// `load [N]` and `load (N)` as `load_N`; blanks inside a name as `_`.
-fn with_unit(cell: &str) -> String {
-    let bracketed = [('[', ']'), ('(', ')')].into_iter().find_map(|(open, close)| {
-        let (name, unit) = cell.strip_suffix(close)?.rsplit_once(open)?;
-        let unit = if ["-", ""].contains(&unit.trim()) { "1" } else { unit.trim() };
-        Some(format!("{}_{unit}", name.trim()))
-    });
-    bracketed.unwrap_or_else(|| cell.to_owned()).replace([' ', '\t'], "_")
+/// The record with the content `text` at the times of the frames: between its rows every column is interpolated linearly. A
+/// frame outside the record, or beside a cell that is empty, has no value; [`LoadTable::notes`] says so.
+///
+/// The column `time` (by its name with or without unit) is in s, ms, min or h, or holds clock times (`10:31:05.20`,
+/// `2024-05-07 10:31:05`); it does not fall. It becomes the time of each frame.
+///
+/// ```
+/// use quadrille::io::load::{FrameTimes, parse_record};
+/// let record = "Time [s],Force [N]\n0,0\n1,10\n2,40\n";
+/// let times = FrameTimes::every(0.5, 0.0, 5); // the reference at 0 s, frames at 0.5, 1, 1.5, 2 and 2.5 s
+/// let table = parse_record(record, "load.csv".as_ref(), "time", &times)?;
+/// assert_eq!(table.columns[1].values, [Some(5.0), Some(10.0), Some(25.0), Some(40.0), None]);
+/// # Ok::<(), quadrille::io::load::LoadError>(())
+/// ```
+///
+/// # Errors
+/// Those of [`parse_load`], no such column or unit, times that fall, and frames that all lie outside the record.
+pub fn parse_record(text: &str, path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTable, LoadError> {
+    times::join(&RawTable::parse(text, path, Wanted::WithTime(time))?, time, times)
 }

@@ -1,28 +1,33 @@
 //! Quantities of a series as tables: long, a row for each frame and place.
 
 use super::load::LoadTable;
-use crate::field::{Curve, FrameQuantities, Measurement, NodalNoise, PointValues, Quantities, Status, Value};
+use crate::field::{
+    CrackLine, CrackTip, Curve, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA, PointValues, Quantities,
+    Status, StrainWindows, TipState, Value,
+};
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use std::io::{self, Write};
 
 /// Names of the tables.
-pub const QUANTITY_TABLES: [&str; 6] =
-    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions"];
+pub const QUANTITY_TABLES: [&str; 8] =
+    ["points", "lines", "extensometers", "openings", "openings_mean", "rigid_motions", "cracks", "crack_tips"];
 
 /// Writes the quantities of a series frame by frame, and keeps what is needed to draw them against load or time.
 ///
-/// Up to six tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point of
-/// each joint), `openings_mean`, `rigid_motions`. Every row begins with `frame,status` and the columns of the load file.
+/// Up to eight tables, those that are asked for: `points`, `lines`, `extensometers`, `openings` (a row for each point of
+/// each joint), `openings_mean`, `rigid_motions`, `cracks` (a row for each place of each crack), `crack_tips`. Every row begins with `frame,status` and the columns of the load file.
 /// Lengths are in px; with a pixel size every column `_px` has a twin in mm at the end of the row. A value that
 /// does not exist (outside the mesh, not measured, frame without field) is an empty cell.
 pub struct QuantityTables<'a, W: Write> {
     quantities: &'a Quantities,
     load: &'a LoadTable,
-    tables: [Option<Table<W>>; 6],
+    tables: [Option<Table<W>>; 8],
     noise: Option<NodalNoise>,
+    windows: Option<StrainWindows>,
     bound: bool,
     traces: Vec<Trace>,
+    cracks: Vec<CrackHistory>,
     frames: Vec<usize>,
     without_field: Vec<usize>,
     n_fields: usize,
@@ -38,6 +43,28 @@ pub struct QuantitySummary {
     pub curves: Vec<Curve>,
     /// What has no value and where: to be told to the user.
     pub notes: Vec<String>,
+    /// The cracks over the frames.
+    pub cracks: Vec<CrackHistory>,
+}
+
+/// What became of a crack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrackHistory {
+    /// Its name.
+    pub name: String,
+    /// Frames with a field.
+    pub frames: Vec<CrackFrame>,
+}
+
+/// A crack in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrackFrame {
+    /// Number of the frame.
+    pub number: usize,
+    /// Distance along the path and jump of each place that is measured.
+    pub places: Vec<(f64, Jump)>,
+    /// Its tips.
+    pub tips: Vec<CrackTip>,
 }
 
 /// One quantity over the frames.
@@ -87,6 +114,8 @@ const POINT: [&str; 12] = [
     "sigma_eyy",
     "sigma_exy",
 ];
+const WINDOW: [&str; 6] =
+    ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
 const ALONG: [&str; 1] = ["along_px"];
 const EXTENSOMETER: [&str; 7] = [
     "length_px",
@@ -99,6 +128,18 @@ const EXTENSOMETER: [&str; 7] = [
 ];
 const OPENING: [&str; 6] = ["along_px", "x_px", "y_px", "gap_px", "normal_x", "normal_y"];
 const JUMP: [&str; 4] = ["opening_px", "sigma_opening_px", "sliding_px", "sigma_sliding_px"];
+const CRACK: [&str; 5] = ["along_px", "x_px", "y_px", "normal_x", "normal_y"];
+const TIP: [&str; 9] = [
+    "along_px",
+    "sigma_along_px",
+    "x_px",
+    "y_px",
+    "K_I_MPa_sqrt_m",
+    "sigma_K_I_MPa_sqrt_m",
+    "K_II_MPa_sqrt_m",
+    "sigma_K_II_MPa_sqrt_m",
+    "radius_px",
+];
 const RIGID: [&str; 7] =
     ["centre_x_px", "centre_y_px", "translation_x_px", "translation_y_px", "rotation_deg", "largest_px", "left_rms_px"];
 
@@ -121,15 +162,22 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         mut open: impl FnMut(&str) -> io::Result<W>,
     ) -> io::Result<Self> {
         let q = quantities;
+        let point = if q.window.is_some() { [&POINT[..], &WINDOW].concat() } else { POINT.to_vec() };
         let wanted = [
-            (!q.points.is_empty(), vec!["point"], POINT.to_vec()),
-            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &POINT].concat()),
+            (!q.points.is_empty(), vec!["point"], point.clone()),
+            (!q.lines.is_empty(), vec!["line"], [&ALONG[..], &point].concat()),
             (!q.extensometers.is_empty(), vec!["extensometer"], EXTENSOMETER.to_vec()),
             (!q.openings.is_empty(), vec!["opening", "part"], [&OPENING[..], &JUMP].concat()),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
+            (!q.cracks.is_empty(), vec!["crack"], [&CRACK[..], &JUMP].concat()),
+            (
+                q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some()),
+                vec!["crack", "end", "state"],
+                TIP.to_vec(),
+            ),
         ];
-        let mut tables = [const { None }; 6];
+        let mut tables = [const { None }; 8];
         for (k, (wanted, keys, columns)) in wanted.into_iter().enumerate() {
             if !wanted {
                 continue;
@@ -154,7 +202,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             traces.push(Trace { name: name.to_owned(), quantity, values: Vec::new() });
         };
         for (name, _) in &q.points {
-            PointValues::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
+            PointValues::quantities(q.window).iter().for_each(|(quantity, _)| trace(name, *quantity));
         }
         for (name, _) in &q.extensometers {
             crate::field::Elongation::QUANTITIES.iter().for_each(|(quantity, _)| trace(name, *quantity));
@@ -170,14 +218,17 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             .chain(q.lines.iter().map(|(name, _)| named("line", name)))
             .chain(q.extensometers.iter().map(|(name, _)| named("extensometer", name)))
             .chain(q.openings.iter().map(|(name, _)| named("opening", name)))
+            .chain(q.cracks.iter().map(|(name, _)| named("crack", name)))
             .collect();
         Ok(Self {
             quantities,
             load,
             tables,
             noise: None,
+            windows: None,
             bound: regularised,
             traces,
+            cracks: q.cracks.iter().map(|(name, _)| CrackHistory { name: name.clone(), frames: Vec::new() }).collect(),
             frames: Vec::new(),
             without_field: Vec::new(),
             n_fields: 0,
@@ -203,7 +254,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 true => NodalNoise::unknown(&field.mesh, &field.measured),
                 false => NodalNoise::new(&field.mesh, &field.measured),
             });
-            self.quantities.draw(field, self.noise.insert(noise))
+            let noise = self.noise.insert(noise);
+            if let (None, Some(window)) = (&self.windows, self.quantities.window) {
+                self.windows = Some(StrainWindows::new(&field.mesh, window, self.bound));
+            }
+            self.quantities.draw(field, noise, self.windows.as_ref())
         });
         self.frames.push(number);
         match &drawn {
@@ -211,6 +266,12 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             None => self.without_field.push(number),
         }
         self.keep_traces(drawn.as_ref());
+        for (k, history) in self.cracks.iter_mut().enumerate() {
+            let Some(values) = drawn.as_ref().map(|drawn| &drawn.cracks[k]) else { continue };
+            let places = self.quantities.cracks[k].1.points().iter().zip(&values.points);
+            let places = places.filter_map(|(point, jump)| Some((point.along, (*jump)?))).collect();
+            history.frames.push(CrackFrame { number, places, tips: values.tips.clone() });
+        }
         let mut keys = vec![number.to_string(), status.map_or("not_done", Status::name).to_owned()];
         for column in &self.load.columns {
             keys.push(column.at(number).map_or(String::new(), |value| format!("{value:?}")));
@@ -222,18 +283,21 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     fn write(&mut self, keys: &[String], drawn: Option<&FrameQuantities>, mesh: Option<&Mesh<Px>>) -> io::Result<()> {
         let q = self.quantities;
         let with = |names: &[&str]| [keys, &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>()].concat();
-        let [points, lines, extensometers, openings, means, rigid] = &mut self.tables;
+        let [points, lines, extensometers, openings, means, rigid, cracks, tips] = &mut self.tables;
         if let Some(table) = points {
             for (k, (name, at)) in q.points.iter().enumerate() {
                 let values = drawn.and_then(|drawn| drawn.points[k]);
-                table.row(&with(&[name]), &point_cells(*at, values))?;
+                table.row(&with(&[name]), &point_cells(*at, values, q.window.is_some()))?;
             }
         }
         if let Some(table) = lines {
             for (k, (name, line)) in q.lines.iter().enumerate() {
                 for (i, (along, at)) in line.points().into_iter().enumerate() {
                     let values = drawn.and_then(|drawn| drawn.lines[k][i]);
-                    table.row(&with(&[name]), &[&[Some(along)][..], &point_cells(at, values)].concat())?;
+                    table.row(
+                        &with(&[name]),
+                        &[&[Some(along)][..], &point_cells(at, values, q.window.is_some())].concat(),
+                    )?;
                 }
             }
         }
@@ -263,6 +327,25 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 table.row(&with(&[name]), &jump_cells(drawn.and_then(|drawn| drawn.openings[k].mean)))?;
             }
         }
+        if let Some(table) = cracks {
+            for (k, (name, crack)) in q.cracks.iter().enumerate() {
+                for (i, point) in crack.points().iter().enumerate() {
+                    let jump = drawn.and_then(|drawn| drawn.cracks[k].points[i]);
+                    let place = [point.along, point.at[0], point.at[1], point.normal[0], point.normal[1]];
+                    let cells: Vec<_> = place.into_iter().map(Some).chain(jump_cells(jump)).collect();
+                    table.row(&with(&[name]), &cells)?;
+                }
+            }
+        }
+        if let Some(table) = tips {
+            for (k, (name, crack)) in q.cracks.iter().enumerate() {
+                for (i, (end, _)) in crack.joined().enumerate() {
+                    let tip = drawn.map(|drawn| drawn.cracks[k].tips[i]);
+                    let end = if end == 0 { "first" } else { "last" };
+                    table.row(&with(&[name, end, tip.map_or("", |tip| tip.state.name())]), &tip_cells(tip))?;
+                }
+            }
+        }
         if let Some(table) = rigid {
             for removed in drawn.map_or(&[][..], |drawn| &drawn.removed) {
                 let zone = removed.zone.zip(mesh).map_or("all", |(zone, mesh)| &mesh.zones()[zone]);
@@ -290,7 +373,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             .map(Option::is_none)
             .chain(drawn.lines.iter().map(|line| line.iter().any(Option::is_none)))
             .chain(drawn.extensometers.iter().map(Option::is_none))
-            .chain(drawn.openings.iter().map(|opening| opening.points.iter().any(Option::is_none)));
+            .chain(drawn.openings.iter().map(|opening| opening.points.iter().any(Option::is_none)))
+            .chain(drawn.cracks.iter().map(|crack| crack.points.iter().any(Option::is_none)));
         for ((_, n), lacks) in self.missing.iter_mut().zip(lacks) {
             *n += usize::from(lacks);
         }
@@ -301,7 +385,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
         let mut values = Vec::with_capacity(self.traces.len());
         for k in 0..q.points.len() {
             let point = drawn.and_then(|drawn| drawn.points[k]);
-            values.extend(PointValues::QUANTITIES.map(|(_, value)| point.as_ref().and_then(value)));
+            values.extend(PointValues::quantities(q.window).iter().map(|(_, value)| point.as_ref().and_then(value)));
         }
         for k in 0..q.extensometers.len() {
             let read = drawn.and_then(|drawn| drawn.extensometers[k]);
@@ -337,7 +421,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 curves.extend(over(&column.name, &|frame| column.at(frame)));
             }
         }
-        let mut notes = Vec::new();
+        let mut notes = self.load.notes.clone();
         if let Some(first) = self.without_field.first() {
             let n = self.without_field.len();
             notes.push(format!(
@@ -356,8 +440,51 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                 ),
             });
         }
-        Ok(QuantitySummary { curves, notes })
+        notes.extend(
+            self.quantities.cracks.iter().zip(&self.cracks).filter_map(|((_, crack), history)| history.note(crack)),
+        );
+        Ok(QuantitySummary { curves, notes, cracks: self.cracks })
     }
+}
+
+impl CrackHistory {
+    /// What a user should know: a crack that has grown beyond its path, stress intensities that could not be found.
+    fn note(&self, crack: &CrackLine) -> Option<String> {
+        let tips = || self.frames.iter().flat_map(|frame| frame.tips.iter().map(|tip| (frame.number, tip)));
+        let n = self.frames.len();
+        let mut said = Vec::new();
+        let open: Vec<usize> = tips().filter(|(_, tip)| tip.state == TipState::OpenToEnd).map(|(k, _)| k).collect();
+        if let Some(first) = open.first() {
+            said.push(format!(
+                "is open to the end of its path in {} of {n} fields, first in frame {first}: the tip may lie further on; lengthen \
+                 the path by some elements to find it",
+                open.len()
+            ));
+        }
+        if crack.elasticity().is_some() {
+            let lacking = tips().filter(|(_, tip)| tip.intensity.is_none()).count();
+            if lacking > 0 {
+                said.push(format!(
+                    "has no stress intensity in {lacking} of {n} fields: less than four elements lie between the tip and the next \
+                     border, bend of the path or node that is not measured"
+                ));
+            }
+            if crack.joined().next().is_none() {
+                said.push(
+                    "has no tip inside the mesh, and so no stress intensity: its path cuts the zone in two".to_owned(),
+                );
+            }
+        }
+        (!said.is_empty()).then(|| format!("crack '{}' {}", self.name, said.join("; ")))
+    }
+}
+
+fn tip_cells(tip: Option<CrackTip>) -> [Option<f64>; 9] {
+    let along = pair(tip.and_then(|tip| tip.along));
+    let at = tip.and_then(|tip| tip.at);
+    let k = tip.and_then(|tip| tip.intensity);
+    let (k1, k2) = (pair(k.map(|k| k.k1)), pair(k.map(|k| k.k2)));
+    [along[0], along[1], at.map(|p| p[0]), at.map(|p| p[1]), k1[0], k1[1], k2[0], k2[1], k.map(|k| k.radius)]
 }
 
 fn pair(value: Option<Value>) -> [Option<f64>; 2] {
@@ -368,11 +495,11 @@ fn jump_cells(jump: Option<crate::field::Jump>) -> Vec<Option<f64>> {
     crate::field::Jump::QUANTITIES.iter().flat_map(|(_, value)| pair(jump.as_ref().map(value))).collect()
 }
 
-fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
+fn point_cells(at: [f64; 2], values: Option<PointValues>, windowed: bool) -> Vec<Option<f64>> {
     let cell = |value: fn(&PointValues) -> f64| values.as_ref().map(value);
     let strain = values.and_then(|v| v.strain);
     let (strain, sigma) = (strain.map(|s| s.0.components()), strain.map(|s| s.1));
-    [
+    let mut cells = vec![
         Some(at[0]),
         Some(at[1]),
         cell(|v| v.displacement[0]),
@@ -385,7 +512,13 @@ fn point_cells(at: [f64; 2], values: Option<PointValues>) -> [Option<f64>; 12] {
         sigma.map(|e| e[0]),
         sigma.map(|e| e[1]),
         sigma.map(|e| e[2]),
-    ]
+    ];
+    if windowed {
+        let window = values.and_then(|v| v.window);
+        cells.extend([0, 1, 2].map(|k| window.map(|w| w.0.components()[k])));
+        cells.extend([0, 1, 2].map(|k| window.map(|w| w.1[k])));
+    }
+    cells
 }
 
 /// What the columns of a table mean.
@@ -417,6 +550,7 @@ fn definitions(
         "points" | "lines" => {
             said.extend(quantities.strain.describe(element_size_px));
             said.push("strain at a point: interpolated between the nodes, so over twice the element size".to_owned());
+            said.extend(quantities.window.iter().flat_map(|window| window.describe(element_size_px)));
         }
         "extensometers" => said.push(
             "length: distance in the reference; strain_engineering = elongation/length, strain_true = ln(1 + elongation/length)"
@@ -427,6 +561,22 @@ fn definitions(
              sliding along the tangent (-normal_y, normal_x), +x for a horizontal joint with the first zone above"
                 .to_owned(),
         ),
+        "cracks" => said.push(
+            "jump + minus -, + lying to the left of the path as it is seen on the screen; opening along the normal from - to +, positive \
+             when the faces move apart; sliding along the path (-normal_y, normal_x)"
+                .to_owned(),
+        ),
+        "crack_tips" => {
+            said.push(format!(
+                "tip: where the opening falls below {OPEN_BY_SIGMA} sigma, along the path from its first point; state open_to_end: open up to \
+                 the end of the path, the tip may lie further on; closed: nowhere open"
+            ));
+            said.push(
+                "K_I, K_II: stress intensity by interaction integral between two circles about the tip (about the end of the path when \
+                 closed), the outer of radius_px; plane stress; 1 MPa sqrt(m) = 31.62 MPa sqrt(mm)"
+                    .to_owned(),
+            );
+        }
         _ => said.push(
             "exact rotation about the centre, then translation; largest_px: largest displacement of a node by the motion; \
              left_rms_px: root mean square length of what is left"

@@ -1,6 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
-use crate::field::{ElementMark, Measurement, Status, StrainField, TensorStrain};
+use crate::field::{ElementMark, Measurement, Status, StrainField, TensorStrain, WindowStrains};
 use crate::units::Px;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -11,6 +11,10 @@ use thiserror::Error;
 
 /// Type of a quadrilateral among VTK's cells.
 const VTK_QUAD: u8 = 9;
+/// Name of the array by which VTK hides points and cells, and its bits for both.
+const GHOSTS: &str = "vtkGhostType";
+const HIDDEN_POINT: u8 = 2;
+const HIDDEN_CELL: u8 = 32;
 
 /// Why a file for ParaView cannot be written.
 #[derive(Debug, Error)]
@@ -32,11 +36,14 @@ pub enum VtkError {
 /// Points are the nodes at `(x, y, 0)`, in px and with **y down** as in the image (in ParaView, turn the
 /// view about x by 180 degrees to see it as the image). Point data: `displacement_px` and `sigma_px`
 /// (three components, z zero) and `measured`, 1 or 0: a node that was not measured stays in the file
-/// with displacement zero, so threshold on `measured`. Cell data: `residual_grey`, the root mean square
+/// with displacement zero and is hidden, as are its elements, by `vtkGhostType` of points (2) and cells (32), so that warping
+/// closes no hole. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
 /// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px` of the
-/// elements ([`crate::field::ModelError`]), and `mark` of both, what is the matter with an element ([`ElementMark::code`]). With a `strain`, `strain_node` and `strain_element`: three components exx,
-/// eyy, exy without dimension, NaN where they are not known. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
+/// elements ([`crate::field::ModelError`]), and `mark` of both, what is the matter with an element ([`ElementMark::code`]).
+/// With a `strain`, `strain_node` and `strain_element`: three components exx,
+/// eyy, exy without dimension, NaN where they are not known; with one over a window of nodes `strain_window` and
+/// `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
 /// and `dynamic_range_grey`. A comment at
 /// the head holds `title`, status, units and zone names.
 ///
@@ -63,6 +70,11 @@ pub fn write_vtu<W: Write>(
     // Single precision as in the store: the file of a stored frame is that of the run, to the last bit.
     let sigma: Vec<[f32; 3]> = spatial(&measurement.sigma).into_iter().map(|v| v.map(|v| v as f32)).collect();
     let measured: Vec<u8> = measured().map(u8::from).collect();
+    // Of every frame, or ParaView would lose the array along a series.
+    let hidden: Vec<u8> = measured.iter().map(|&measured| if measured == 1 { 0 } else { HIDDEN_POINT }).collect();
+    let is_whole = |nodes: &[u32; 4]| nodes.iter().all(|&node| measured[node as usize] == 1);
+    let hidden_cells: Vec<u8> =
+        mesh.elements().iter().map(|nodes| if is_whole(nodes) { 0 } else { HIDDEN_CELL }).collect();
     let residual: Vec<f32> = measurement.element_residual.iter().map(|&r| r as f32).collect();
     let residual_percent: Vec<f32> = residual.iter().map(|&r| (100.0 * f64::from(r) / dynamic_range) as f32).collect();
     let model = measurement.model_error.as_ref();
@@ -103,7 +115,9 @@ pub fn write_vtu<W: Write>(
                     model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
                     scalars(xml, "measured", &measured)?;
                     mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
-                    strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))
+                    scalars(xml, GHOSTS, &hidden)?;
+                    strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))?;
+                    strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
                 })?;
                 inside(xml, "CellData", &[], |xml| {
                     scalars(xml, "residual_grey", &residual)?;
@@ -111,6 +125,7 @@ pub fn write_vtu<W: Write>(
                     misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
                     mark.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
                     scalars(xml, "zone", &zone)?;
+                    scalars(xml, GHOSTS, &hidden_cells)?;
                     strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))
                 })?;
                 inside(xml, "Points", &[], |xml| vectors(xml, "Points", &points))?;
@@ -169,6 +184,13 @@ fn vectors<W: Write, T: Scalar>(xml: &mut Writer<W>, name: &str, values: &[[T; 3
     data_array(xml, name, &[("NumberOfComponents", "3")], values.as_flattened())
 }
 
+fn window<W: Write>(xml: &mut Writer<W>, found: &WindowStrains) -> io::Result<()> {
+    let strain: Vec<_> = found.nodes.iter().map(|at| at.map(|(strain, _)| strain)).collect();
+    let sigma: Vec<_> = found.nodes.iter().map(|at| at.map(|(_, sigma)| TensorStrain::of_components(sigma))).collect();
+    strains(xml, "strain_window", &strain)?;
+    strains(xml, "sigma_strain_window", &sigma)
+}
+
 fn strains<W: Write>(xml: &mut Writer<W>, name: &str, values: &[Option<TensorStrain>]) -> io::Result<()> {
     let values: Vec<[f32; 3]> = values
         .iter()
@@ -215,12 +237,15 @@ fn comment(title: &str, measurement: &Measurement<Px>, strain: Option<&StrainFie
         "lengths in px of the reference image: x to the right, y down, z = 0".to_owned(),
         "measured: 1, or 0 for a node without measurement (its displacement and sigma are 0 and mean nothing)"
             .to_owned(),
+        "vtkGhostType: hides nodes without measurement (2) and their elements (32)".to_owned(),
         format!(
             "residual_grey: root mean square of f - g in grey levels; residual_percent: of {dynamic_range} grey levels"
         ),
         format!("zones: {}", zones.join(", ")),
     ];
     lines.extend(strain.iter().flat_map(|strain| strain.definition.describe(strain.length_px)));
+    let window = strain.and_then(|strain| Some((strain.window.as_ref()?, strain.length_px)));
+    lines.extend(window.iter().flat_map(|(strains, length_px)| strains.window.describe(*length_px)));
     let mut text = String::new();
     for character in lines.join("\n").chars() {
         if character == '-' && text.ends_with('-') {

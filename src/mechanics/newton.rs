@@ -58,14 +58,30 @@ impl Model {
         boundary: &BoundaryHistory,
         options: &ForwardOptions,
     ) -> Result<Solution, ModelError> {
+        self.forward_while(law, boundary, options, &|_| true)
+    }
+
+    /// The same; `go_on` is asked before every solution of equations, with the number of the instant (from 1) that it is for.
+    /// Where it says no, that instant has not converged.
+    ///
+    /// # Errors
+    /// As [`Model::forward`].
+    pub fn forward_while(
+        &self,
+        law: &dyn CohesiveLaw,
+        boundary: &BoundaryHistory,
+        options: &ForwardOptions,
+        go_on: &dyn Fn(usize) -> bool,
+    ) -> Result<Solution, ModelError> {
         self.check_boundary(boundary)?;
-        let mut path = Path::new(self, law, options.newton);
+        let mut path = Path::new(self, law, options.newton, go_on);
         let mut instants: Vec<Instant> = Vec::with_capacity(boundary.instants().len());
         for target in boundary.instants() {
             if instants.last().is_some_and(|last| !last.status.converged()) {
                 instants.push(Instant::not_reached());
                 continue;
             }
+            path.instant += 1;
             let mut instant = path.advance(target);
             if instant.status.converged() && (options.law_sensitivities || options.substrate_sensitivities) {
                 let groups = if options.substrate_sensitivities { self.mesh().groups().len() } else { 0 };
@@ -106,6 +122,10 @@ struct Path<'a> {
     rhs: Vec<f64>,
     /// Whether `work` holds stiffness and factor at `u`.
     ready: bool,
+    /// Number of the instant, from 1.
+    instant: usize,
+    /// Whether to go on with it.
+    go_on: &'a dyn Fn(usize) -> bool,
 }
 
 /// What an increment took.
@@ -134,7 +154,12 @@ impl Balance {
 }
 
 impl<'a> Path<'a> {
-    fn new(model: &'a Model, law: &'a dyn CohesiveLaw, options: NewtonOptions) -> Self {
+    fn new(
+        model: &'a Model,
+        law: &'a dyn CohesiveLaw,
+        options: NewtonOptions,
+        go_on: &'a dyn Fn(usize) -> bool,
+    ) -> Self {
         let rest = vec![[0.0; 2]; model.mesh().nodes().len()];
         Self {
             model,
@@ -148,7 +173,14 @@ impl<'a> Path<'a> {
             u: rest,
             rhs: vec![0.0; model.n_unknowns()],
             ready: false,
+            instant: 0,
+            go_on,
         }
+    }
+
+    /// Whether to go on with this instant.
+    fn goes_on(&self) -> bool {
+        (self.go_on)(self.instant)
     }
 
     /// Moves the border to `target`, in as many increments as it takes.
@@ -172,7 +204,7 @@ impl<'a> Path<'a> {
             let mut converged = self.increment(&border, &mut effort);
             // Further than the tangent said by an opening at the peak: was the path left on the way?
             let leapt = converged && self.strays();
-            if (leapt || !converged) && step > smallest {
+            if (leapt || (!converged && self.goes_on())) && step > smallest {
                 self.step_back(converged);
                 instant.iterations += effort.iterations;
                 instant.halvings += 1;
@@ -269,7 +301,7 @@ impl<'a> Path<'a> {
         let mut stalled = 0;
         loop {
             effort.residuals.push(balance.relative());
-            if !balance.norm.is_finite() || self.work.factor.refactor(&self.work.matrix).is_err() {
+            if !self.goes_on() || !balance.norm.is_finite() || self.work.factor.refactor(&self.work.matrix).is_err() {
                 return false;
             }
             let converged = balance.residual <= self.options.tolerance * balance.force + balance.floor;
@@ -359,7 +391,7 @@ impl<'a> Path<'a> {
         for _ in 0..self.options.max_rescue {
             *steps += 1;
             self.model.assemble(self.law, &self.field, Stiffness::Viscous(share), &mut self.work);
-            if !self.balance().norm.is_finite() || share > 1e6 {
+            if !self.goes_on() || !self.balance().norm.is_finite() || share > 1e6 {
                 return false;
             }
             if share < 1e-6 {
@@ -418,6 +450,9 @@ impl<'a> Path<'a> {
         }
         for iteration in 1..=self.options.max_rescue {
             *rescue += 1;
+            if !self.goes_on() {
+                break;
+            }
             self.model.assemble(self.law, &current, Stiffness::Secant, &mut self.work);
             if self.work.factor.refactor(&self.work.matrix).is_err() {
                 break;

@@ -121,6 +121,38 @@ pub enum MeshError {
         /// Number of the corner, from 0.
         corner: usize,
     },
+    /// A crack without length.
+    #[error("zone '{zone}': a crack has no length; give two or more different points 'x,y x,y ...' along it")]
+    CrackShort {
+        /// Zone's name.
+        zone: String,
+    },
+    /// A crack that cuts no edge of the mesh.
+    #[error(
+        "the crack from ({x0:.0}, {y0:.0}) to ({x1:.0}, {y1:.0}) px cuts no zone: it lies outside of them all, or is shorter than two \
+         elements of {size} px and ends inside; move or lengthen it, or take smaller elements"
+    )]
+    CrackCutsNothing {
+        /// First point, px.
+        x0: f64,
+        /// First point, px.
+        y0: f64,
+        /// Last point, px.
+        x1: f64,
+        /// Last point, px.
+        y1: f64,
+        /// Element size, px.
+        size: usize,
+    },
+    /// A crack in a zone with elements of its own.
+    #[error(
+        "zone '{zone}' has elements of its own (mesh file or mapped), which are not cut along a crack: double the nodes along it \
+         in the mesh file, or take a zone of roi, polygon or mask"
+    )]
+    CrackInOwnElements {
+        /// Zone's name.
+        zone: String,
+    },
     /// A mask of another size than the image.
     #[error(
         "zone '{zone}': the mask is {mask_width} x {mask_height} px, the image {width} x {height} px; they must be the same"

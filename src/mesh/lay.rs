@@ -1,5 +1,6 @@
 //! Meshes laid on the zones of an image, with the pixels of their elements.
 
+use super::crack::cut;
 use super::grid::Grid;
 use super::pixel_set::PixelSet;
 use super::pixels::{self, PixelMap};
@@ -21,6 +22,8 @@ pub struct PixelMesh {
     pub zone_pixels: Vec<PixelSet>,
     /// The pixels of each element.
     pub pixels: Arc<PixelMap>,
+    /// The paths along which each zone is cut.
+    pub cracks: Vec<Vec<Vec<[f64; 2]>>>,
 }
 
 impl PixelMesh {
@@ -49,6 +52,7 @@ impl PixelMesh {
             if zones[..at].iter().any(|other| other.name == zone.name) {
                 return Err(MeshError::SameName { name: zone.name.clone() });
             }
+            zone.cracks.iter().try_for_each(|crack| crack.check(&zone.name))?;
             let (part, pixels) = match &zone.elements {
                 Some(elements) => own_elements(zone, elements, image)?,
                 None => lattice(zone, size, share, image)?,
@@ -65,16 +69,23 @@ impl PixelMesh {
             zone_sets.push(pixels.guarded);
         }
         let mesh = Mesh::of_parts(parts);
+        for crack in zones.iter().filter(|zone| zone.elements.is_none()).flat_map(|zone| &zone.cracks) {
+            if mesh.cut_faces(&crack.path).points.is_empty() {
+                let ([x0, y0], [x1, y1]) = (crack.path[0], crack.path[crack.path.len() - 1]);
+                return Err(MeshError::CrackCutsNothing { x0, y0, x1, y1, size });
+            }
+        }
         let pixels = PixelMap::new(&mesh, &zone_sets, image);
         // Rectangles have been compared by their grids, elements in the guard of another zone included.
         if zones.len() > 1
-            && !zones.iter().all(Zone::is_rectangle)
+            && !zones.iter().all(|zone| zone.is_rectangle() && zone.cracks.is_empty())
             && let Some([first, second]) = pixels::shared(&mesh, &pixels, image)
         {
             let name = |zone: usize| zones[zone].name.clone();
             return Err(MeshError::Overlap { first: name(first), second: name(second) });
         }
-        Ok(Self { mesh: Arc::new(mesh), zone_pixels: zone_sets, pixels: Arc::new(pixels) })
+        let cracks = zones.iter().map(|zone| zone.cracks.iter().map(|crack| crack.path.clone()).collect()).collect();
+        Ok(Self { mesh: Arc::new(mesh), zone_pixels: zone_sets, pixels: Arc::new(pixels), cracks })
     }
 
     /// The mesh on the image of half the size; `None` when nothing of a zone would be left. Each zone keeps
@@ -86,6 +97,9 @@ impl PixelMesh {
         let coarser = |x: f64| 0.5 * (x - 0.5);
         let mut parts = Vec::with_capacity(self.mesh.zones().len());
         let mut zone_pixels = Vec::with_capacity(self.mesh.zones().len());
+        let coarse_path = |path: &Vec<[f64; 2]>| path.iter().map(|p| p.map(coarser)).collect();
+        let cracks: Vec<Vec<Vec<[f64; 2]>>> =
+            self.cracks.iter().map(|of_zone| of_zone.iter().map(coarse_path).collect()).collect();
         for (zone, name) in self.mesh.zones().iter().enumerate() {
             let Roi { x0, y0, x1, y1 } = self.mesh.bounds(zone);
             let (width, height) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
@@ -106,12 +120,14 @@ impl PixelMesh {
                 Part::of_cells(name.clone(), grid, &cells)
             };
             halved.bounds()?;
+            // A crack that is too short for these elements is left to finer ones.
+            let part = cut(&part, &cracks[zone]).unwrap_or(part);
             parts.push(part);
             zone_pixels.push(halved);
         }
         let mesh = Mesh::of_parts(parts);
         let pixels = PixelMap::new(&mesh, &zone_pixels, image);
-        Some(Self { mesh: Arc::new(mesh), zone_pixels, pixels: Arc::new(pixels) })
+        Some(Self { mesh: Arc::new(mesh), zone_pixels, pixels: Arc::new(pixels), cracks })
     }
 }
 
@@ -128,7 +144,7 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
             return Err(MeshError::TooSmall { zone: name, width, height, size });
         }
         let grid = Grid { x0: roi.x0, y0: roi.y0, hx: h, hy: h, nx, ny, first_node: 0, first_element: 0 };
-        return Ok((Part::whole(name, grid), pixels));
+        return Ok((cracked(zone, Part::whole(name, grid)), pixels));
     }
     let [left, top, right, bottom] = pixels.all.bounds().ok_or_else(|| MeshError::Empty { zone: name.clone() })?;
     let (x0, y0) = if zone.roi.is_some() { (roi.x0, roi.y0) } else { (left as f64, top as f64) };
@@ -142,7 +158,13 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
     if !kept.contains(&true) {
         return Err(MeshError::NoElement { zone: name, size, percent: 100.0 * share });
     }
-    Ok((Part::of_cells(name, grid, &kept), pixels))
+    Ok((cracked(zone, Part::of_cells(name, grid, &kept)), pixels))
+}
+
+/// The part cut along the cracks of its zone. One that does not meet it leaves it as it is.
+fn cracked(zone: &Zone, part: Part) -> Part {
+    let paths: Vec<_> = zone.cracks.iter().map(|crack| crack.path.clone()).collect();
+    cut(&part, &paths).unwrap_or(part)
 }
 
 /// The elements of a zone that brings its own.

@@ -118,6 +118,12 @@ impl PixelMap {
     fn add_free(&mut self, mesh: &Mesh<Px>, zone: usize, set: &PixelSet, [width, height]: [usize; 2]) {
         for element in mesh.zone_elements(zone) {
             let corners = mesh.corners(element);
+            if let Some(cell) = Cell::of(corners, [width, height])
+                && set.count(cell.bounds) == cell.n_pixels()
+            {
+                self.elements.push(cell.pixels(cell.bounds));
+                continue;
+            }
             let owns = Owner::new(mesh.elements()[element], corners);
             let bounds = around(&corners, width, height);
             self.add_runs(bounds, |x, y| {
@@ -195,6 +201,20 @@ pub(super) struct Cell {
 }
 
 impl Cell {
+    /// The cell with these corners, when they are those of an upright rectangle in the order of the local coordinates.
+    fn of([a, b, c, d]: [[f64; 2]; 4], [width, height]: [usize; 2]) -> Option<Self> {
+        let upright = a[1] == b[1] && b[0] == c[0] && c[1] == d[1] && d[0] == a[0] && b[0] > a[0] && d[1] > a[1];
+        let first = |v: f64, n: usize| v.ceil().clamp(0.0, n as f64) as usize;
+        let bounds = [first(a[0], width), first(a[1], height), first(c[0], width), first(c[1], height)];
+        upright.then_some(Self { bounds, origin: a, size: [b[0] - a[0], d[1] - a[1]] })
+    }
+
+    /// Number of its pixels.
+    fn n_pixels(&self) -> usize {
+        let [x0, y0, x1, y1] = self.bounds;
+        (x1 - x0) * (y1 - y0)
+    }
+
     /// Those of its pixels that lie in `[x0, y0, x1, y1]`.
     fn pixels(&self, [x0, y0, x1, y1]: [usize; 4]) -> ElementPixels {
         if x0 >= x1 || y0 >= y1 {

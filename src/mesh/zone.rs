@@ -61,6 +61,32 @@ impl Guard {
     }
 }
 
+/// A path along which the mesh of a zone is cut: on its two sides the displacement is not the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crack {
+    /// Points of the path in order, px. An end inside the zone stays joined: a tip.
+    pub path: Vec<[f64; 2]>,
+    /// Pixels whose centre is nearer to the path are left out of all sums, px: the gap of the open crack is no specimen.
+    pub guard: f64,
+}
+
+impl Crack {
+    /// The guard where none is given, px: what interpolation and gradient reach, and a path that is drawn by hand.
+    pub const GUARD: f64 = 3.0;
+
+    /// Refuses paths of less than two points, numbers that are not finite, and negative guards.
+    pub(super) fn check(&self, zone: &str) -> Result<(), MeshError> {
+        let zone = || zone.to_owned();
+        if let Some(corner) = self.path.iter().position(|p| !p.iter().all(|v| v.is_finite())) {
+            return Err(MeshError::NotFinite { zone: zone(), corner });
+        }
+        if !(self.guard.is_finite() && self.guard >= 0.0) {
+            return Err(MeshError::Guard { zone: zone(), guard: self.guard });
+        }
+        if self.path.iter().all(|p| *p == self.path[0]) { Err(MeshError::CrackShort { zone: zone() }) } else { Ok(()) }
+    }
+}
+
 /// A raster as large as the image: which pixels may be measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
@@ -127,6 +153,8 @@ pub struct Zone {
     pub elements: Option<Arc<ZoneElements>>,
     /// Pixels along the border that are left out.
     pub guard: Guard,
+    /// Paths along which its mesh is cut. A zone with elements of its own is not cut again: there they are for coarser levels.
+    pub cracks: Vec<Crack>,
 }
 
 impl Zone {

@@ -26,9 +26,18 @@ fn rectangle(roi: Roi, guard: [f64; 4], width: usize, height: usize) -> PixelSet
 /// where it has such.
 pub(super) fn zone_pixels(
     zone: &Zone,
-    [width, height]: [usize; 2],
+    image: [usize; 2],
     of_elements: Option<PixelSet>,
 ) -> Result<ZonePixels, MeshError> {
+    let ZonePixels { all, mut guarded } = of_region(zone, image, of_elements)?;
+    for crack in zone.cracks.iter().filter(|crack| crack.guard > 0.0) {
+        guarded = beside(&guarded, guarded.bounds().unwrap_or_default(), &crack.path, crack.guard);
+    }
+    Ok(ZonePixels { all, guarded })
+}
+
+/// The same without its cracks.
+fn of_region(zone: &Zone, [width, height]: [usize; 2], of_elements: Option<PixelSet>) -> Result<ZonePixels, MeshError> {
     let roi = zone.bounds(width, height)?;
     check_guard(zone)?;
     if zone.is_rectangle() {

@@ -19,7 +19,7 @@ pub use tables::{
 
 use crate::identify::largest_without_rigid_motion;
 use crate::identify::{
-    Discretisation, FitOptions, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
+    Discretisation, FitOptions, FitWatch, Intervals, Noise, Observation, ObservedInstant, Precision, Problem, Unknowns,
     WeightKind,
 };
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
@@ -164,7 +164,8 @@ impl Experiment {
         let law = self.law();
         let unknown = |k: usize| (k, START[k] * law[k], Some(law[k] / BOUND), Some(law[k] * BOUND));
         let unknowns = Unknowns::new(&*self.joint.law, &[unknown(0), unknown(1), unknown(2)])?;
-        Ok(Problem { joint: &self.joint, observation: Arc::new(observation), noise: Arc::new(noise), unknowns })
+        let (observation, noise) = (Arc::new(observation), Arc::new(noise));
+        Ok(Problem { joint: &self.joint, observation, noise, unknowns, watch: FitWatch::default() })
     }
 
     /// How it is fitted: the paper's weights, the step tolerance of every other fit.

@@ -1,6 +1,6 @@
 //! What can be drawn of a frame, and how.
 
-use crate::field::{RemoveRigid, StrainDefinition, UnknownChoice};
+use crate::field::{RemoveRigid, StrainDefinition, StrainWindow, UnknownChoice};
 use crate::units::PixelSize;
 use std::fmt;
 use std::str::FromStr;
@@ -19,6 +19,12 @@ pub enum Figure {
     Eyy,
     /// Shear strain, that of the tensor.
     Exy,
+    /// Strain along x over a window of nodes.
+    ExxWindow,
+    /// Strain along y over a window of nodes.
+    EyyWindow,
+    /// Shear strain over a window of nodes.
+    ExyWindow,
     /// Root mean square of the residual of each element, grey levels.
     Residual,
     /// The same in per cent of the reference's range of grey levels.
@@ -39,12 +45,15 @@ pub enum Figure {
 
 impl Figure {
     /// All there are.
-    pub const ALL: [Figure; 13] = [
+    pub const ALL: [Figure; 16] = [
         Figure::Ux,
         Figure::Uy,
         Figure::Exx,
         Figure::Eyy,
         Figure::Exy,
+        Figure::ExxWindow,
+        Figure::EyyWindow,
+        Figure::ExyWindow,
         Figure::Residual,
         Figure::ResidualPercent,
         Figure::Sigma,
@@ -63,6 +72,9 @@ impl Figure {
             Figure::Exx => "exx",
             Figure::Eyy => "eyy",
             Figure::Exy => "exy",
+            Figure::ExxWindow => "exx-window",
+            Figure::EyyWindow => "eyy-window",
+            Figure::ExyWindow => "exy-window",
             Figure::Residual => "residual",
             Figure::ResidualPercent => "residual-percent",
             Figure::Sigma => "sigma",
@@ -78,10 +90,13 @@ impl Figure {
     pub(super) fn quantity(self) -> Option<(&'static str, &'static str)> {
         Some(match self {
             Figure::Ux => ("Displacement ux", "px"),
-            Figure::Uy => ("Displacement uy", "px"),
+            Figure::Uy => ("Displacement uy, down", "px"),
             Figure::Exx => ("Strain exx", "-"),
             Figure::Eyy => ("Strain eyy", "-"),
             Figure::Exy => ("Shear strain exy", "-"),
+            Figure::ExxWindow => ("Strain exx over the window", "-"),
+            Figure::EyyWindow => ("Strain eyy over the window", "-"),
+            Figure::ExyWindow => ("Shear strain exy over the window", "-"),
             Figure::Residual => ("Residual, rms per element", "grey levels"),
             Figure::ResidualPercent => ("Residual, rms per element", "% of the grey range"),
             Figure::Sigma => ("Standard uncertainty of the displacement", "px"),
@@ -93,7 +108,16 @@ impl Figure {
 
     /// Which component of the strain it shows.
     pub(super) fn strain(self) -> Option<usize> {
-        [Figure::Exx, Figure::Eyy, Figure::Exy].iter().position(|&figure| figure == self)
+        let component = |all: [Figure; 3]| all.iter().position(|&figure| figure == self);
+        component([Figure::Exx, Figure::Eyy, Figure::Exy]).or_else(|| component(Self::OF_WINDOW))
+    }
+
+    /// The strains over a window of nodes.
+    pub const OF_WINDOW: [Figure; 3] = [Figure::ExxWindow, Figure::EyyWindow, Figure::ExyWindow];
+
+    /// Whether it shows a strain over a window of nodes.
+    pub fn is_of_window(self) -> bool {
+        Self::OF_WINDOW.contains(&self)
     }
 }
 
@@ -110,7 +134,7 @@ impl FromStr for Figure {
         Figure::ALL.into_iter().find(|figure| figure.name() == word).ok_or_else(|| UnknownChoice {
             option: "quantity",
             given: word.to_owned(),
-            expected: "ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh, deformed or register",
+            expected: "ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma, model-error, misfit, mesh, deformed or register",
         })
     }
 }
@@ -161,6 +185,8 @@ pub struct FigureOptions {
     pub range: Option<(f64, f64)>,
     /// How strains are made.
     pub strain: StrainDefinition,
+    /// Window of nodes of the strains over a window.
+    pub strain_window: Option<StrainWindow>,
     /// Whether strains are shown as interpolated between nodes (over twice the element size) instead of one value
     /// per element.
     pub strain_on_nodes: bool,
@@ -190,6 +216,7 @@ impl Default for FigureOptions {
             magnify: None,
             range: None,
             strain: StrainDefinition::default(),
+            strain_window: None,
             strain_on_nodes: false,
             rigid: RemoveRigid::Zone,
             pixel_size: None,

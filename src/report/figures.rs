@@ -4,9 +4,9 @@ use super::figure::{Figure, FigureOptions, Values};
 use super::map::{MapOptions, element_map_on, nodal_map_on};
 use super::mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 use super::profile::{Profiled, profile_plot};
-use super::scale::{LARGEST, Palette, written};
+use super::scale::{LARGEST, Palette, percentiles, written};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{Measurement, Status, StrainField};
+use crate::field::{DOUBTFUL, Measurement, Status, StrainField, StrainWindows, WindowStrains};
 use crate::units::Px;
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ pub fn draw_frame(
         return Ok(Vec::new());
     }
     std::fs::create_dir_all(folder).map_err(|source| ReportError::Write { path: folder.to_owned(), source })?;
-    let frame = Frame::new(number, measurement, reference, deformed, options);
+    let frame = Frame::new(number, measurement, reference, deformed, options)?;
     let mut files = Vec::new();
     let mut save = |picture: &Picture, name: &str| {
         for format in &options.formats {
@@ -59,6 +59,9 @@ struct Frame<'a> {
     deformed: Option<&'a Backdrop>,
     options: &'a FigureOptions,
     strain: Option<StrainField>,
+    window: Option<WindowStrains>,
+    /// Nodes with a large standard uncertainty.
+    doubtful: Vec<bool>,
 }
 
 impl<'a> Frame<'a> {
@@ -68,10 +71,19 @@ impl<'a> Frame<'a> {
         reference: &'a Backdrop,
         deformed: Option<&'a Backdrop>,
         options: &'a FigureOptions,
-    ) -> Self {
+    ) -> Result<Self, ReportError> {
         let strained = options.figures.iter().any(|figure| figure.strain().is_some());
         let strain = strained.then(|| StrainField::of(measurement, options.strain));
-        Self { number, measurement, reference, deformed, options, strain }
+        let window = match options.figures.iter().any(|figure| figure.is_of_window()) {
+            true => {
+                let window = options.strain_window.ok_or(ReportError::NoWindow)?;
+                let windows = StrainWindows::new(&measurement.mesh, window, !options.known_noise);
+                Some(windows.of(measurement, options.strain))
+            }
+            false => None,
+        };
+        let doubtful = measurement.doubtful();
+        Ok(Self { number, measurement, reference, deformed, options, strain, window, doubtful })
     }
 
     fn draw(&self, figure: Figure) -> Result<Picture, ReportError> {
@@ -91,6 +103,7 @@ impl<'a> Frame<'a> {
             opacity: if signed { 0.8 } else { 0.7 },
             pixel_size: options.pixel_size,
             line: options.line,
+            hatched: self.measurement.hatched(),
             notes: self.notes(figure, unit, &values),
             ..MapOptions::new(format!("{title}, frame {}", self.number), format!("{title} ({unit})"))
         };
@@ -121,6 +134,15 @@ impl<'a> Frame<'a> {
                 Values::Elements(measurement.element_residual.iter().map(|r| 100.0 * r / range).collect())
             }
             Figure::Residual => Values::Elements(measurement.element_residual.clone()),
+            _ if figure.is_of_window() => {
+                let c = figure.strain().unwrap_or(0);
+                let value =
+                    |at: &Option<(crate::field::TensorStrain, _)>| at.map_or(f64::NAN, |(e, _)| e.components()[c]);
+                Values::Nodes(match &self.window {
+                    Some(window) => window.nodes.iter().map(value).collect(),
+                    None => vec![f64::NAN; measurement.mesh.n_nodes()],
+                })
+            }
             _ => {
                 let (Some(strain), Some(c)) = (&self.strain, figure.strain()) else {
                     return Ok(Values::Nodes(vec![f64::NAN; measurement.mesh.n_nodes()]));
@@ -142,24 +164,55 @@ impl<'a> Frame<'a> {
         let (mesh, measured) = (&self.measurement.mesh, &self.measurement.measured);
         let elements = mesh.elements().iter().enumerate();
         let whole = elements.filter(|(_, nodes)| nodes.iter().all(|&node| measured[node as usize]));
-        let mut ends: Option<(f64, f64)> = None;
-        let mut shown = 0;
+        let is_shown = |value: &f64| value.abs() <= LARGEST;
+        let mut is_told = vec![false; mesh.n_nodes()];
+        let (mut told, mut shown) = (Vec::new(), 0);
         for (element, nodes) in whole {
-            let of_element = match values {
-                Values::Nodes(values) => nodes.map(|node| values[node as usize]),
-                Values::Elements(values) => [values[element]; 4],
-            };
-            if of_element.iter().all(|v| v.abs() <= LARGEST) {
-                shown += 1;
-                let [low, high] = [f64::min, f64::max].map(|f| of_element.into_iter().fold(of_element[0], f));
-                ends = Some(ends.map_or((low, high), |(a, b)| (a.min(low), b.max(high))));
+            let nodes = nodes.map(|node| node as usize);
+            match values {
+                Values::Nodes(values) if nodes.iter().all(|&node| is_shown(&values[node])) => {
+                    shown += 1;
+                    for node in nodes {
+                        if !self.doubtful[node] && !std::mem::replace(&mut is_told[node], true) {
+                            told.push(values[node]);
+                        }
+                    }
+                }
+                Values::Elements(values) if is_shown(&values[element]) => {
+                    shown += 1;
+                    if !nodes.iter().any(|&node| self.doubtful[node]) {
+                        told.push(values[element]);
+                    }
+                }
+                _ => {}
             }
         }
         let mut notes = Vec::new();
-        if let Some((low, high)) = ends {
+        if let Some([low, high]) = percentiles(told) {
             let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
             let n = mesh.n_elements();
-            notes.push(format!("values {} to {}{unit}, on {shown} of {n} elements", written(low), written(high)));
+            notes.push(format!(
+                "percentiles 1 to 99: {} to {}{unit}, on {shown} of {n} elements",
+                written(low),
+                written(high)
+            ));
+        }
+        let n_doubtful = self.doubtful.iter().filter(|&&doubtful| doubtful).count();
+        if n_doubtful > 0 && shown > 0 {
+            let nodes = if n_doubtful == 1 { "1 node has".to_owned() } else { format!("{n_doubtful} nodes have") };
+            notes.push(format!(
+                "hatched: {nodes} a standard uncertainty above {DOUBTFUL} times the median, left out of the percentiles"
+            ));
+        }
+        if let (true, Some(window)) = (figure.is_of_window(), &self.window) {
+            let (length, definition) = (window.window.gauge_length(mesh.element_size()), self.options.strain);
+            notes.push(format!(
+                "{definition} strain, {}, plane fitted to {}: virtual strain gauge of {} px",
+                definition.formula(),
+                window.window,
+                (length * 100.0).round() / 100.0
+            ));
+            return self.with_files(notes);
         }
         if let (Some(strain), Some(_)) = (&self.strain, figure.strain()) {
             let length = strain.length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 };
@@ -169,6 +222,11 @@ impl<'a> Frame<'a> {
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
         }
+        self.with_files(notes)
+    }
+
+    /// The same with what is said below every map.
+    fn with_files(&self, mut notes: Vec<String>) -> Vec<String> {
         let marked = self.measurement.marked();
         if marked.iter().any(|marked| !marked.mark.is_left_out()) {
             notes.push("hatched: the residual is beyond noise, the displacement doubtful".to_owned());
@@ -214,7 +272,7 @@ impl<'a> Frame<'a> {
     fn profile(&self, figure: Figure, line: [f64; 4]) -> Result<super::Plot, ReportError> {
         let values = self.values(figure)?;
         let what = match (figure, figure.strain()) {
-            (_, Some(c)) => Profiled::Strain(c),
+            (_, Some(c)) if !figure.is_of_window() => Profiled::Strain(c),
             (Figure::Ux, _) => Profiled::Displacement(0),
             (Figure::Uy, _) => Profiled::Displacement(1),
             _ => Profiled::Values(&values),

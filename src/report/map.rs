@@ -29,6 +29,8 @@ pub struct MapOptions {
     pub pixel_size: Option<PixelSize>,
     /// A line to show from (x0, y0), marked A, to (x1, y1), marked B, px.
     pub line: Option<[f64; 4]>,
+    /// Elements that are hatched, since their values are to be doubted; none where it is empty.
+    pub hatched: Vec<bool>,
     /// Lines of text below the picture.
     pub notes: Vec<String>,
 }
@@ -45,6 +47,7 @@ impl MapOptions {
             opacity: 0.7,
             pixel_size: None,
             line: None,
+            hatched: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -123,7 +126,7 @@ pub(super) fn nodal_cells(measurement: &Measurement<Px>, values: &[f64]) -> Resu
     Ok(cells.collect())
 }
 
-fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
+pub(super) fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Result<Vec<Cell>, ReportError> {
     let mesh = &measurement.mesh;
     if values.len() != mesh.n_elements() {
         return Err(ReportError::Length { what: "elements", expected: mesh.n_elements(), got: values.len() });
@@ -149,6 +152,7 @@ pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String
         Status::Diverged => warnings.push("diverged: this is no measurement"),
         Status::LeftImage => warnings.push("not converged: too much of a zone has left the image"),
         Status::Unreadable => warnings.push("unreadable: this is no measurement"),
+        Status::Ambiguous => warnings.push("ambiguous: the texture repeats, displacements may be off by periods of it"),
     }
     if !drawn {
         let some = measurement.measured.contains(&true);
@@ -216,7 +220,7 @@ fn draw(
             }
         }
         layout.lay(&mut scene, &layer, bar.opacity);
-        hatch(&mut scene, &layout, measurement, cells);
+        hatch(&mut scene, &layout, measurement, cells, &options.hatched);
     }
     if let Some(line) = options.line {
         draw_line(&mut scene, &layout, line);
@@ -224,20 +228,41 @@ fn draw(
     Ok(layout.finish(scene))
 }
 
-/// Lines over elements whose values are doubtful.
-fn hatch(scene: &mut Scene, layout: &FigureLayout<'_>, measurement: &Measurement<Px>, cells: &[Cell]) {
-    let mut path = Path::default();
-    let doubtful = |element: &usize| cells[*element].is_some() && mark_of(measurement, *element) != ElementMark::None;
-    for element in (0..cells.len()).filter(doubtful) {
-        let [a, b, c, d] = measurement.mesh.corners(element).map(|corner| layout.place(corner));
-        let between = |p: [f64; 2], q: [f64; 2], t: f64| [0, 1].map(|k| p[k] + t * (q[k] - p[k]));
-        path.line([a, c]);
-        path.line([between(a, b, 0.5), between(b, c, 0.5)]);
-        path.line([between(a, d, 0.5), between(d, c, 0.5)]);
+/// Distance of the lines of a hatch on the sheet.
+const HATCH: f64 = 7.0;
+
+/// Hatches the elements that are drawn and marked.
+fn hatch(
+    scene: &mut Scene,
+    layout: &FigureLayout<'_>,
+    measurement: &Measurement<Px>,
+    cells: &[Cell],
+    hatched: &[bool],
+) {
+    let mesh = &measurement.mesh;
+    let marked =
+        cells.iter().zip(hatched).zip(mesh.elements()).filter(|((cell, hatched), _)| **hatched && cell.is_some());
+    let mut within = Path::default();
+    let mut ends: Option<[f64; 4]> = None;
+    for (_, nodes) in marked {
+        let corners = nodes.map(|node| layout.place(mesh.nodes()[node as usize]));
+        for [x, y] in corners {
+            ends = Some(ends.map_or([x, y, x, y], |[a, b, c, d]| [a.min(x), b.min(y), c.max(x), d.max(y)]));
+        }
+        within.polygon(corners);
     }
-    if !path.is_empty() {
-        scene.stroke(&path, &Stroke::new(BLACK, 0.7));
+    let Some([x0, y0, x1, y1]) = ends else { return };
+    // Lines x + y = constant, at the same places whatever is hatched.
+    let mut lines = Path::default();
+    let mut at = ((x0 + y0) / HATCH).ceil() * HATCH;
+    while at < x1 + y1 {
+        lines.line([[at - y0, y0], [at - y1, y1]]);
+        at += HATCH;
     }
+    scene.clip_to(&within);
+    scene.stroke(&lines, &Stroke::new(WHITE, 2.2));
+    scene.stroke(&lines, &Stroke::new(BLACK, 1.0));
+    scene.unclip();
 }
 
 /// A line from A to B.

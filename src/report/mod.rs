@@ -2,6 +2,8 @@
 
 mod axes;
 mod backdrop;
+pub mod correlation;
+mod crack;
 mod edges;
 mod figure;
 mod figures;
@@ -20,8 +22,10 @@ mod raster;
 mod scale;
 mod scene;
 pub mod summary;
+mod words;
 
 pub use backdrop::Backdrop;
+pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures};
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::draw_frame;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
@@ -106,6 +110,9 @@ pub enum ReportError {
         /// What was asked for.
         factor: f64,
     },
+    /// Strains over a window that nobody gave.
+    #[error("strains over a window of nodes need its size, and the run has none; give --strain-window N, such as 5")]
+    NoWindow,
     /// Per cent of an unknown range.
     #[error("the residual in per cent needs the range of grey levels of the reference; ask for `residual`")]
     Percent,

@@ -302,13 +302,13 @@ fn sides(
     let y = ticks(Range { low: y0, high: y1 }, height, least(y0, y1), 18.0, upright);
     let mut sides = vec![
         SideAxis::new(Side::Bottom, &x, |v| (v - x0) * scale[0], "x (px)"),
-        SideAxis::new(Side::Left, &y, |v| (v - y0) * scale[1], "y (px)"),
+        SideAxis::new(Side::Left, &y, |v| (v - y0) * scale[1], "y (px), down"),
     ];
     if let Some(mm) = pixel_size.map(PixelSize::mm_per_px) {
         let x = ticks(Range { low: x0 * mm, high: x1 * mm }, width, 0.0, 28.0, across);
         let y = ticks(Range { low: y0 * mm, high: y1 * mm }, height, 0.0, 18.0, upright);
         sides.push(SideAxis::new(Side::Top, &x, |v| (v / mm - x0) * scale[0], "x (mm)"));
-        sides.push(SideAxis::new(Side::Right, &y, |v| (v / mm - y0) * scale[1], "y (mm)"));
+        sides.push(SideAxis::new(Side::Right, &y, |v| (v / mm - y0) * scale[1], "y (mm), down"));
     }
     sides
 }

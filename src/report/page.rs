@@ -28,6 +28,7 @@ p{margin:.5rem 0;max-width:46rem}\
 .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}\
 figure{margin:.75rem 0;break-inside:avoid}\
 figure img{display:block;width:100%;height:auto}\
+figure img.tall{width:auto;max-width:100%;max-height:32rem}\
 figcaption{font-size:.875rem;color:#333}\
 .bar{display:grid;grid-template-columns:auto 1fr auto;gap:.5rem;align-items:center;font-size:.875rem;margin:.25rem 0}\
 .bar img{height:.9rem;width:100%;border:1px solid #333}\
@@ -171,6 +172,8 @@ pub struct Map {
     bar: Option<Vec<u8>>,
     ends: [String; 2],
     caption: String,
+    /// Whether it is much higher than wide: it is then shown as high as a window.
+    is_tall: bool,
 }
 
 impl Map {
@@ -191,7 +194,41 @@ impl Map {
             Ok::<_, ReportError>(bytes)
         };
         let bar = picture.bar_area().map(cut).transpose()?;
-        Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into() })
+        Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into(), is_tall: false })
+    }
+}
+
+/// Pixels of a picture, red, green and blue, row by row.
+#[derive(Debug, Clone)]
+pub(super) struct Pixels {
+    pub width: u32,
+    pub height: u32,
+    pub rgb: Vec<u8>,
+}
+
+impl Pixels {
+    fn jpeg(&self) -> Result<Vec<u8>, ReportError> {
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
+            .write_image(&self.rgb, self.width, self.height, ExtendedColorType::Rgb8)
+            .map_err(ReportError::Encode)?;
+        Ok(bytes)
+    }
+}
+
+impl Map {
+    /// A map that is drawn already, with its bar and what its ends stand for where it has one.
+    pub(super) fn of_pixels(
+        map: &Pixels,
+        bar: Option<(&Pixels, [String; 2])>,
+        caption: impl Into<String>,
+    ) -> Result<Self, ReportError> {
+        let (bar, ends) = match bar {
+            Some((bar, ends)) => (Some(bar.jpeg()?), ends),
+            None => (None, [String::new(), String::new()]),
+        };
+        let is_tall = 4 * map.height > 5 * map.width;
+        Ok(Self { picture: map.jpeg()?, bar, ends, caption: caption.into(), is_tall })
     }
 }
 
@@ -278,7 +315,7 @@ impl Block {
             },
             Self::Map(map) => html! {
                 figure {
-                    img src=(data("jpeg", &map.picture)) alt=(map.caption);
+                    img class=[map.is_tall.then_some("tall")] src=(data("jpeg", &map.picture)) alt=(map.caption);
                     @if let Some(bar) = &map.bar {
                         div.bar { span { (map.ends[0]) } img src=(data("jpeg", bar)) alt="colours from low to high"; span { (map.ends[1]) } }
                     }

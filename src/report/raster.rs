@@ -5,6 +5,9 @@ use super::scene::Rgb;
 use crate::mesh::InverseMap;
 use image::ExtendedColorType;
 
+/// Distance of the lines of a hatch, pixels along a row.
+const HATCH: u32 = 6;
+
 /// A transparent sheet of pixels.
 pub(super) struct Layer {
     width: u32,
@@ -20,6 +23,11 @@ impl Layer {
     /// Colours the pixels whose centres lie in the element with these corners (in pixels of the layer, from its
     /// upper left corner); `colour` is given the shape functions there.
     pub fn fill(&mut self, corners: [[f64; 2]; 4], mut colour: impl FnMut([f64; 4]) -> Rgb) {
+        self.paint(corners, |_, shape| Some(colour(shape)));
+    }
+
+    /// Colours pixels of the element, by their column and row and the shape functions there.
+    fn paint(&mut self, corners: [[f64; 2]; 4], mut colour: impl FnMut([u32; 2], [f64; 4]) -> Option<Rgb>) {
         let cells = |axis: usize, n: u32| {
             let ends = corners.iter().map(|c| c[axis]);
             let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -30,9 +38,24 @@ impl Layer {
         for row in cells(1, self.height) {
             for column in cells(0, self.width) {
                 let Some(shape) = element.shape([f64::from(column) + 0.5, f64::from(row) + 0.5]) else { continue };
-                let [r, g, b] = colour(shape);
+                let Some([r, g, b]) = colour([column, row], shape) else { continue };
                 let at = 4 * (row as usize * self.width as usize + column as usize);
                 self.rgba[at..at + 4].copy_from_slice(&[r, g, b, 255]);
+            }
+        }
+    }
+
+    /// Draws lines of `colours[0]` with `colours[1]` beside them over the element, from lower left to upper right, at the same
+    /// places whatever is hatched.
+    pub fn hatch(&mut self, corners: [[f64; 2]; 4], colours: [Rgb; 2]) {
+        self.paint(corners, |[column, row], _| colours.get(((column + row) % HATCH) as usize).copied());
+    }
+
+    /// Mixes the layer into `rgb` of the same size, of which it hides the share `opacity`.
+    pub fn over(&self, rgb: &mut [u8], opacity: f64) {
+        for (pixel, on_top) in rgb.chunks_exact_mut(3).zip(self.rgba.chunks_exact(4)).filter(|(_, top)| top[3] > 0) {
+            for (under, &over) in pixel.iter_mut().zip(on_top) {
+                *under = ((1.0 - opacity) * f64::from(*under) + opacity * f64::from(over)).round() as u8;
             }
         }
     }

@@ -218,6 +218,13 @@ pub(super) fn written(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// The 1st and the 99th percentile of `values`, those of them next to it; `None` without values.
+pub(super) fn percentiles(mut values: Vec<f64>) -> Option<[f64; 2]> {
+    values.sort_unstable_by(f64::total_cmp);
+    let at = |part: f64| values.get((values.len().saturating_sub(1) as f64 * part).round() as usize).copied();
+    Some([at(0.01)?, at(0.99)?])
+}
+
 /// The colour of `value` in `range`.
 pub(super) fn colour(palette: Palette, range: Range, value: f64) -> Rgb {
     palette.colour(range.fraction(value))

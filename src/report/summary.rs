@@ -3,10 +3,11 @@
 use super::{Name, number};
 use crate::backend::Traffic;
 use crate::correlate::{
-    Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
+    Ambiguity, Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault,
+    ZoneResult,
 };
 use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
-use crate::imaging::Saturation;
+use crate::imaging::{Blank, Saturation};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,6 +55,9 @@ pub struct Summary {
     pub reference_updates: Vec<usize>,
     /// Number of frames by status.
     pub counts: BTreeMap<Name, usize>,
+    /// The cracks along which the mesh is cut, when the series is done.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<super::CrackSummary>,
     /// The frames, in series order.
     pub frames: Vec<FrameSummary>,
 }
@@ -184,11 +188,17 @@ pub struct FrameSummary {
     pub nodes_measured: usize,
     /// Nodes without one because they moved out of the image.
     pub nodes_left_image: usize,
+    /// Nodes without one because their texture does not stand out of the noise that the residual shows.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub nodes_in_noise: usize,
     /// Nodes whose standard uncertainty is a lower bound: there is little beside noise around them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub nodes_at_noise_bound: usize,
     /// Elements whose pixels do not match (correlation coefficient below 1/2).
     pub elements_poor: usize,
+    /// The period of a texture that repeats: the displacement is known but for multiples of it. Absent where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ambiguity: Option<Ambiguity>,
     /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub misfit: Option<Misfit>,
@@ -201,6 +211,9 @@ pub struct FrameSummary {
     /// Share of the pixels in the zones that are black or white without any difference left; none for floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub saturated_percent: Option<f64>,
+    /// Rows or columns of one grey level where the reference has texture: the image is not whole. Absent of one that is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blank: Option<Blank>,
     /// What standard uncertainties were multiplied by, x and y, because noise is correlated from pixel to pixel; absent
     /// where that is 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -370,12 +383,15 @@ impl FrameSummary {
             zones: Vec::new(),
             nodes_measured: 0,
             nodes_left_image: 0,
+            nodes_in_noise: 0,
             nodes_at_noise_bound: 0,
             elements_poor: 0,
+            ambiguity: None,
             misfit: None,
             marked: Vec::new(),
             model_error: None,
             saturated_percent: None,
+            blank: None,
             noise_correlation_factor: None,
             noise_colour: None,
             noise_photon: None,
@@ -404,6 +420,7 @@ impl FrameSummary {
         if result.measurement.status.has_field() {
             messages.extend(result.zones.iter().filter_map(contradiction));
             messages.extend(bound_message(result.nodes_at_bound));
+            messages.extend(result.ambiguity.iter().map(|ambiguity| format!("warning: {ambiguity}")));
         }
         let zones = result.zones.iter().map(|zone| ZoneSummary {
             name: zone.name.clone(),
@@ -432,12 +449,15 @@ impl FrameSummary {
             zones: zones.collect(),
             nodes_measured: result.measurement.measured.iter().filter(|&&m| m).count(),
             nodes_left_image: result.nodes_left,
+            nodes_in_noise: result.nodes_in_noise,
             nodes_at_noise_bound: result.nodes_at_bound,
             elements_poor: result.poor_elements,
+            ambiguity: result.ambiguity.clone(),
             misfit: field.and_then(Measurement::misfit),
             marked: result.measurement.marked(),
             model_error: field.and_then(ModelErrorSummary::of),
             saturated_percent: None,
+            blank: None,
             noise_correlation_factor: (result.noise_factor != [1.0; 2]).then_some(result.noise_factor),
             noise_colour: result.noise_colour.map(Into::into),
             noise_photon: result.photon_noise.map(|noise| [noise.a, noise.b]),
@@ -455,6 +475,13 @@ impl FrameSummary {
     pub fn with_saturation(mut self, found: Option<Saturation>) -> Self {
         self.saturated_percent = found.map(Saturation::percent);
         self.messages.extend(found.and_then(saturation_message));
+        self
+    }
+
+    /// The same with what is not there of the deformed image, which is said.
+    pub fn with_blank(mut self, found: Option<Blank>) -> Self {
+        self.blank = found;
+        self.messages.extend(found.map(|blank| format!("warning: {blank}")));
         self
     }
 }

@@ -7,6 +7,7 @@ use super::identification::{FIT, identify};
 use super::overlay::Overlay;
 use super::page::page;
 use super::plan::Plan;
+use super::rehearsal::rehearse;
 use super::series::run_series;
 use super::session::{Existing, Outcome, Session};
 use super::simulation::simulate;
@@ -32,6 +33,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const REPORT: &str = "report.html";
+/// Stands for the inputs of a step that did not come to its end.
+const CUT_SHORT: &str = "cut short";
 
 /// What a run from images to the report is given.
 #[derive(Debug, Clone)]
@@ -46,8 +49,12 @@ pub struct CaseRun {
     pub device: DeviceChoice,
     /// How a graphics device is opened.
     pub gpu: GpuOptions,
-    /// The wish to stop, heard between frames.
+    /// The wish to stop, heard between frames and between the steps of a fit.
     pub stop: Stop,
+    /// Time after which the fit ends at the best point so far, s; over what the case says.
+    pub max_seconds: Option<f64>,
+    /// Forward runs that one start of the fit may take; over what the case says.
+    pub max_evaluations: Option<usize>,
 }
 
 impl CaseRun {
@@ -60,6 +67,8 @@ impl CaseRun {
             device: DeviceChoice::Auto,
             gpu: GpuOptions::default(),
             stop: Stop::default(),
+            max_seconds: None,
+            max_evaluations: None,
         }
     }
 }
@@ -69,18 +78,24 @@ impl CaseRun {
 /// # Errors
 /// See [`RunError`]. Frames and a fit that do not converge, and a model that the data reject, are results.
 pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
-    let CaseRun { case: file, output, overwrite, device, gpu, stop } = asked;
-    let case = read_run_case(file)?;
+    let CaseRun { case: file, output, overwrite, device, gpu, stop, .. } = asked;
+    let mut case = read_run_case(file)?;
+    if let Some(fit) = &mut case.joint.fit {
+        fit.max_seconds = asked.max_seconds.or(fit.max_seconds);
+        fit.max_evaluations = asked.max_evaluations.or(fit.max_evaluations);
+    }
     // Not after hours of correlation.
     Case::check(&case)?;
     case.notes.iter().for_each(|note| watcher(Event::Note(note)));
-    let mut steps = Steps::open(output, *overwrite)?;
-    let correlation = correlation_in(output);
-
     let asked = Overlay { device: device.clone(), gpu: gpu.clone(), ..Overlay::default() };
     let mut plan = Plan::of(&asked, &case.correlation)?;
+    // That of the whole run says the same and more.
+    plan.report = false;
     // The faces of the joint carry what is looked for, and the rest of the border is prescribed to the mechanics.
     plan.options.whole_borders = case.interface.zones.to_vec();
+    rehearse(&case, &plan)?.iter().for_each(|warning| watcher(Event::Note(&format!("warning: {warning}"))));
+    let mut steps = Steps::open(output, *overwrite)?;
+    let correlation = correlation_in(output);
     let inputs = inputs_of(&plan)?;
     let complete = || {
         Store::open(&correlation).is_ok_and(|store| {
@@ -116,8 +131,9 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         steps.forget(step)?;
         fs::write(&joint_case, &text).map_err(|error| RunError::file(&joint_case, "written", error))?;
         let begin = Instant::now();
-        let outcome = mechanics(&joint_case, output, case.has_fit(), pool, watcher)?;
-        steps.note(step, &inputs, begin, outcome)?;
+        let (outcome, cut_short) = mechanics(&joint_case, output, case.has_fit(), pool, stop, watcher)?;
+        // What its limit of time ended, or somebody, is not done: the same command tries again.
+        steps.note(step, if cut_short { CUT_SHORT } else { &inputs }, begin, outcome)?;
         outcome
     };
 
@@ -129,20 +145,31 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         watcher(Event::Note(&line));
     }
     watcher(Event::Reported { page: &output.join(REPORT) });
-    Ok(if left_out > 0 { Outcome::Incomplete } else { outcome })
+    Ok(if left_out > 0 && outcome == Outcome::Fine { Outcome::Incomplete } else { outcome })
 }
 
 /// The step from the measured displacements to the result: the fit, or the model with the given law when nothing is to
-/// be found.
-fn mechanics(case: &Path, output: &Path, has_fit: bool, pool: &ThreadPool, watcher: Watcher<'_>) -> Result<Outcome> {
+/// be found. Also whether it was ended before its time.
+fn mechanics(
+    case: &Path,
+    output: &Path,
+    has_fit: bool,
+    pool: &ThreadPool,
+    stop: &Stop,
+    watcher: Watcher<'_>,
+) -> Result<(Outcome, bool)> {
     let effect = output.join(RIGID_MOTION);
     // That of an earlier fit.
     let _ = fs::remove_file(&effect);
     if !has_fit {
-        return Ok(simulate(case, output, true, pool, watcher)?.1);
+        let outcome = simulate(case, output, true, pool, stop, watcher)?.1;
+        return Ok((outcome, outcome == Outcome::Stopped));
     }
     let input = read_joint(case)?;
-    let (found, outcome) = identify(&input, case, output, true, pool, watcher)?;
+    let (found, outcome) = identify(&input, case, output, true, pool, stop, watcher)?;
+    if found.cut_short {
+        return Ok((outcome, true));
+    }
     let values: BTreeMap<&str, f64> = found.parameters.iter().map(|(name, entry)| (&**name, entry.value)).collect();
     let other = pool.install(|| with_other_rigid_motion(&input, case, &values));
     let other = match other {
@@ -153,7 +180,7 @@ fn mechanics(case: &Path, output: &Path, has_fit: bool, pool: &ThreadPool, watch
         Err(error) => OtherRigidMotion::Failed { failed: chain(&error) },
     };
     RunFolder::open(output, true)?.write_json(RIGID_MOTION, &other)?;
-    Ok(outcome)
+    Ok((outcome, false))
 }
 
 /// The fit that ended at `found` if the rigid motion were removed where it was kept, and the other way round, to first order:
@@ -193,7 +220,7 @@ fn inputs_of(plan: &Plan) -> Result<String> {
         }
     }
     let images: Vec<String> = files.iter().map(|frame| format!("{frame} {}", hashes[frame.path.as_path()])).collect();
-    let options = crate::io::case::write_case(&plan.resolved(0, 0));
+    let options = crate::io::case::write_case(&plan.resolved());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))
 }

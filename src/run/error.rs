@@ -29,6 +29,18 @@ pub enum RunError {
     /// What is asked for contradicts itself, or does not fit the images.
     #[error("{0}")]
     Refused(String),
+    /// No reference is given, and the name of another image than the first says that it is.
+    #[error(
+        "no --reference is given, so that {} would be the reference, since it comes first; but the name of {} says that it is: \
+         give --reference {}, or whichever it is (in a case file `reference`)",
+        first.display(), named.display(), quoted(named)
+    )]
+    WhichReference {
+        /// The first image.
+        first: PathBuf,
+        /// The one whose name says so.
+        named: PathBuf,
+    },
     /// The folder holds the results of another run.
     #[error(
         "{}: holds the results of another run{}; choose another --output folder, or replace them with --overwrite",
@@ -47,6 +59,12 @@ pub enum RunError {
         folder: PathBuf,
         /// Which process, on which machine, since when.
         who: String,
+    },
+    /// A file in the place of the folder.
+    #[error("{}: cannot be written, it is a file; results need a folder: choose another --output folder", path.display())]
+    NoFolder {
+        /// The file.
+        path: PathBuf,
     },
     /// A folder that cannot be written to.
     #[error("{}: cannot be written ({source}); choose another --output folder", folder.display())]
@@ -139,6 +157,21 @@ pub enum RunError {
         /// What is wrong.
         source: serde_json::Error,
     },
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    shell_word(&path.to_string_lossy())
+}
+
+/// A word of a command line, in quotes where a shell would take it apart.
+pub(crate) fn shell_word(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:=,@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 impl RunError {

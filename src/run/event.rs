@@ -1,6 +1,7 @@
 //! What a run tells whoever watches it.
 
 use super::busy::Busy;
+use crate::identify::FitProgress;
 use crate::report::fit::FitRecord;
 use crate::report::joint::JointSummary;
 use crate::report::summary::FrameSummary;
@@ -40,6 +41,8 @@ pub enum Event<'a> {
         /// Where the results are.
         folder: &'a Path,
     },
+    /// A fit goes on.
+    Fitting(&'a FitProgress),
     /// A fit has ended and its results are written.
     Identified {
         /// What `fit.json` holds.

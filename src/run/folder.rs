@@ -38,6 +38,8 @@ pub struct RunFolder(PathBuf);
 impl RunFolder {
     /// What the frames of a run came to.
     pub(crate) const SUMMARY: &str = "summary.json";
+    /// What was measured, to be looked at.
+    pub(crate) const REPORT: &str = "report.html";
     /// Folder of the records of the frames.
     pub(crate) const FRAMES: &str = "restart/frames";
     /// Folder of the states of a run whose reference is renewed.
@@ -56,6 +58,9 @@ impl RunFolder {
     /// Makes the folder and checks that it can be written.
     pub fn writable(path: &Path) -> Result<Self> {
         let cannot = |source: std::io::Error| RunError::Folder { folder: path.to_owned(), source };
+        if path.is_file() {
+            return Err(RunError::NoFolder { path: path.to_owned() });
+        }
         fs::create_dir_all(path).map_err(cannot)?;
         // Of this process alone: others may try at the same time.
         let trial = path.join(format!("{TRIAL}{}", std::process::id()));
@@ -81,6 +86,9 @@ impl RunFolder {
 
     /// The folder `path`, made when it is not there, for files that are made again from a store.
     pub(crate) fn for_export(path: &Path) -> Result<Self> {
+        if path.is_file() {
+            return Err(RunError::NoFolder { path: path.to_owned() });
+        }
         fs::create_dir_all(path).map_err(|source| RunError::Folder { folder: path.to_owned(), source })?;
         Ok(Self(path.to_owned()))
     }
@@ -88,7 +96,7 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, INTERFACE_SERIES, Self::SUMMARY].into_iter().chain(FITS) {
+        for name in [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY].into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;

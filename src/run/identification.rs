@@ -3,10 +3,12 @@
 use super::error::Result;
 use super::event::{Event, Watcher};
 use super::folder::{FIGURES, RunFolder};
+use super::heard::Heard;
 use super::session::Outcome;
 use super::simulation::{save, write_solution};
+use super::stop::Stop;
 use super::text::absolute;
-use crate::identify::{Case, FitStatus, fit, profile};
+use crate::identify::{Case, CutShort, Ended, FitStatus, fit, profile};
 use crate::io::joint::JointInput;
 use crate::report::Picture;
 use crate::report::fit::{FitRecord, FitReport};
@@ -19,7 +21,7 @@ use std::time::Instant;
 pub(super) const FIT: &str = "fit.json";
 
 /// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
-/// converged.
+/// converged. When `stop` is asked, the fit ends at the best point so far.
 ///
 /// # Errors
 /// See [`super::RunError`]. A fit that does not converge is a result.
@@ -29,19 +31,33 @@ pub fn identify(
     output: &Path,
     overwrite: bool,
     pool: &ThreadPool,
+    stop: &Stop,
     watcher: Watcher<'_>,
 ) -> Result<(FitRecord, Outcome)> {
     let mut joint = Case::joint(input)?;
-    let of_case = Case::new(&joint, input, case)?;
+    let mut of_case = Case::new(&joint, input, case)?;
+    // What hardly anything has is known before the fit, which may take long for that very reason.
+    let doubts = joint.doubts.iter().chain(&of_case.doubts);
+    doubts.chain(of_case.implausible.iter().map(|value| &value.text)).for_each(|doubt| {
+        watcher(Event::Note(&format!("warning: {doubt}")));
+    });
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, true)?;
     folder.make(FIGURES)?;
     let begin = Instant::now();
-    let found = pool.install(|| fit(&of_case.problem, &of_case.options))?;
+    let (heard, watch) = Heard::new(of_case.max_seconds, stop);
+    of_case.problem.watch = watch.clone();
+    let mut found = heard.during(pool, watcher, || fit(&of_case.problem, &of_case.options))?;
     let seconds = begin.elapsed().as_secs_f64();
-    let profile = match of_case.profile {
-        Some(k) => Some(pool.install(|| profile(&of_case.problem, &of_case.options, &found, k))?),
-        None => None,
+    let profile =
+        of_case.profile.map(|k| heard.during(pool, watcher, || profile(&of_case.problem, &of_case.options, &found, k)));
+    let profile = match (profile, watch.ended()) {
+        (Some(_), Some(ended)) => {
+            let cut = found.cut_short.get_or_insert(CutShort { ended, missing: Vec::new() });
+            cut.missing.push("the profile likelihood");
+            None
+        }
+        (profile, _) => profile.transpose()?,
     };
     let report = pool.install(|| FitReport::new(&of_case, &found, profile))?;
     let mut json = report.json(absolute(case), seconds);
@@ -64,6 +80,11 @@ pub fn identify(
     folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
     of_joint.draw(&chosen, save)?;
     watcher(Event::Identified { fit: &json, folder: output });
-    let trusted = found.status == FitStatus::Converged && !json.verdict.conditional;
-    Ok((json, if trusted { Outcome::Fine } else { Outcome::Incomplete }))
+    let trusted = found.status == FitStatus::Converged && found.cut_short.is_none() && !json.verdict.conditional;
+    let outcome = match found.cut_short {
+        Some(CutShort { ended: Ended::Stopped, .. }) => Outcome::Stopped,
+        _ if trusted => Outcome::Fine,
+        _ => Outcome::Incomplete,
+    };
+    Ok((json, outcome))
 }

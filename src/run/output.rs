@@ -7,7 +7,7 @@ use super::kept::Kept;
 use super::plan::Plan;
 use super::restart::FrameRecord;
 use crate::correlate::{Correlation, ZoneResult};
-use crate::field::{StartFrom, StrainField};
+use crate::field::{StartFrom, StrainField, StrainWindows};
 use crate::io::store::{Store, StoreWriter};
 use crate::report::summary::FrameSummary;
 use std::collections::BTreeSet;
@@ -31,6 +31,8 @@ pub(super) struct Output<'a> {
     /// The same store, for reading.
     pub fields: &'a Store,
     pub about: &'a About,
+    /// Makes the strains over a window, where one is asked for.
+    pub windows: Option<StrainWindows>,
     /// Whether this process does all frames.
     pub alone: bool,
     /// Frames with a field.
@@ -60,7 +62,8 @@ impl Output<'_> {
         if let Some(Correlation { measurement, zones, .. }) = result.as_ref().filter(|_| status.has_field()) {
             // The length is the one that the store says, to the last digit.
             let length_px = about.element_size_px();
-            let strain = StrainField { length_px, ..StrainField::of(measurement, plan.strain) };
+            let window = self.windows.as_ref().map(|windows| windows.of(measurement, plan.strain));
+            let strain = StrainField { length_px, window, ..StrainField::of(measurement, plan.strain) };
             store.write_field(number, measurement, &strain)?;
             let rms = |of: fn(&ZoneResult) -> f64| {
                 (zones.iter().map(|zone| of(zone).powi(2)).sum::<f64>() / zones.len().max(1) as f64).sqrt()

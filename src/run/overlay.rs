@@ -59,6 +59,16 @@ pub struct Overlay {
     pub mesh: Option<PathBuf>,
     /// Pixels this close to the border of a zone are left out, px.
     pub guard: Option<f64>,
+    /// Paths along which the mesh is cut, px; they replace the cracks of the case.
+    pub crack: Vec<Vec<[f64; 2]>>,
+    /// Pixels this close to a crack are left out, px.
+    pub crack_guard: Option<f64>,
+    /// Young's modulus around the cracks, MPa.
+    pub crack_young: Option<f64>,
+    /// Poisson's ratio around the cracks.
+    pub crack_poisson: Option<f64>,
+    /// Outer radius of the domain of the interaction integral, px.
+    pub crack_radius: Option<f64>,
     /// Least share of an element's pixels inside a zone.
     pub element_share: Option<f64>,
     /// Side of the elements, px.
@@ -89,6 +99,10 @@ pub struct Overlay {
     pub export: Option<Vec<Export>>,
     /// Definition of the strains.
     pub strain: Option<StrainDefinition>,
+    /// Nodes along a side of the window of further strains; 1 for none.
+    pub strain_window: Option<u32>,
+    /// Whether the report is left out.
+    pub no_report: bool,
     /// Where the pixel work is done.
     pub device: DeviceChoice,
     /// How a graphics device is opened.

@@ -7,7 +7,7 @@ use super::stop::Stop;
 use super::text::chain;
 use crate::correlate::{Correlate, Correlation, History, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded};
 use crate::field::{StartFrom, Status, UpdateReference};
-use crate::imaging::{Image, Saturation};
+use crate::imaging::{Blank, FlatBlocks, Image, Saturation};
 use crate::io::images::{Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
@@ -36,6 +36,8 @@ pub(super) struct Frames<'a> {
     pub settle: Option<Duration>,
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
+    /// Which blocks of the reference have one grey level.
+    pub flat: &'a FlatBlocks,
     pub start: StartFrom,
     /// When the reference is renewed; then only in order.
     pub update: UpdateReference,
@@ -71,6 +73,7 @@ struct Decoded {
     frame: Frame,
     loaded: std::result::Result<Picture, ReadError>,
     saturation: Option<Saturation>,
+    blank: Option<Blank>,
     seconds: f64,
 }
 
@@ -198,6 +201,8 @@ fn decode(
         };
         let Some(loaded) = loaded else { return };
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
+        let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
+        let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
         let loaded = loaded.map(|Loaded { image, sha256, notes, .. }| Picture {
             image: Arc::new(image),
             sha256,
@@ -205,7 +210,7 @@ fn decode(
             uploaded: None,
         });
         let seconds = begin.elapsed().as_secs_f64();
-        if out.send(Decoded { number, frame, loaded, saturation, seconds }).is_err() {
+        if out.send(Decoded { number, frame, loaded, saturation, blank, seconds }).is_err() {
             return; // nobody wants more
         }
     }
@@ -380,7 +385,7 @@ fn correlate(
 
 /// Correlates one frame. A frame that cannot be used is a result with its reason.
 fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Result<Done> {
-    let Decoded { number, frame: source, loaded, saturation, seconds: seconds_decode } = decoded;
+    let Decoded { number, frame: source, loaded, saturation, blank, seconds: seconds_decode } = decoded;
     let file = source.to_string();
     let mut picture = match loaded {
         Ok(picture) => picture,
@@ -403,7 +408,7 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.device();
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
-            let summary = summary.with_saturation(saturation);
+            let summary = summary.with_saturation(saturation).with_blank(blank);
             Ok(Done { sha256, summary, result: Some(result), news, kept: None })
         }
         Err(Failure::Correlation(error)) if error.is_of_the_frame() => {

@@ -3,12 +3,15 @@
 use super::error::Result;
 use super::overlay::{Export, Overlay};
 use super::text::absolute;
-use super::zones;
+use super::wanted::{resolved_zones, wanted_cracks, wanted_zones};
+use super::which_reference;
 use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
-use crate::field::{Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference};
-use crate::io::case::{CaseCorrelation, CaseFile, CaseGuard, CaseImages, CaseQuantities, CaseZone, Pages};
+use crate::field::{
+    Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
+};
+use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
 use crate::io::images::pages_of;
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
@@ -24,13 +27,17 @@ pub(super) const MANY: usize = 1000;
 pub struct Plan {
     /// One reference image, or several whose mean is taken.
     pub reference: Vec<Frame>,
+    /// Whether it was named, and is not just the first of the images.
+    pub reference_named: bool,
     /// The deformed images, in order.
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
-    /// What is measured; the whole image where there is none.
+    /// What is measured; where there is none, the specimen is looked for in the reference.
     pub zones: Vec<CaseZone>,
-    /// Guard of the whole image, when there is no zone, px.
+    /// Whether the zones were found so, now or in the run that this one repeats.
+    pub zone_found: bool,
+    /// Guard of the zones that are found, px, instead of the usual one.
     pub guard_px: Option<f64>,
     /// Options of the correlation.
     pub options: Options,
@@ -46,6 +53,8 @@ pub struct Plan {
     pub gpu: GpuOptions,
     /// Definition of the strains.
     pub strain: StrainDefinition,
+    /// Window of nodes of further strains.
+    pub strain_window: Option<StrainWindow>,
     /// Whether a CSV file is written per frame.
     pub csv: bool,
     /// Whether a VTU file is written per frame.
@@ -54,8 +63,14 @@ pub struct Plan {
     pub export_asked: bool,
     /// No tables, because there are many frames, or nobody knows how many, and nobody asked for them.
     pub store_only: bool,
+    /// Whether the series ends with a report.
+    pub report: bool,
+    /// What is said of the test in the report.
+    pub setup: CaseReport,
     /// What is drawn from the fields when the series is done.
     pub drawn: CaseQuantities,
+    /// Files that were named and are no images: they are left out, which is said.
+    pub left_out: Vec<PathBuf>,
 }
 
 impl Plan {
@@ -72,7 +87,8 @@ impl Plan {
     /// # Errors
     /// Options that contradict each other.
     pub fn with(asked: &Overlay, case: &CaseFile, images: Images) -> Result<Self> {
-        let Images { reference, deformed, grows } = images;
+        let Images { reference, deformed, grows, left_out } = images;
+        let reference_named = !(asked.reference.is_empty() && case.images.reference.is_none());
         let given = &case.correlation;
         let options = options_of(asked, case, reference.len())?;
         let pixel_size = match asked.pixel_size.or(case.images.pixel_size_mm) {
@@ -116,11 +132,16 @@ impl Plan {
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
-        Ok(Self {
+        let names_zone =
+            !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
+        let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
+        let mut plan = Self {
             reference,
+            reference_named,
             deformed,
             pixel_size,
             zones,
+            zone_found,
             guard_px: asked.guard,
             options,
             update,
@@ -129,12 +150,21 @@ impl Plan {
             device: asked.device.clone(),
             gpu: asked.gpu.clone(),
             strain: asked.strain.or(given.strain).unwrap_or_default(),
+            strain_window: strain_window(asked.strain_window.or(given.strain_window))?,
             csv: export.contains(&Export::Csv),
             vtu: export.contains(&Export::Vtu),
+            // Who wants nothing beside the store wants no report.
+            report: !asked.no_report && !export.contains(&Export::None),
             export_asked: asked.export.is_some(),
             store_only,
-            drawn: drawn(case),
-        })
+            setup: case.report.clone(),
+            drawn: CaseQuantities { cracks: wanted_cracks(asked, case, pixel_size)?, ..drawn(case) },
+            left_out,
+        };
+        if zone_found {
+            plan.found();
+        }
+        Ok(plan)
     }
 
     /// The device that does the pixel work.
@@ -166,8 +196,13 @@ impl Plan {
         plan
     }
 
+    /// Its zones were found where there is texture: a node there that lacks it is no reason to refuse the reference.
+    pub(super) fn found(&mut self) {
+        (self.zone_found, self.options.textureless_share) = (true, 1.0);
+    }
+
     /// The plan as a case file that gives the same result from anywhere on this machine.
-    pub fn resolved(&self, width: usize, height: usize) -> CaseFile {
+    pub fn resolved(&self) -> CaseFile {
         let options = &self.options;
         CaseFile {
             images: CaseImages {
@@ -196,9 +231,11 @@ impl Plan {
                     _ => None,
                 },
                 strain: Some(self.strain),
+                strain_window: self.strain_window.map(u32::from),
                 drop_textureless: Some(options.drop_textureless),
             },
-            zones: zones::resolved(&self.zones, self.guard_px, width, height),
+            report: self.setup.clone(),
+            zones: resolved_zones(&self.zones),
             ..CaseFile::default()
         }
         .with_drawn(&self.drawn)
@@ -244,6 +281,20 @@ fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<O
     })
 }
 
+/// The window of that many nodes; none for 1.
+///
+/// # Errors
+/// A number that is even or too large.
+pub fn strain_window(nodes: Option<u32>) -> Result<Option<StrainWindow>> {
+    match nodes {
+        None | Some(1) => Ok(None),
+        Some(nodes) => Ok(Some(StrainWindow::new(nodes).ok_or_else(|| {
+            let most = StrainWindow::MOST;
+            format!("the strain window is {nodes} nodes; give an odd number from 3 to {most}, such as 5, or 1 for none")
+        })?)),
+    }
+}
+
 /// The regularisation that flags and case file ask for together. A kind given as a flag leaves aside what the case
 /// file says for another kind.
 fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisation> {
@@ -278,45 +329,14 @@ fn regularisation(asked: &Overlay, case: &CaseCorrelation) -> Result<Regularisat
     })
 }
 
-/// What the case draws from the fields, with a load file that is found from anywhere.
+/// What the case draws from the fields, with load files that are found from anywhere.
 fn drawn(case: &CaseFile) -> CaseQuantities {
     let mut drawn = case.drawn();
     if let Some(load) = &mut drawn.load {
         load.file = absolute(Path::new(&load.file));
+        load.frame_times = load.frame_times.as_ref().map(|file| absolute(Path::new(file)));
     }
     drawn
-}
-
-/// The zones that are asked for, with file names that hold from the current folder.
-fn wanted_zones(asked: &Overlay, case: &CaseFile) -> Vec<CaseZone> {
-    let mut zones: Vec<CaseZone> = asked
-        .roi
-        .iter()
-        .map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() })
-        .chain(asked.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.clone()), ..CaseZone::default() }))
-        .collect();
-    let name = |path: &PathBuf| path.display().to_string();
-    if let Some(mask) = &asked.mask {
-        if zones.is_empty() {
-            zones.push(CaseZone::default());
-        }
-        zones.iter_mut().for_each(|zone| zone.mask = Some(name(mask)));
-    }
-    if let Some(mesh) = &asked.mesh {
-        zones.push(CaseZone { mesh: Some(name(mesh)), ..CaseZone::default() });
-    }
-    if zones.is_empty() {
-        zones.clone_from(&case.zones);
-        for zone in &mut zones {
-            for file in [&mut zone.mask, &mut zone.mesh].into_iter().flatten() {
-                *file = name(&case.resolve(file));
-            }
-        }
-    }
-    if let Some(guard) = asked.guard {
-        zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
-    }
-    zones
 }
 
 /// Which images a run takes.
@@ -328,6 +348,8 @@ pub struct Images {
     pub deformed: Vec<Frame>,
     /// Whether there are more to come.
     pub grows: bool,
+    /// Files that were named and are no images.
+    pub left_out: Vec<PathBuf>,
 }
 
 /// The files of the reference that is named; none when none is.
@@ -351,8 +373,10 @@ impl Images {
         } else {
             expand_series(&asked.deformed, Path::new(""))?
         };
+        let left_out = which_reference::without_texts(&mut deformed);
         let mut reference = references(asked, case)?;
         if reference.is_empty() {
+            which_reference::check(&deformed)?;
             let Some(first) = deformed.first() else {
                 return Err("no image is given; name the reference and the deformed images, or a --case file".into());
             };
@@ -385,7 +409,7 @@ impl Images {
         if frames.is_empty() {
             return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
         }
-        Ok(Self { reference, deformed: frames, grows: false })
+        Ok(Self { reference, deformed: frames, grows: false, left_out })
     }
 }
 

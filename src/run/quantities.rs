@@ -3,10 +3,11 @@
 use super::error::{Result, RunError};
 use super::record::Record;
 use crate::field::{
-    Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment, Status, StrainDefinition,
+    CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
+    Status, StrainDefinition, StrainWindow,
 };
-use crate::io::case::CaseQuantities;
-use crate::io::load::{LoadTable, read_load};
+use crate::io::case::{CaseLoad, CaseQuantities};
+use crate::io::load::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
 use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::mesh::Mesh;
@@ -23,7 +24,12 @@ pub(crate) const FOLDER: &str = "quantities";
 /// # Errors
 /// Numbers that mean nothing, names that come twice, zones that are not there or do not face each other, an opening
 /// while the motion of each zone is removed.
-pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &Mesh<Px>) -> Result<Quantities> {
+pub(crate) fn resolve(
+    asked: &CaseQuantities,
+    strain: StrainDefinition,
+    pixel_size: Option<PixelSize>,
+    mesh: &Mesh<Px>,
+) -> Result<Quantities> {
     let named =
         |name: &Option<String>, kind: &str, at: usize| name.clone().unwrap_or_else(|| format!("{kind}{}", at + 1));
     let mut quantities = Quantities { strain, remove_rigid: asked.options.remove_rigid, ..Quantities::default() };
@@ -59,6 +65,22 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
         let facing = Facing::between(mesh, plus, minus).map_err(|error| format!("opening '{name}': {error}"))?;
         quantities.openings.push((name, facing));
     }
+    for (at, crack) in asked.cracks.iter().enumerate() {
+        let name = named(&crack.name, "crack", at);
+        if asked.options.remove_rigid == Some(RemoveRigid::Zone) && mesh.zones().len() > 1 {
+            return Err(format!(
+                "crack '{name}': the rigid motion of each zone is removed, which changes what lies between zones; remove that of all \
+                 together, or none"
+            )
+            .into());
+        }
+        let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| {
+            Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
+        });
+        let line = CrackLine::on(mesh, crack.path.clone(), elasticity)
+            .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?;
+        quantities.cracks.push((name, line));
+    }
     fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
         let twice = (0..list.len()).find(|&k| list[..k].iter().any(|(name, _)| *name == list[k].0));
         twice.map_or(Ok(()), |k| Err(format!("two {what} are named '{}'; names must differ", list[k].0).into()))
@@ -67,15 +89,81 @@ pub(crate) fn resolve(asked: &CaseQuantities, strain: StrainDefinition, mesh: &M
     once("lines", &quantities.lines)?;
     once("extensometers", &quantities.extensometers)?;
     once("openings", &quantities.openings)?;
+    once("cracks", &quantities.cracks)?;
     Ok(quantities)
 }
 
-/// The load file that is asked for; nothing without one.
+/// The load file that is asked for, a row for each frame; nothing without one.
+///
+/// # Errors
+/// A file that cannot be read or joined, and times that are missing or given twice.
 pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
-    Ok(match &asked.load {
-        Some(load) => read_load(Path::new(&load.file), n_frames)?,
-        None => LoadTable::default(),
+    let Some(load) = &asked.load else { return Ok(LoadTable::default()) };
+    let path = Path::new(&load.file);
+    for (name, value, least) in [
+        ("the interval of the frames (--frame-interval, frame_interval_s)", load.frame_interval_s, 0.0),
+        ("the area of the cross-section (--area, area_mm2)", load.area_mm2, 0.0),
+        ("the time of the reference (--load-start, start_s)", load.start_s, f64::NEG_INFINITY),
+    ] {
+        if let Some(value) = value.filter(|value| !(value.is_finite() && *value > least)) {
+            let above = if least == 0.0 { " above 0" } else { "" };
+            return Err(format!("{name} is {value}; give a finite number{above}").into());
+        }
+    }
+    let start_s = load.start_s.unwrap_or(0.0);
+    let times = match (&load.frame_times, load.frame_interval_s) {
+        (Some(_), Some(_)) => {
+            return Err("the times of the frames are given twice; give either their interval or a file of times".into());
+        }
+        (Some(file), None) => Some(read_frame_times(Path::new(file), n_frames)?.later(start_s)),
+        (None, Some(interval_s)) => Some(FrameTimes::every(interval_s, start_s, n_frames)),
+        (None, None) => None,
+    };
+    let table = match (&load.time, times) {
+        (Some(time), Some(times)) => {
+            let mut table = read_record(path, time, &times)?;
+            table.notes.insert(0, said_of_times(load));
+            table
+        }
+        (None, None) if load.start_s.is_none() => read_load(path, n_frames)?,
+        (Some(_), None) => {
+            return Err(format!(
+                "{}: rows are joined with the frames by time, but nobody knows when the frames were taken; give \
+                 --frame-interval S (frame_interval_s) or --frame-times FILE (frame_times)",
+                path.display()
+            )
+            .into());
+        }
+        (None, _) => {
+            return Err(format!(
+                "{}: times of the frames are given, but not the column of the load file to join them with; give --load-time \
+                 COLUMN (time), or leave them out",
+                path.display()
+            )
+            .into());
+        }
+    };
+    Ok(match load.area_mm2 {
+        Some(area_mm2) => table.with_stress(area_mm2, path)?,
+        None => table,
     })
+}
+
+/// How frames and rows of a load file were joined.
+fn said_of_times(load: &CaseLoad) -> String {
+    let start = load.start_s.unwrap_or(0.0);
+    match (load.frame_interval_s, &load.frame_times) {
+        (Some(interval), _) => format!(
+            "load joined by time, interpolated: the reference at {start} s, a frame every {interval} s after it"
+        ),
+        (None, Some(file)) if start != 0.0 => {
+            format!("load joined by time, interpolated: frames at the times of {file}, {start} s later")
+        }
+        (None, file) => {
+            let file = file.as_deref().unwrap_or("-");
+            format!("load joined by time, interpolated: frames at the times of {file}")
+        }
+    }
 }
 
 /// What the fields of a run are like.
@@ -153,13 +241,16 @@ pub(crate) fn remove(folder: &Path) -> Result<()> {
 pub(crate) fn write_of_store(
     store: &Store,
     asked: &CaseQuantities,
-    strain: Option<StrainDefinition>,
+    (strain, window): (Option<StrainDefinition>, Option<Option<StrainWindow>>),
     numbers: &[usize],
     output: &Path,
     look: impl FnMut(usize, &FrameQuantities),
 ) -> Result<QuantitySummary> {
     let header = store.header();
-    let quantities = resolve(asked, strain.unwrap_or(header.strain), store.mesh())?;
+    let quantities = Quantities {
+        window: window.unwrap_or(header.strain_window),
+        ..resolve(asked, strain.unwrap_or(header.strain), header.pixel_size, store.mesh())?
+    };
     let load = load(asked, store.n_frames())?;
     let mut lines = vec![
         format!("quadrille {}: quantities of the fields of {}", env!("CARGO_PKG_VERSION"), store.path().display()),
@@ -169,6 +260,7 @@ pub(crate) fn write_of_store(
     if let Some(load) = &asked.load {
         lines.push(format!("load file: {}", load.file));
     }
+    lines.extend(load.notes.iter().cloned());
     let fields = Fields {
         header: &lines,
         pixel_size: header.pixel_size,

@@ -4,7 +4,10 @@ use super::error::{Result, RunError};
 use super::plan::Plan;
 use super::text::chain;
 use crate::correlate::CorrelationError;
+use crate::field::Noise;
 use crate::imaging::{Image, Mean, small_shift};
+use crate::io::case::{CaseGuard, CaseZone};
+use crate::io::images::ReadError;
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
 use crate::units::Px;
@@ -21,6 +24,19 @@ pub(super) struct Reference {
 impl Reference {
     /// References further apart than this are said to have moved, px: averaging them blurs the texture.
     const STILL_PX: f64 = 0.02;
+
+    /// The reference of `plan`.
+    pub fn of(plan: &Plan) -> Result<Self> {
+        Self::read(&plan.reference).map_err(|error| match error {
+            RunError::Image(fault @ ReadError::NotAnImage { .. }) if !plan.reference_named => {
+                RunError::Reference(format!(
+                    "{fault}. It comes first and is therefore taken for the reference: name the images alone, such as 'folder/*.tif', \
+                     or say which is the reference with --reference"
+                ))
+            }
+            error => error,
+        })
+    }
 
     /// Reads the images, and their mean when there are several.
     pub fn read(frames: &[Frame]) -> Result<Self> {
@@ -96,6 +112,35 @@ pub(super) fn about_reference(plan: &Plan, error: &CorrelationError) -> RunError
             | NotFinite { .. }
             | GuardSides { .. },
         ) => chain(error),
+        CorrelationError::NoTexture { .. } => {
+            format!("{}: {}{}", plan.reference_name(), chain(error), perhaps_by_option(plan))
+        }
         _ => format!("{}: {}", plan.reference_name(), chain(error)),
     })
+}
+
+/// What of the options takes texture away, where something may.
+fn perhaps_by_option(plan: &Plan) -> String {
+    let mut why = String::new();
+    if let Noise::Constant(noise) = plan.options.noise {
+        why.push_str(&format!(
+            "; what is needed follows from the noise given, {noise} grey levels: is it that of the images?"
+        ));
+    }
+    let of_zone = |zone: &CaseZone| match &zone.guard_px {
+        Some(CaseGuard::All(guard) | CaseGuard::Along { width: guard, .. }) => *guard,
+        Some(CaseGuard::Sides(sides)) => sides.iter().copied().fold(0.0, f64::max),
+        Some(CaseGuard::Rectangle { left, top, right, bottom }) => left.max(*top).max(*right).max(*bottom),
+        None => 0.0,
+    };
+    let guard = plan.zones.iter().map(of_zone).fold(plan.guard_px.unwrap_or(0.0), f64::max);
+    let size = plan.options.element_size as f64;
+    if guard >= 0.5 * size {
+        why.push_str(&format!(
+            "; the guard of {guard} px leaves {} of the elements of {size} px at the border: take a guard of a few px, or larger \
+             elements",
+            if guard >= size { "no pixel".to_owned() } else { format!("{:.0} % of the pixels", 100.0 * (1.0 - guard / size)) }
+        ));
+    }
+    why
 }

@@ -270,7 +270,9 @@ fn leaves(case: &str) -> BTreeMap<String, toml::Value> {
     // Of before there was a choice.
     let update = "correlation.update_reference".to_owned();
     found.entry(update).or_insert_with(|| UpdateReference::Never.to_string().into());
-    let aside = |key: &str| key == "run.quadrille" || key == "run.threads" || key.starts_with("run.units.");
+    let aside = |key: &str| {
+        key == "run.quadrille" || key == "run.threads" || ["run.units.", "report."].iter().any(|of| key.starts_with(of))
+    };
     found.retain(|key, _| !aside(key));
     found
 }

@@ -22,7 +22,6 @@ impl RunToml {
     pub fn new(
         plan: &Plan,
         prepared: &Reference,
-        [width, height]: [usize; 2],
         threads: usize,
         sha256: &[String],
         zone_files: Vec<(PathBuf, String)>,
@@ -35,6 +34,9 @@ impl RunToml {
         let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];
         let exports = exports.iter().filter(|(on, _)| *on).map(|(_, name)| (*name).into());
         about.insert("export".into(), toml::Value::Array(exports.collect()));
+        if plan.zone_found {
+            about.insert("zone_found".into(), true.into());
+        }
         about.insert(
             "units".into(),
             units()
@@ -44,7 +46,7 @@ impl RunToml {
                 .into(),
         );
         Self {
-            case: plan.resolved(width, height),
+            case: plan.resolved(),
             about,
             reference: plan.reference.iter().cloned().zip(sha256.iter().cloned()).collect(),
             deformed: plan.deformed.clone(),

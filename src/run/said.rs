@@ -102,6 +102,7 @@ pub(super) fn empty_summary(
         messages: Vec::new(),
         counts: BTreeMap::new(),
         reference_updates: Vec::new(),
+        cracks: Vec::new(),
         frames: Vec::new(),
     }
 }
@@ -114,7 +115,14 @@ pub(super) fn about_grey(plan: &Plan, reference: &Image, saturation: Option<Satu
 
 /// What a zone that ends at a place without texture should be told.
 pub(super) fn bare_border(border: &BareBorder) -> String {
-    let BareBorder { zone, length_px, at: [x, y] } = border;
+    let BareBorder { zone, length_px, at: [x, y], is_within } = border;
+    if *is_within {
+        return format!(
+            "warning: inside zone '{zone}' nodes are left out along {length_px:.0} px without texture (about ({x:.0}, {y:.0}) \
+             px): what lies there pulls the nodes beside it, and no guard reaches it; leave the place out of the zone \
+             (exclude, --mask, or no zone at all, so that it is found), with a guard of 3 px"
+        );
+    }
     format!(
         "warning: zone '{zone}' borders on {length_px:.0} px without texture (about ({x:.0}, {y:.0}) px): what lies beyond \
          is mixed into its outermost pixels and pulls the nodes there; leave these out with --guard 3 or guard_px"

@@ -7,22 +7,26 @@ use super::error::{Result, RunError};
 use super::event::{Event, Watcher};
 use super::feed::Feed;
 use super::folder::{About, RunFolder, csv_name, vtu_name};
+use super::found::{self, Found};
 use super::kept::Kept;
 use super::lock::Lock;
 use super::output::{Output, ToWrite};
 use super::plan::Plan;
-use super::reference::{Reference, about_reference, element_size_px, windows};
+use super::reference::{Reference, about_reference, windows};
 use super::restart::{self, Earlier};
 use super::run_toml::RunToml;
 use super::session::{Existing, Outcome, Ran, Session};
+use super::store_of_run::{header_of, made_or_found};
 use super::tally::Tally;
 use super::text::chain;
+use super::which_reference::about_texts;
 use super::zones::Zones;
-use super::{pipeline, quantities, said};
+use super::{doubts, pipeline, quantities, report, said};
 use crate::correlate::Correlate;
-use crate::field::{Status, UpdateReference};
-use crate::imaging::{Image, Saturation};
-use crate::io::store::{STORE, Store, StoreHeader, StoreWriter};
+use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
+use crate::imaging::{FlatBlocks, Image, Saturation};
+use crate::io::quantities::QuantitySummary;
+use crate::io::store::{STORE, Store, StoreWriter};
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
 use rayon::ThreadPool;
 use std::collections::BTreeMap;
@@ -85,6 +89,8 @@ struct PreparedSeries<'a> {
     /// What is to be said of reference and zones.
     notes: Vec<String>,
     saturation: Option<Saturation>,
+    /// Zones that were found, when none was named.
+    found: Option<Found>,
     record: RunToml,
     about: About,
     writer: StoreWriter,
@@ -125,15 +131,16 @@ impl<'a> PreparedSeries<'a> {
             }
             _ => None,
         };
-        let plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
+        let mut plan = there.as_ref().map_or_else(|| plan.clone(), |store| plan.as_before(store.header()));
         // Before anything is run: a load file that does not fit, or places that mean nothing, are refused now.
         if camera.is_none() {
             quantities::load(&plan.drawn, plan.deformed.len())?;
         }
-        let Reference { image, sha256, notes: reference_notes } = Reference::read(&plan.reference)?;
+        let Reference { image, sha256, notes: reference_notes } = Reference::of(&plan)?;
         let (width, height) = (image.width(), image.height());
-        let Zones { zones, notes: zone_notes, files: zone_files } =
-            Zones::on(&plan.zones, plan.guard_px, plan.options.element_size, [width, height])?;
+        let Zones { mut zones, notes: zone_notes, files: zone_files, found } =
+            pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
+        super::zones::cut(&mut zones, &plan.drawn.cracks)?;
         let reference = Arc::new(image);
         let prepare = Instant::now();
         let device = plan.device()?;
@@ -141,11 +148,10 @@ impl<'a> PreparedSeries<'a> {
         let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
         let correlator = engine.correlator();
         let seconds_reference = prepare.elapsed().as_secs_f64();
-        quantities::resolve(&plan.drawn, plan.strain, correlator.mesh())?;
-        let record = RunToml::new(&plan, &correlator, [width, height], pool.current_num_threads(), &sha256, zone_files);
+        quantities::resolve(&plan.drawn, plan.strain, plan.pixel_size, correlator.mesh())?;
+        let record = RunToml::new(&plan, &correlator, pool.current_num_threads(), &sha256, zone_files);
         let header = header_of(&plan, &*correlator, &record, sha256, [width, height]);
-        let may_grow = session.shard.is_none();
-        let same_run = |store: &Store| match restart::differences(store.header(), &header, may_grow) {
+        let same_run = |store: &Store| match restart::differences(store.header(), &header, session.shard.is_none()) {
             differences if differences.is_empty() => Ok(()),
             differences => Err(folder.holds_another(Some(differences.join("; ")))),
         };
@@ -154,7 +160,7 @@ impl<'a> PreparedSeries<'a> {
             folder.clear(plan.csv, plan.vtu)?;
             quantities::remove(folder.path())?;
         }
-        folder.make_folders(plan.csv, plan.vtu)?;
+        folder.make_folders(plan.csv, plan.vtu).and_then(|()| found.as_ref().map_or(Ok(()), Found::write))?;
         let (writer, store) = {
             let _alone = session.shard.map(|_| lock.common()).transpose()?;
             let made = made_or_found(folder, &header, &*correlator, same_run)?;
@@ -179,6 +185,7 @@ impl<'a> PreparedSeries<'a> {
             seconds_reference,
             notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).collect(),
             saturation,
+            found,
             record,
             about: About::new(header)?,
             writer,
@@ -229,6 +236,8 @@ impl<'a> PreparedSeries<'a> {
         let threads = self.pool.current_num_threads();
         let border_notes: Vec<String> = correlator.bare_borders().iter().map(said::bare_border).collect();
         let mut lines = vec![said::begin_line(plan, correlator, reference, threads)];
+        let left_out = about_texts(&plan.left_out);
+        lines.extend(left_out.clone());
         lines.extend(self.notes.iter().chain(&self.lock.remark).cloned());
         lines.extend(said::about_nodes(correlator));
         lines.extend(said::about_earlier(before.done.len(), before.to_do.len(), &before.damaged, &before.depending));
@@ -237,7 +246,7 @@ impl<'a> PreparedSeries<'a> {
         let frames: Vec<FrameSummary> = before.done.values().map(|(summary, _)| summary.clone()).collect();
         let mut summary = Summary {
             seconds_reference: self.seconds_reference,
-            messages: border_notes,
+            messages: left_out.into_iter().chain(border_notes).collect(),
             counts: counts(&frames),
             reference_updates: reference_updates(&frames),
             frames,
@@ -257,6 +266,7 @@ impl<'a> PreparedSeries<'a> {
                 folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
             }
         }
+        self.draw_found()?;
         let (n_decoders, in_flight) = pipeline::widths(engine, self.pool, plan.options.start);
         let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
         Ok(Tally {
@@ -274,10 +284,12 @@ impl<'a> PreparedSeries<'a> {
         } = self;
         let Session { stop, shard, .. } = session;
         let windows = windows(correlator.mesh());
+        let flat = FlatBlocks::of(&self.reference);
         let frames = pipeline::Frames {
             known: &plan.deformed,
             settle: camera.as_ref().map(Camera::settle),
             windows: &windows,
+            flat: &flat,
             start: plan.options.start,
             update: plan.update,
             kept: &before.kept,
@@ -297,7 +309,12 @@ impl<'a> PreparedSeries<'a> {
         let written = std::thread::scope(|scope| -> Result<()> {
             let (finished, to_write) = sync_channel(BEHIND);
             let in_series = std::mem::take(&mut tally.in_series);
-            let output = Output { plan, folder, store: writer, fields: store, about, alone, in_series, writing };
+            let windows = plan.strain_window.map(|window| {
+                let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
+                StrainWindows::new(correlator.mesh(), window, regularised)
+            });
+            let output =
+                Output { plan, folder, store: writer, fields: store, about, windows, alone, in_series, writing };
             let writer = scope.spawn(move || output.write_all(&to_write));
             let mut last_summary = Instant::now();
             let mut summary_every = SUMMARY_EVERY;
@@ -353,7 +370,11 @@ impl<'a> PreparedSeries<'a> {
                 tally.hashes.insert(number, sha256);
             }
         }
+        let mut doubts = Vec::new();
         if shard.is_none() || complete {
+            tally.summary.frames.sort_by_key(|frame| frame.number);
+            doubts = doubts::about_series(&tally.summary, &tally.hashes, &self.store.header().reference_sha256);
+            tally.summary.messages.extend(doubts.iter().cloned());
             // Also when writing has failed: what is known is kept where it can be.
             let closed = folder.write_case(&self.record.case(&tally.hashes));
             let closed = closed.and_then(|()| tally.write_summary(folder, begin));
@@ -370,8 +391,8 @@ impl<'a> PreparedSeries<'a> {
             tally.summary.frames.sort_by_key(|frame| frame.number);
             tally.summary.seconds_total = begin.elapsed().as_secs_f64();
         }
-        if !self.plan.drawn.is_empty() && complete {
-            self.draw_quantities(n_frames, watcher)?;
+        if complete {
+            self.look_back(n_frames, &mut tally.summary, watcher)?;
         }
         if shard.is_some() {
             tally.summary.frames = own_frames;
@@ -379,6 +400,7 @@ impl<'a> PreparedSeries<'a> {
         }
         let Tally { summary, busy, .. } = tally;
         watcher(Event::Finished { frames: &summary.frames, seconds: summary.seconds_total });
+        doubts.iter().for_each(|line| watcher(Event::Note(line)));
         if let Some(camera) = &mut self.camera {
             let stopped = self.session.stop.is_asked();
             camera.ending(stopped).iter().for_each(|line| watcher(Event::Note(line)));
@@ -392,13 +414,44 @@ impl<'a> PreparedSeries<'a> {
         Ok(Ran { outcome, complete, summary, busy })
     }
 
+    /// Draws the zones when they were found: the first of the shards does.
+    fn draw_found(&self) -> Result<()> {
+        let Self { plan, folder, session, reference, correlator, .. } = self;
+        match &self.found {
+            Some(found) if session.shard.is_none_or(|shard| shard.i == 1) => {
+                found::draw(plan, reference, correlator, folder.path(), &found.note)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What is made of a series as a whole: the quantities that are asked for, and the report.
+    fn look_back(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<()> {
+        let drawn = match self.plan.drawn.is_empty() {
+            true => QuantitySummary::default(),
+            false => self.draw_quantities(n_frames, summary, watcher)?,
+        };
+        if self.plan.report
+            && let Err(error) = report::write(self.folder, &self.plan, summary, &self.reference, &drawn)
+        {
+            // The measurement is there.
+            watcher(Event::Note(&format!("warning: there is no {}: {}", RunFolder::REPORT, chain(&error))));
+        }
+        Ok(())
+    }
+
     /// Draws the quantities that the plan asks for from all fields.
-    fn draw_quantities(&self, n_frames: usize, watcher: Watcher<'_>) -> Result<()> {
+    fn draw_quantities(&self, n_frames: usize, summary: &mut Summary, watcher: Watcher<'_>) -> Result<QuantitySummary> {
         let numbers: Vec<usize> = (1..=n_frames).collect();
         let store = Store::open(self.folder.path())?;
-        let drawn = quantities::write_of_store(&store, &self.plan.drawn, None, &numbers, self.folder.path(), |_, _| ());
+        let drawn =
+            quantities::write_of_store(&store, &self.plan.drawn, (None, None), &numbers, self.folder.path(), |_, _| ());
         match drawn {
-            Ok(drawn) => drawn.notes.iter().for_each(|note| watcher(Event::Note(note))),
+            Ok(drawn) => {
+                drawn.notes.iter().for_each(|note| watcher(Event::Note(note)));
+                super::cracks::tell(self.folder, summary, &drawn.cracks)?;
+                return Ok(drawn);
+            }
             // How long the load file has to be is known only now.
             Err(error) if self.camera.is_some() => {
                 let line = format!("warning: no numbers are drawn from the fields: {}", chain(&error));
@@ -406,51 +459,6 @@ impl<'a> PreparedSeries<'a> {
             }
             Err(error) => return Err(error),
         }
-        Ok(())
-    }
-}
-
-/// The store of a run, made, or found and told of frames that have come since, when it is of the `same_run`.
-fn made_or_found(
-    folder: &RunFolder,
-    header: &StoreHeader,
-    correlator: &dyn Correlate,
-    same_run: impl Fn(&Store) -> Result<()>,
-) -> Result<(StoreWriter, Store)> {
-    let writer = folder.store(header)?;
-    let mut store = Store::open(writer.path())?;
-    same_run(&store)?; // another shard may have made it in the meantime
-    if store.n_frames() < header.frames.len() {
-        writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
-        store = Store::open(writer.path())?;
-    }
-    if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
-        writer.write_normal_matrices(&matrices)?;
-        writer.write_gradient_noise(&correlator.gradient_noise())?;
-    }
-    Ok((writer, store))
-}
-
-/// What the store says of itself.
-fn header_of(
-    plan: &Plan,
-    correlator: &dyn Correlate,
-    record: &RunToml,
-    reference_sha256: Vec<String>,
-    image_size_px: [usize; 2],
-) -> StoreHeader {
-    StoreHeader {
-        quadrille: env!("CARGO_PKG_VERSION").into(),
-        device: correlator.device().to_owned(),
-        mesh: correlator.mesh().clone(),
-        image_size_px,
-        reference: plan.reference.iter().map(ToString::to_string).collect(),
-        reference_sha256,
-        frames: plan.deformed.iter().map(ToString::to_string).collect(),
-        pixel_size: plan.pixel_size,
-        range_grey: correlator.grey_range(),
-        element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
-        strain: plan.strain,
-        case: record.without_images(),
+        Ok(QuantitySummary::default())
     }
 }

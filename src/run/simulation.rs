@@ -3,7 +3,9 @@
 use super::error::Result;
 use super::event::{Event, Watcher};
 use super::folder::{FIGURES, RunFolder};
+use super::heard::Heard;
 use super::session::Outcome;
+use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::Case;
 use crate::io::joint::read_joint;
@@ -14,7 +16,8 @@ use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
 
-/// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into `output`.
+/// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into `output`; when
+/// `stop` is asked, of the instants so far.
 ///
 /// # Errors
 /// See [`super::RunError`]. An instant without a solution is a result.
@@ -23,6 +26,7 @@ pub fn simulate(
     output: &Path,
     overwrite: bool,
     pool: &ThreadPool,
+    stop: &Stop,
     watcher: Watcher<'_>,
 ) -> Result<(JointSummary, Outcome)> {
     let input = read_joint(case)?;
@@ -38,7 +42,15 @@ pub fn simulate(
         ..ForwardOptions::default()
     };
     let begin = Instant::now();
-    let solution = pool.install(|| joint.model.forward(&*joint.law, &joint.boundary, &options))?;
+    let (heard, watch) = Heard::new(None, stop);
+    watch.begins("simulation");
+    let solution = heard.during(pool, watcher, || {
+        let go_on = |instant: usize| {
+            watch.at(instant, joint.boundary.instants().len(), Vec::new);
+            watch.ended().is_none()
+        };
+        joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on)
+    })?;
     let seconds = begin.elapsed().as_secs_f64();
 
     let report = JointReport { joint: &joint, solution: &solution };
@@ -53,7 +65,12 @@ pub fn simulate(
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
     watcher(Event::Simulated { summary: &summary, folder: output });
-    Ok((summary, if solution.converged() { Outcome::Fine } else { Outcome::Incomplete }))
+    let outcome = match solution.converged() {
+        true => Outcome::Fine,
+        false if stop.is_asked() => Outcome::Stopped,
+        false => Outcome::Incomplete,
+    };
+    Ok((summary, outcome))
 }
 
 /// Writes a figure as PNG and SVG.

@@ -1,11 +1,14 @@
 //! The zones of a plan on the reference image: masks and mesh files are read here.
 
 use super::error::Result;
-use super::text::absolute;
-use crate::io::case::{CaseElements, CaseGuard, CaseZone};
+use super::found::Found;
+use super::plan::Plan;
+use super::wanted::name_of;
+use crate::imaging::Image;
+use crate::io::case::{CaseCrack, CaseElements, CaseGuard, CaseZone};
 use crate::io::mask::read_mask;
 use crate::io::mesh_file::read_mesh;
-use crate::mesh::{Guard, Mask, MeshError, Roi, Zone, ZoneElements};
+use crate::mesh::{Crack, Guard, Mask, MeshError, Zone, ZoneElements};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,19 +21,27 @@ pub(super) struct Zones {
     pub notes: Vec<String>,
     /// Masks and mesh files with their SHA-256.
     pub files: Vec<(PathBuf, String)>,
+    /// Zones that were looked for, since none was named.
+    pub found: Option<Found>,
 }
 
 impl Zones {
-    /// The zones `wanted` on an image of `width` x `height` px; when none is, the whole image, with `guard` px. Mapped elements have
-    /// about `size` px.
-    pub fn on(wanted: &[CaseZone], guard: Option<f64>, size: usize, [width, height]: [usize; 2]) -> Result<Self> {
-        let mut found = Self::default();
-        if wanted.is_empty() {
-            let roi = Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 };
-            let guard = guard.map_or(Guard::default(), Guard::All);
-            found.zones.push(Zone { guard, ..Zone::rectangle("image", roi) });
-            return Ok(found);
+    /// The zones of `plan`; when it has none, it gets those where `reference` shows the specimen, whose masks will lie in
+    /// `folder`.
+    pub fn of(plan: &mut Plan, reference: &Image, folder: &Path) -> Result<Self> {
+        if !plan.zones.is_empty() {
+            return Self::on(&plan.zones, plan.options.element_size, [reference.width(), reference.height()]);
         }
+        let found = Found::on(reference, plan, folder)?;
+        plan.zones.clone_from(&found.cases);
+        plan.found();
+        let (zones, notes, files) = (found.zones.clone(), vec![found.note.clone()], found.files());
+        Ok(Self { zones, notes, files, found: Some(found) })
+    }
+
+    /// The zones `wanted` on an image of `width` x `height` px. Mapped elements have about `size` px.
+    pub(super) fn on(wanted: &[CaseZone], size: usize, [width, height]: [usize; 2]) -> Result<Self> {
+        let mut found = Self::default();
         let mut masks: HashMap<PathBuf, Arc<Mask>> = HashMap::new();
         for (at, zone) in wanted.iter().enumerate() {
             let name = name_of(at, zone);
@@ -42,6 +53,7 @@ impl Zones {
                 mask: None,
                 elements: None,
                 guard: guard_of(&name, zone)?,
+                cracks: Vec::new(),
             };
             if zone.polygon.as_ref().is_some_and(Vec::is_empty) {
                 return Err(
@@ -111,22 +123,23 @@ impl Zones {
     }
 }
 
-/// Zones as a case file has them, with names and with file names that hold from anywhere.
-pub(super) fn resolved(wanted: &[CaseZone], guard: Option<f64>, width: usize, height: usize) -> Vec<CaseZone> {
-    if wanted.is_empty() {
-        let roi = Some([0.0, 0.0, width as f64, height as f64]);
-        let guard_px = guard.map(CaseGuard::All);
-        return vec![CaseZone { name: Some("image".into()), roi, guard_px, ..CaseZone::default() }];
+/// Cuts the zones along cracks.
+///
+/// # Errors
+/// A zone with elements of its own.
+pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
+    if cracks.is_empty() {
+        return Ok(());
     }
-    let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
-    let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
-        // The zones of a mesh file have its names, unless one is given.
-        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| name_of(at, zone))),
-        mask: file(&zone.mask),
-        mesh: file(&zone.mesh),
-        ..zone.clone()
-    };
-    wanted.iter().enumerate().map(complete).collect()
+    for zone in zones {
+        if zone.elements.is_some() {
+            return Err(MeshError::CrackInOwnElements { zone: zone.name.clone() }.to_string().into());
+        }
+        let of_case =
+            |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
+        zone.cracks = cracks.iter().map(of_case).collect();
+    }
+    Ok(())
 }
 
 /// Elements of `size` px along the sides of the polygon of `zone`.
@@ -134,10 +147,6 @@ fn mapped(zone: &Zone, size: usize) -> std::result::Result<ZoneElements, MeshErr
     let not_convex = || MeshError::NotConvex { zone: zone.name.clone() };
     let corners = zone.polygon.as_slice().try_into().map_err(|_| not_convex())?;
     ZoneElements::mapped(&zone.name, corners, size as f64)
-}
-
-fn name_of(at: usize, zone: &CaseZone) -> String {
-    zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
 }
 
 fn guard_of(name: &str, zone: &CaseZone) -> Result<Guard> {

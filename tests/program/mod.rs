@@ -102,7 +102,7 @@ impl Desk {
     }
 
     /// The files under `folder`, those of stores too, but for what only a later start of the same run reads: locks and
-    /// records, which tell of processes and times.
+    /// records, which tell of processes and times, and for the report.
     pub fn all_files(&self, folder: &str) -> Vec<String> {
         fn walk(folder: &Path, root: &Path, found: &mut Vec<String>) {
             for entry in std::fs::read_dir(folder).into_iter().flatten() {
@@ -117,6 +117,8 @@ impl Desk {
         let mut found = Vec::new();
         walk(&self.path(folder), &self.path(folder), &mut found);
         found.retain(|name| !name.starts_with("restart/") && !name.contains("/restart/"));
+        // It tells of times as well.
+        found.retain(|name| name != "report.html" && !name.ends_with("/report.html"));
         found.sort();
         found
     }

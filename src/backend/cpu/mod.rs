@@ -423,7 +423,7 @@ impl Backend for CpuBackend {
         frame: &mut CpuFrame,
         field: &mut CpuField,
         solver: &Arc<Solver>,
-        damping: f64,
+        [cos, sin]: [f64; 2],
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         let zones = level.zone_sums(field);
@@ -435,8 +435,9 @@ impl Backend for CpuBackend {
         let correction = solver.correction(level.right_hand_side(field), &field.displacement);
         let (mut largest, mut worst_node) = (0.0f64, 0);
         for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
+            let turned = [cos * du[0] - sin * du[1], cos * du[1] + sin * du[0]];
             for c in 0..2 {
-                u[c] += damping * du[c];
+                u[c] += turned[c];
                 // `max` would drop a NaN; a correction that is not a number must be seen.
                 if du[c].abs() > largest || du[c].is_nan() {
                     (largest, worst_node) = (du[c].abs(), node);

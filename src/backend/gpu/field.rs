@@ -25,10 +25,10 @@ pub struct GpuField {
     step: Buffer,
     worst: Buffer,
     vectors: Vectors,
-    correct: (f64, Buffer),
+    correct: ([f64; 2], Buffer),
     evaluated: bool,
-    /// Share of the last correction that was added since the last evaluation.
-    added: f64,
+    /// What the last correction was multiplied by when it was added since the last evaluation; zero when none was.
+    added: [f64; 2],
     n_nodes: usize,
     n_zones: usize,
     /// The kernels of an evaluation: residual, fit of transfers, tally.
@@ -45,8 +45,9 @@ const OUT: usize = 15;
 const EXCLUDED: f32 = 2.0;
 
 /// Constants of the correction.
-fn correct(gpu: &Gpu, n_nodes: usize, damping: f64) -> Buffer {
-    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, damping: damping as f32, unused0: 0, unused1: 0 })
+fn correct(gpu: &Gpu, n_nodes: usize, scale: [f64; 2]) -> Buffer {
+    let [cos, sin] = scale.map(|v| v as f32);
+    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, cos, sin, unused0: 0 })
 }
 
 /// The fit of transfers and the tally, with their workgroups.
@@ -87,10 +88,10 @@ impl GpuField {
             step: gpu.visible(size_of::<layout::Step>() as u64, "a report")?,
             worst: gpu.visible(8 * n_nodes.div_ceil(NODES_TOGETHER) as u64, "corrections")?,
             vectors: Vectors::new(gpu, n_nodes)?,
-            correct: (1.0, correct(gpu, n_nodes, 1.0)),
+            correct: ([1.0, 0.0], correct(gpu, n_nodes, [1.0, 0.0])),
             in_light: false,
             evaluated: false,
-            added: 0.0,
+            added: [0.0; 2],
             n_nodes,
             n_zones: level.n_zones,
             solving: None,
@@ -209,7 +210,7 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         let summary = self.summary(gpu, level, false);
         recorder.run(&summary, 1);
-        self.added = 0.0;
+        self.added = [0.0; 2];
         let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
         Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
     }
@@ -220,11 +221,11 @@ impl GpuField {
         gpu: &Gpu,
         level: &GpuLevel,
         solver: &GpuSolver,
-        damping: f64,
+        scale: [f64; 2],
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
-        if self.correct.0 != damping {
-            self.correct = (damping, correct(gpu, self.n_nodes, damping));
+        if self.correct.0 != scale {
+            self.correct = (scale, correct(gpu, self.n_nodes, scale));
         }
         let mut recorder = gpu.record();
         self.evaluate(level, &mut recorder);
@@ -261,7 +262,7 @@ impl GpuField {
             &[self.correct.1.whole(), self.vectors.solution.whole(), self.displacement.whole(), self.worst.whole()],
         );
         recorder.run(&correct, self.node_groups());
-        self.added = damping;
+        self.added = scale;
         let summary = self.summary(gpu, level, true);
         recorder.run(&summary, 1);
         let bytes = recorder.fetch(&[(&self.step, size_of::<layout::Step>() as u64)], traffic)?;
@@ -311,13 +312,13 @@ impl GpuField {
     pub(super) fn evaluated(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Buffer, BackendError> {
         let bytes = 16 * self.n_nodes as u64;
         let evaluated = gpu.visible(bytes, "a field")?;
-        let back = correct(gpu, self.n_nodes, -self.added);
+        let back = correct(gpu, self.n_nodes, self.added.map(|v| -v));
         let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
         let back =
             gpu.bind(&pipeline, &[back.whole(), self.vectors.solution.whole(), evaluated.whole(), self.worst.whole()]);
         let mut recorder = gpu.record();
         recorder.copy(&self.displacement, &evaluated, 0, bytes);
-        if self.added != 0.0 {
+        if self.added != [0.0; 2] {
             recorder.run(&back, self.node_groups());
         }
         recorder.submit(traffic);
@@ -350,7 +351,7 @@ impl GpuField {
     pub(super) fn place(&mut self, gpu: &Gpu, traffic: &mut Traffic, displacement: &[[f64; 2]]) {
         let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
         traffic.bytes_up += gpu.write(&self.displacement, &displacement);
-        self.added = 0.0;
+        self.added = [0.0; 2];
     }
 
     /// Displacement and transfer at the start.

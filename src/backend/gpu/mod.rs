@@ -192,9 +192,9 @@ impl Backend for GpuBackend {
         frame: &mut GpuFrame,
         field: &mut GpuField,
         solver: &GpuSolver,
-        damping: f64,
+        scale: [f64; 2],
     ) -> Result<Step, BackendError> {
-        field.step(&self.gpu, level, solver, damping, &mut frame.traffic)
+        field.step(&self.gpu, level, solver, scale, &mut frame.traffic)
     }
 
     fn right_hand_side(

@@ -108,9 +108,28 @@ pub struct ProbeArgs {
     /// Definition of the strains. Default: that of the run.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
-    /// What other instruments recorded (CSV, a row per image): joined to every row.
+    /// Strains at points and lines over a window of N x N nodes as well, N odd; 1: none. Default: that of the run.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub strain_window: Option<u32>,
+    /// What other instruments recorded (CSV, a row per image, or a column of times): joined to every row.
     #[arg(long, value_name = "FILE")]
     pub load: Option<PathBuf>,
+    /// The column of the load file that says when its rows were taken: joined by time, interpolated between rows. Needs
+    /// --frame-interval or --frame-times.
+    #[arg(long, value_name = "COLUMN")]
+    pub load_time: Option<String>,
+    /// Time between two frames, s: frame n was taken n times that after the reference.
+    #[arg(long, value_name = "S", allow_negative_numbers = true, conflicts_with = "frame_times")]
+    pub frame_interval: Option<f64>,
+    /// A file with the time of each image (CSV, a row per image, a column `time`), as cameras write them.
+    #[arg(long, value_name = "FILE")]
+    pub frame_times: Option<PathBuf>,
+    /// Time of the reference in the load file, s; with --frame-times what is added to these. Default 0.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub load_start: Option<f64>,
+    /// Area of the cross-section, mm2: adds a column stress_MPa, the force over it.
+    #[arg(long, value_name = "MM2", allow_negative_numbers = true)]
+    pub area: Option<f64>,
     /// Draw every quantity against each column of the load file, or without one against the frame number, as PNG
     /// and SVG into DIR/curves.
     #[arg(long)]
@@ -149,9 +168,9 @@ pub struct FiguresArgs {
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "last")]
     pub frames: Frames,
-    /// What to draw: ux, uy, exx, eyy, exy, residual, residual-percent, sigma, model-error, misfit, mesh,
+    /// What to draw: ux, uy, exx, eyy, exy, exx-window, eyy-window, exy-window, residual, residual-percent, sigma, model-error, misfit, mesh,
     /// deformed, register.
-    /// Default ux,uy,exx,eyy,exy,residual.
+    /// Default ux,uy,exx,eyy,exy,residual, with a strain window those over it as well.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub quantity: Vec<Figure>,
     /// Kinds of file.
@@ -170,6 +189,9 @@ pub struct FiguresArgs {
     /// Definition of the strains. Default: that of the run.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
+    /// Nodes along a side of the window of exx-window, eyy-window and exy-window, odd; 1: none. Default: that of the run.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub strain_window: Option<u32>,
     /// Strains of elements or of nodes.
     #[arg(long, value_enum, default_value = "elements")]
     pub strain_on: StrainPlace,

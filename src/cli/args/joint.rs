@@ -1,6 +1,7 @@
 //! What the commands of a bonded joint take.
 
-use super::shared::{Quiet, Results, Threads};
+use super::series::ProgressKind;
+use super::shared::{FitLimits, Quiet, Results, Threads};
 use crate::backend::choice::DeviceChoice;
 use clap::Args;
 use clap::ValueEnum;
@@ -12,7 +13,9 @@ use std::path::PathBuf;
     quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
     Steps already done with the same images and options are not done again. DIR/report.html tells all; the measured\n\
     fields are in DIR/correlation.\n\n\
-    Exit status: 0 all is there; 1 a frame or the fit did not converge; 2 nothing could be run.")]
+    Exit status: 0 all is there; 1 a frame or the fit did not converge, or --max-seconds was over; 2 nothing could be
+\
+    run; 130 Ctrl-C or SIGTERM: what is done is kept, the best point of the fit too.")]
 pub struct RunArgs {
     /// The case file (TOML): [images], [correlation], two [[zone]], [interface], [substrate], [cohesive], [measurement],
     /// [fit]. Names of files in it are relative to its folder.
@@ -30,7 +33,12 @@ pub struct RunArgs {
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
+    pub limits: FitLimits,
+    #[command(flatten)]
     pub talk: Quiet,
+    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    #[arg(long, value_name = "text|json", default_value = "text")]
+    pub progress: ProgressKind,
 }
 
 /// Depth of the images of a virtual test.
@@ -127,7 +135,9 @@ pub struct SimulateArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille identify joint.toml --output out/fit\n\n\
-    Exit status: 0 the fit converged; 1 it did not, the best point is in DIR/fit.json; 2 it could not run.")]
+    Exit status: 0 the fit converged; 1 it did not, the best point is in DIR/fit.json; 2 it could not run; 130 Ctrl-C or
+\
+    SIGTERM, the best point is in DIR/fit.json.")]
 pub struct IdentifyArgs {
     /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]. Names of files in it are
     /// relative to its folder.
@@ -138,7 +148,12 @@ pub struct IdentifyArgs {
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
+    pub limits: FitLimits,
+    #[command(flatten)]
     pub talk: Quiet,
+    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    #[arg(long, value_name = "text|json", default_value = "text")]
+    pub progress: ProgressKind,
 }
 
 /// Arguments of `quadrille sweep`.

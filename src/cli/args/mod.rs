@@ -1,6 +1,7 @@
 //! The command line, as the user types it.
 
 mod fields;
+mod groups;
 mod joint;
 mod machine;
 mod schema;
@@ -9,13 +10,14 @@ mod shared;
 mod words;
 
 pub use fields::*;
+pub use groups::{grouped, short_help};
 pub use joint::*;
 pub use machine::*;
 pub use schema::*;
 pub use series::*;
 pub use shared::*;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
 
 /// Displacement fields of tested materials from image series, by global Q4 image correlation.
@@ -27,6 +29,20 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// Whether statuses are coloured: on a terminal (auto; not where NO_COLOR is set), always, or never.
+    #[arg(long, global = true, value_name = "auto|always|never", default_value = "auto")]
+    pub color: ColorChoice,
+}
+
+/// Whether words are coloured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ColorChoice {
+    /// On a terminal.
+    Auto,
+    /// Everywhere.
+    Always,
+    /// Nowhere.
+    Never,
 }
 
 /// The commands.

@@ -5,9 +5,11 @@ use super::shared::Threads;
 use super::words::Polygon;
 use super::words::interpolation;
 use super::words::pages;
+use super::words::path;
 use super::words::polygon;
 use super::words::rectangle;
 use super::words::seconds;
+use super::words::slurm_time;
 use crate::backend::choice::DeviceChoice;
 use crate::cli::frames::Frames;
 use crate::field::Brightness;
@@ -95,7 +97,7 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "I/N|slurm")]
     pub shard: Option<Shard>,
     /// A rectangle to measure, px: left, top, right, bottom (the last two not included). Repeat it for
-    /// several zones. Default: the whole image. This, --polygon, --mask and --mesh replace the zones of the
+    /// several zones. Without any zone the specimen is found in the reference. This, --polygon, --mask and --mesh replace the zones of the
     /// case file.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
     pub roi: Vec<[f64; 4]>,
@@ -114,6 +116,24 @@ pub struct CorrelateArgs {
     /// border. Default 0; 3 beside bands without texture.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub guard: Option<f64>,
+    /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
+    /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
+    /// several cracks. Replaces the cracks of the case file.
+    #[arg(long, value_name = "'x,y x,y ...'", value_parser = path, allow_hyphen_values = true)]
+    pub crack: Vec<Polygon>,
+    /// Leave out the pixels that lie this close to a crack, px. Default 3.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub crack_guard: Option<f64>,
+    /// Young's modulus around the cracks, MPa: with --crack-poisson and --pixel-size the stress intensity factors at the tips are
+    /// found, MPa sqrt(m).
+    #[arg(long, value_name = "MPA", allow_hyphen_values = true)]
+    pub crack_young: Option<f64>,
+    /// Poisson's ratio around the cracks.
+    #[arg(long, value_name = "NU", allow_hyphen_values = true)]
+    pub crack_poisson: Option<f64>,
+    /// Outer radius of the domain that the stress intensity is found in, px. Default: the largest that fits, up to twelve elements.
+    #[arg(long, value_name = "PX", allow_hyphen_values = true)]
+    pub crack_radius: Option<f64>,
     /// Drop elements with less than this share of their pixels inside a polygon or a mask, above 0 to 1.
     /// Default 0.5.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -162,7 +182,7 @@ pub struct CorrelateArgs {
     /// amplitude, longer ones less, shorter ones more.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub cutoff: Option<f64>,
-    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to 5 % of a zone, none of
+    /// Leave out nodes that see no texture, however many, instead of refusing the reference. Up to a fifth of a zone, none of
     /// them on a face of a joint, are left out without it.
     #[arg(long)]
     pub drop_textureless: bool,
@@ -186,6 +206,13 @@ pub struct CorrelateArgs {
     /// Definition of the strains. Default green-lagrange.
     #[arg(long, value_name = "infinitesimal|green-lagrange|hencky")]
     pub strain: Option<StrainDefinition>,
+    /// Strains over a window of N x N nodes as well, N odd, with their standard uncertainty: a virtual strain gauge of N
+    /// elements, (N - 1) L_step + L_subset with the element size for both. Default 1: those of elements and nodes alone.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub strain_window: Option<u32>,
+    /// Write no DIR/report.html at the end. `--export none` leaves it out as well.
+    #[arg(long)]
+    pub no_report: bool,
     /// Where the pixel work is done: `auto` (a discrete or integrated GPU, else the CPU), `cpu`, `gpu` (also a software
     /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
@@ -292,7 +319,7 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "N", default_value = "4")]
     pub cpus: NonZeroUsize,
     /// Time of each task, as Slurm takes it. A task that runs out of it goes on when it is submitted again.
-    #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00")]
+    #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00", value_parser = slurm_time)]
     pub time: String,
     /// Memory of each task, as Slurm takes it, such as 8G. Default: that of the cluster.
     #[arg(long, value_name = "SIZE")]

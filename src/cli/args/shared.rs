@@ -1,6 +1,8 @@
 //! Flags that several commands share.
 
 use super::super::Result;
+use super::words::{count, positive_seconds};
+use crate::io::case::CaseFit;
 use clap::Args;
 use rayon::ThreadPool;
 use std::path::PathBuf;
@@ -37,4 +39,23 @@ pub struct Results {
     /// Replace the results of an earlier run in the output folder.
     #[arg(long)]
     pub overwrite: bool,
+}
+
+/// How far a fit may go; over what the case says.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct FitLimits {
+    /// End the fit after this time at the best point so far: the result says so. Default: [fit] max_seconds, or no limit.
+    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_hyphen_values = true)]
+    pub max_seconds: Option<f64>,
+    /// End it after so many forward runs from one start. Default: [fit] max_evaluations, or 100.
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    pub max_evaluations: Option<usize>,
+}
+
+impl FitLimits {
+    /// Puts them over those of a case.
+    pub fn over(self, fit: &mut CaseFit) {
+        fit.max_seconds = self.max_seconds.or(fit.max_seconds);
+        fit.max_evaluations = self.max_evaluations.or(fit.max_evaluations);
+    }
 }

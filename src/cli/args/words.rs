@@ -12,6 +12,32 @@ pub(super) fn seconds(text: &str) -> Result<Duration, String> {
     if fine { Ok(Duration::from_secs_f64(seconds)) } else { Err("give seconds from 0.001 to a year".into()) }
 }
 
+/// The same as a number.
+pub(super) fn positive_seconds(text: &str) -> Result<f64, String> {
+    seconds(text).map(|time| time.as_secs_f64())
+}
+
+/// A count from 1.
+pub(super) fn count(text: &str) -> Result<usize, std::num::ParseIntError> {
+    text.parse::<std::num::NonZeroUsize>().map(std::num::NonZeroUsize::get)
+}
+
+/// A time as Slurm takes it: minutes, or with hours, days and seconds.
+pub(super) fn slurm_time(text: &str) -> Result<String, String> {
+    let (days, rest) = match text.split_once('-') {
+        Some((days, rest)) => (Some(days), rest),
+        None => (None, text),
+    };
+    let parts: Vec<&str> = rest.split(':').collect();
+    let digits = |part: &&str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+    let fine =
+        parts.len() <= 3 && days.iter().chain(&parts).all(digits) && parts[1..].iter().all(|part| part.len() <= 2);
+    match fine {
+        true => Ok(text.to_owned()),
+        false => Err("Slurm takes HH:MM:SS (04:00:00), D-HH:MM:SS (1-12:00:00), or minutes (240)".to_owned()),
+    }
+}
+
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
     let values = values.map_err(|_| format!("'{text}' is no list of {N} numbers separated by commas"))?;
@@ -35,6 +61,14 @@ pub(super) fn polygon(text: &str) -> Result<Polygon, String> {
     match corners.len() {
         0..=2 => Err(format!("'{text}' has fewer than three corners; write x,y x,y x,y")),
         _ => Ok(Polygon(corners)),
+    }
+}
+
+pub(super) fn path(text: &str) -> Result<Polygon, String> {
+    let points: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    match points.len() {
+        0 | 1 => Err(format!("'{text}' has fewer than two points; write x,y x,y ... along the crack")),
+        _ => Ok(Polygon(points)),
     }
 }
 

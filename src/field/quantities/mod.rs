@@ -4,14 +4,17 @@
 //! those of the nodes and from how their noise goes together ([`NodalNoise`]). What cannot be read (outside the
 //! mesh, on nodes without measurement) is `None`, never a number.
 
+mod crack;
 mod extensometer;
 mod facing;
-mod noise;
+pub(super) mod noise;
 mod plan;
 mod point;
 mod reading;
 mod register;
+mod stress_intensity;
 
+pub use crack::{CrackLine, CrackTip, CrackValues, OPEN_BY_SIGMA, TipState};
 pub use extensometer::{Elongation, Extensometer};
 pub use facing::{Facing, FacingPoint, Jump};
 pub use noise::NodalNoise;
@@ -19,6 +22,7 @@ pub use plan::{Curve, FrameQuantities, OpeningValues, Quantities};
 pub use point::{PointValues, Segment, at_point};
 pub use reading::{Reading, Value};
 pub use register::{RemoveRigid, RigidRemoved, remove_rigid};
+pub use stress_intensity::{Elasticity, StressIntensity};
 
 use thiserror::Error;
 

@@ -165,7 +165,7 @@ impl NodalNoise {
 
 /// Conjugate gradients with the diagonal as preconditioner, which bounds the condition of any mass matrix of
 /// fair elements by about ten: some twenty steps.
-fn solve_spd(rows: &[Vec<(usize, f64)>], load: Vec<f64>) -> Vec<f64> {
+pub(in crate::field) fn solve_spd(rows: &[Vec<(usize, f64)>], load: Vec<f64>) -> Vec<f64> {
     let n = load.len();
     let diagonal: Vec<f64> = (0..n).map(|i| rows[i].iter().find(|&&(k, _)| k == i).map_or(1.0, |&(_, m)| m)).collect();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

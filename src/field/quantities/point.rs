@@ -1,8 +1,8 @@
 //! Displacement and strain at points and along lines.
 
 use super::{NodalNoise, QuantityError, Reading, finite, positive};
-use crate::field::strain::StrainElement;
-use crate::field::{Measurement, StrainDefinition, TensorStrain};
+use crate::field::strain_field::StrainElement;
+use crate::field::{Measurement, StrainDefinition, TensorStrain, WindowStrains};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Length;
 
@@ -19,6 +19,27 @@ pub struct PointValues {
     /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
     /// measured lies around a corner of the point's element, or where the field folds.
     pub strain: Option<(TensorStrain, [f64; 3])>,
+    /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well: windows of
+    /// neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
+    pub window: Option<(TensorStrain, [f64; 3])>,
+}
+
+impl PointValues {
+    /// The same with the strain over a window of nodes, at the place `at` of the mesh.
+    pub(super) fn with_window<U: Length>(self, mesh: &Mesh<U>, at: [f64; 2], strains: &WindowStrains) -> Self {
+        let mean = || {
+            let (mut strain, mut sigma) = ([0.0; 3], [0.0; 3]);
+            for (node, weight) in shape_at(mesh, at)?.into_iter().filter(|(_, weight)| *weight != 0.0) {
+                let (of_node, noise) = strains.nodes[node]?;
+                for (c, e) in of_node.components().into_iter().enumerate() {
+                    strain[c] += weight * e;
+                    sigma[c] += weight * noise[c];
+                }
+            }
+            Some((TensorStrain::of_components(strain), sigma))
+        };
+        Self { window: mean(), ..self }
+    }
 }
 
 /// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
@@ -55,7 +76,7 @@ pub fn at_point<U: Length>(
     });
     let (x, y) = (x?, y?);
     let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));
-    Some(PointValues { displacement: [x.value, y.value], sigma: [x.sigma, y.sigma], strain })
+    Some(PointValues { displacement: [x.value, y.value], sigma: [x.sigma, y.sigma], strain, window: None })
 }
 
 /// The nodes of the element that holds a point, with their weights there.
@@ -110,22 +131,7 @@ fn strain_of<U: Length>(
         }
     }
     let strain = definition.of_gradient(gradient)?;
-    // Central differences of smooth functions of order one: right to about 1e-10.
-    const STEP: f64 = 1e-5;
-    let mut slopes = [[[0.0; 2]; 2]; 3];
-    for c in 0..2 {
-        for k in 0..2 {
-            let [low, high] = [-STEP, STEP].map(|step| {
-                let mut moved = gradient;
-                moved[c][k] += step;
-                definition.of_gradient(moved)
-            });
-            let (low, high) = (low?.components(), high?.components());
-            for e in 0..3 {
-                slopes[e][c][k] = (high[e] - low[e]) / (2.0 * STEP);
-            }
-        }
-    }
+    let slopes = definition.slopes(gradient)?;
     let sigma = slopes.map(|slope| {
         let weights = by.iter().map(|&(node, d)| (node, [0, 1].map(|c| slope[c][0] * d[0] + slope[c][1] * d[1])));
         noise.sigma(Reading::new(weights).weights(), &field.sigma)

@@ -48,8 +48,19 @@ impl Reader {
     }
 }
 
-const OF_CORRELATION: [&str; 9] =
-    ["images", "correlation", "zone", "quantities", "load", "probe", "line", "extensometer", "opening"];
+const OF_CORRELATION: [&str; 11] = [
+    "images",
+    "correlation",
+    "zone",
+    "quantities",
+    "load",
+    "probe",
+    "line",
+    "extensometer",
+    "opening",
+    "crack",
+    "report",
+];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 /// Of a finished run.
@@ -118,6 +129,8 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            report,
+            cracks,
             run,
             interface,
             mesh,
@@ -139,6 +152,8 @@ impl CaseDocument {
             lines,
             extensometers,
             openings,
+            report,
+            cracks,
             run,
         };
         let joint =
@@ -160,6 +175,8 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            report,
+            cracks,
             run,
         } = case;
         Self {
@@ -172,6 +189,8 @@ impl From<CaseFile> for Case {
             lines,
             extensometers,
             openings,
+            report,
+            cracks,
             run,
             ..Self::default()
         }

@@ -159,16 +159,36 @@ pub(super) fn explained(error: &toml::de::Error, text: &str, path: &Path) -> Cas
         }
         (Some(found), _) => {
             let wrong = wrong.replace("[[..]]", &format!("[[{}]]", found.name)).replace(" in double brackets", "");
-            format!("`{}` {section}: {wrong}", found.name)
+            // A list of sections, written as one section.
+            let several =
+                found.above.is_empty() && LISTS.contains(&found.name.as_str()) && wrong.starts_with("is a section");
+            let write = match several {
+                true => format!("; there may be several: write [[{0}]] instead of [{0}]", found.name),
+                false => String::new(),
+            };
+            format!("`{}` {section}: {wrong}{write}", found.name)
         }
         // A key that is there twice: the text at the error is the key.
         (None, _) if wrong == "duplicate key" => {
             let name = error.span().and_then(|span| text.get(span)).unwrap_or("");
             format!("the key `{name}` is there twice; remove one")
         }
-        (None, _) => wrong,
+        (None, _) => typed(text, line).unwrap_or(wrong),
     };
     CaseError::Invalid { path: path.to_owned(), line, column, key, message }
+}
+
+/// What a line that is no TOML shows that it means: a number with a decimal comma, or a text without quotes.
+fn typed(text: &str, line: usize) -> Option<String> {
+    let (key, value) = text.lines().nth(line - 1)?.split_once('=')?;
+    let (key, value) = (key.trim(), value.split('#').next()?.trim());
+    let with_point = value.replacen(',', ".", 1);
+    if value.matches(',').count() == 1 && with_point.parse::<f64>().is_ok() {
+        return Some(format!("`{key}`: numbers have a decimal point, no comma: {key} = {with_point}"));
+    }
+    let plain = |c: char| c.is_alphanumeric() || "/\\._-*?~: ".contains(c);
+    let word = value.chars().next().is_some_and(|first| first.is_alphabetic() || "/\\.~*".contains(first));
+    (word && value.chars().all(plain)).then(|| format!("`{key}`: a text without quotes: write {key} = '{value}'"))
 }
 
 /// serde's words in those of a user.
@@ -219,7 +239,8 @@ fn plain(message: &str) -> String {
         | "struct CaseProbe"
         | "struct CaseLine"
         | "struct CaseExtensometer"
-        | "struct CaseOpening" => "a section in double brackets [[..]]",
+        | "struct CaseOpening"
+        | "struct CaseCrack" => "a section in double brackets [[..]]",
         "a map" => "a section",
         section if section.starts_with("struct Case") => "a section",
         other => other,
@@ -236,7 +257,7 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
 }
 
 /// Sections that may be there several times.
-const LISTS: [&str; 5] = ["zone", "probe", "line", "extensometer", "opening"];
+const LISTS: [&str; 6] = ["zone", "probe", "line", "extensometer", "opening", "crack"];
 
 /// A key of the file and the sections above it.
 struct Located {

@@ -99,14 +99,18 @@ pub struct CaseCorrelation {
     /// Definition of the strains.
     #[schemars(extend("default" = "green-lagrange", "x-flag" = "--strain"))]
     pub strain: Option<StrainDefinition>,
-    /// Whether nodes without texture are left out, however many; if not, at most 5 % of a zone are, none on the face of a
+    /// Strains over a window of this many nodes along a side, odd, 3 to 51, beside those of elements and nodes: a virtual
+    /// strain gauge of so many elements (docs/correlation.md, 2.11); 1: none.
+    #[schemars(extend("default" = 1, "x-flag" = "--strain-window"))]
+    pub strain_window: Option<u32>,
+    /// Whether nodes without texture are left out, however many; if not, at most a fifth of a zone are, none on the face of a
     /// joint.
     #[schemars(extend("default" = false, "x-flag" = "--drop-textureless"))]
     pub drop_textureless: Option<bool>,
 }
 
 /// A zone of the reference image: what lies in all of rectangle, polygon and mask, and in no excluded polygon. One of
-/// `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the whole image is measured.
+/// `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseZone {

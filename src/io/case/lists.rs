@@ -39,7 +39,10 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Exactly<T, N> {
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<[T; N], A::Error> {
         let entries = all(list)?;
         let (n, Self { whose, expected, .. }) = (entries.len(), self);
-        entries.try_into().map_err(|_| de::Error::custom(format!("{whose}has {n} entries, expected {expected}")))
+        let entries_there = if n == 1 { "entry" } else { "entries" };
+        entries
+            .try_into()
+            .map_err(|_| de::Error::custom(format!("{whose}has {n} {entries_there}, expected {expected}")))
     }
 }
 
@@ -50,12 +53,12 @@ pub(super) fn point<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 
 
 /// Two names.
 pub(super) fn two_names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
-    Exactly::read(deserializer, "", "two names [\"upper\", \"lower\"]")
+    Exactly::read(deserializer, "", "two names [\"upper\", \"lower\"], those of two [[zone]]")
 }
 
 /// Two names, as [interface] has them.
 pub(super) fn lower_upper<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[String; 2], D::Error> {
-    Exactly::read(deserializer, "", "two names [\"lower\", \"upper\"]")
+    Exactly::read(deserializer, "", "two names [\"lower\", \"upper\"], those of the two [[zone]] beside the adhesive")
 }
 
 /// Four numbers.
@@ -79,6 +82,11 @@ pub(super) fn pairs(corners: Vec<Corner>) -> Vec<[f64; 2]> {
 /// A list of points.
 pub(super) fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
     Vec::deserialize(deserializer).map(|corners| Some(pairs(corners)))
+}
+
+/// A list of points that has to be given.
+pub(super) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<[f64; 2]>, D::Error> {
+    Vec::deserialize(deserializer).map(pairs)
 }
 
 /// Polygons, each as its corners.

@@ -1,7 +1,7 @@
 //! What is drawn from the fields of a case: points, lines, extensometers, openings, and what they are joined with.
 
 use super::is_default;
-use super::lists::{point, two_names};
+use super::lists::{path, point, two_names};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,13 +21,16 @@ pub struct CaseQuantities {
     pub extensometers: Vec<CaseExtensometer>,
     /// The sections `[[opening]]`.
     pub openings: Vec<CaseOpening>,
+    /// The sections `[[crack]]`.
+    pub cracks: Vec<CaseCrack>,
 }
 
 impl CaseQuantities {
     /// Whether nothing is asked for. A load file alone asks for nothing.
     pub fn is_empty(&self) -> bool {
-        let Self { options, load: _, probes, lines, extensometers, openings } = self;
-        is_default(options) && probes.is_empty() && lines.is_empty() && extensometers.is_empty() && openings.is_empty()
+        let Self { options, load: _, probes, lines, extensometers, openings, cracks } = self;
+        let none = probes.is_empty() && lines.is_empty() && extensometers.is_empty() && openings.is_empty();
+        is_default(options) && none && cracks.is_empty()
     }
 }
 
@@ -41,12 +44,28 @@ pub struct CaseQuantityOptions {
 }
 
 /// What other instruments recorded.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseLoad {
-    /// The load file: CSV with names and units in its header and a row for each image, or with a column `frame` (docs/quantities.md).
+    /// The load file: CSV with names and units in its header (or units in its second line) and a row for each image, or with a
+    /// column `frame`, or with a column of times (docs/quantities.md).
     #[schemars(extend("x-flag" = "--load"))]
     pub file: String,
+    /// The column of the file that says when its rows were taken: rows are then joined with the frames by time, interpolated.
+    #[schemars(extend("x-flag" = "--load-time"))]
+    pub time: Option<String>,
+    /// Time between two frames, s: frame n was taken n times that after the reference.
+    #[schemars(extend("x-flag" = "--frame-interval"))]
+    pub frame_interval_s: Option<f64>,
+    /// A file with the times of the frames instead: a row per image, with a column `time`.
+    #[schemars(extend("x-flag" = "--frame-times"))]
+    pub frame_times: Option<String>,
+    /// Time of the reference in the load file, s; with `frame_times` what is added to these.
+    #[schemars(extend("default" = 0, "x-flag" = "--load-start"))]
+    pub start_s: Option<f64>,
+    /// Area of the cross-section, mm2: adds a column `stress_MPa`, the force over it.
+    #[schemars(extend("x-flag" = "--area"))]
+    pub area_mm2: Option<f64>,
 }
 
 /// A point.
@@ -105,4 +124,31 @@ pub struct CaseOpening {
     #[serde(deserialize_with = "two_names")]
     #[schemars(extend("x-flag" = "--opening"))]
     pub zones: [String; 2],
+}
+
+/// A crack or joint along which the mesh is cut.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseCrack {
+    /// Its name; `crack1`, `crack2`, ... without.
+    pub name: Option<String>,
+    /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
+    /// place that the tip reaches.
+    #[serde(deserialize_with = "path")]
+    #[schemars(extend("x-flag" = "--crack"))]
+    pub path: Vec<[f64; 2]>,
+    /// Pixels nearer to the path are not measured, px: the gap of the open crack is no specimen.
+    #[schemars(extend("default" = 3, "x-flag" = "--crack-guard"))]
+    pub guard_px: Option<f64>,
+    /// Young's modulus around the crack, MPa: with `nu` and the pixel size the stress intensity factors are found.
+    #[serde(rename = "E_MPa")]
+    #[schemars(extend("x-flag" = "--crack-young"))]
+    pub young_mpa: Option<f64>,
+    /// Poisson's ratio around the crack.
+    #[serde(rename = "nu")]
+    #[schemars(extend("x-flag" = "--crack-poisson"))]
+    pub poisson: Option<f64>,
+    /// Outer radius of the domain of the interaction integral, px; without, the largest that fits, up to twelve elements.
+    #[schemars(extend("x-flag" = "--crack-radius"))]
+    pub radius_px: Option<f64>,
 }

@@ -71,6 +71,14 @@ fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
     Ok(bytes.into_inner())
 }
 
+/// The content of a PNG file with `image`, 8 or 16 bit.
+///
+/// # Errors
+/// An image of floats, or larger than PNG allows, in words.
+pub fn png_bytes(image: &Image) -> Result<Vec<u8>, String> {
+    encode_png(image)
+}
+
 fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
     use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
     let (width, height) = sides(image)?;

@@ -2,7 +2,7 @@
 
 use super::layout::{NOT_DONE, VERSION};
 use super::{StoreError, StoreHeader};
-use crate::field::Status;
+use crate::field::{Status, StrainWindow};
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,12 @@ struct StrainAttributes {
     /// Over which length an element value is a mean; a nodal one over twice that.
     element_length_px: f64,
     node_length_px: f64,
+    /// Nodes along a side of the window of `strain_window`; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    window_nodes: Option<StrainWindow>,
+    /// Length of its virtual strain gauge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    window_length_px: Option<f64>,
     #[serde(default)]
     notes: Vec<String>,
 }
@@ -73,10 +79,8 @@ impl Attributes {
             ("_mm", "millimetres on the specimen"),
             ("strain", "no dimension"),
         ];
-        let known =
-            [Status::Converged, Status::IterationLimit, Status::Diverged, Status::LeftImage, Status::Unreadable];
         let mut status_codes: BTreeMap<String, String> =
-            known.iter().map(|status| (status.code().to_string(), status.name().to_owned())).collect();
+            Status::ALL.iter().map(|status| (status.code().to_string(), status.name().to_owned())).collect();
         status_codes.insert(NOT_DONE.to_string(), "not done".to_owned());
         let length = header.element_size_px;
         Self {
@@ -91,7 +95,11 @@ impl Attributes {
                 shear: "tensor".to_owned(),
                 element_length_px: length,
                 node_length_px: 2.0 * length,
-                notes: header.strain.describe(length),
+                window_nodes: header.strain_window,
+                window_length_px: header.strain_window.map(|window| window.gauge_length(length)),
+                notes: (header.strain.describe(length).into_iter())
+                    .chain(header.strain_window.iter().flat_map(|window| window.describe(length)))
+                    .collect(),
             },
             sigma: SIGMA.to_owned(),
             zones: header.mesh.zones().to_vec(),
@@ -170,6 +178,7 @@ impl Attributes {
             range_grey: self.range_grey,
             element_size_px: self.element_size_px,
             strain: self.strain.definition.parse().map_err(|error| damaged(format!("{error}")))?,
+            strain_window: self.strain.window_nodes,
             case: self.run_toml.clone(),
         })
     }

@@ -44,6 +44,10 @@ pub enum Variable {
     StrainElement,
     /// Strain at the nodes.
     StrainNode,
+    /// Strain at the nodes over a window of nodes; of runs that asked for it.
+    StrainWindow,
+    /// Its standard uncertainty.
+    SigmaStrainWindow,
     /// Residual of the elements.
     Residual,
     /// What the displacement of the nodes may be off beyond noise; not in stores of earlier versions.
@@ -78,12 +82,14 @@ impl Place {
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 9] = [
+    pub const ALL: [Variable; 11] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
         Variable::StrainElement,
         Variable::StrainNode,
+        Variable::StrainWindow,
+        Variable::SigmaStrainWindow,
         Variable::Residual,
         Variable::ModelError,
         Variable::Misfit,
@@ -98,6 +104,8 @@ impl Variable {
             Variable::Measured => "measured",
             Variable::StrainElement => "strain_element",
             Variable::StrainNode => "strain_node",
+            Variable::StrainWindow => "strain_window",
+            Variable::SigmaStrainWindow => "sigma_strain_window",
             Variable::Residual => "residual_grey",
             Variable::ModelError => "model_error_px",
             Variable::Misfit => "misfit_px",
@@ -109,7 +117,12 @@ impl Variable {
     pub fn unit(self) -> &'static str {
         match self {
             Variable::Displacement | Variable::Sigma | Variable::ModelError | Variable::Misfit => "px",
-            Variable::Measured | Variable::StrainElement | Variable::StrainNode | Variable::Mark => "1",
+            Variable::Measured
+            | Variable::StrainElement
+            | Variable::StrainNode
+            | Variable::StrainWindow
+            | Variable::SigmaStrainWindow
+            | Variable::Mark => "1",
             Variable::Residual => "grey levels",
         }
     }
@@ -127,6 +140,13 @@ impl Variable {
                 "strain at the centre of the element, exy the tensor shear; NaN where a node is not measured"
             }
             Variable::StrainNode => "strain at the node, exy the tensor shear; NaN where it is not known",
+            Variable::StrainWindow => {
+                "strain at the node over a window of nodes (plane fitted by least squares), exy the tensor shear; NaN where too \
+                 few of the window are measured"
+            }
+            Variable::SigmaStrainWindow => {
+                "standard uncertainty of each component of strain_window; an upper bound where the run was regularised"
+            }
             Variable::Residual => "root mean square of the residual f - (1 + c) g - d over the element",
             Variable::ModelError => {
                 "estimate of what each component of displacement_px may be off beyond noise (mesh too coarse, misfit, \
@@ -150,6 +170,8 @@ impl Variable {
             | Variable::Sigma
             | Variable::Measured
             | Variable::StrainNode
+            | Variable::StrainWindow
+            | Variable::SigmaStrainWindow
             | Variable::ModelError => Place::Nodes,
             Variable::StrainElement | Variable::Residual | Variable::Misfit | Variable::Mark => Place::Elements,
         }
@@ -159,7 +181,9 @@ impl Variable {
     pub fn components(self) -> &'static [&'static str] {
         match self {
             Variable::Displacement | Variable::Sigma | Variable::ModelError => &["x", "y"],
-            Variable::StrainElement | Variable::StrainNode => &["exx", "eyy", "exy"],
+            Variable::StrainElement | Variable::StrainNode | Variable::StrainWindow | Variable::SigmaStrainWindow => {
+                &["exx", "eyy", "exy"]
+            }
             Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark => &[],
         }
     }
@@ -173,7 +197,12 @@ impl Variable {
 impl Variable {
     /// Whether every store has it: those of earlier versions do not have all.
     pub fn is_in_every_store(self) -> bool {
-        !matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark)
+        !matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark) && !self.is_of_window()
+    }
+
+    /// Whether it is of strains over a window of nodes, which not every run asks for.
+    pub fn is_of_window(self) -> bool {
+        matches!(self, Variable::StrainWindow | Variable::SigmaStrainWindow)
     }
 
     /// Whether it stands in the store in `folder`.

@@ -17,7 +17,7 @@ pub use layout::{Place, Variable};
 pub use reader::{Store, StoredFrame};
 pub use writer::{StoreWriter, remove_store};
 
-use crate::field::StrainDefinition;
+use crate::field::{StrainDefinition, StrainWindow};
 use crate::mesh::{Mesh, MeshError};
 use crate::units::{PixelSize, Px};
 use std::error::Error;
@@ -53,6 +53,8 @@ pub struct StoreHeader {
     pub element_size_px: f64,
     /// Definition of the strains.
     pub strain: StrainDefinition,
+    /// Window of nodes over which strains stand beside those of elements and nodes.
+    pub strain_window: Option<StrainWindow>,
     /// Text of `run.toml` as it was when the run began: every option, without the record of the images.
     pub case: String,
 }
@@ -65,11 +67,13 @@ impl StoreHeader {
             format!("quadrille {}, {}", self.quadrille, self.device),
             format!("frame of reference: {}", attributes::FRAME_OF_REFERENCE),
         ];
-        for variable in Variable::ALL {
+        let is_there = |variable: &Variable| self.strain_window.is_some() || !variable.is_of_window();
+        for variable in Variable::ALL.into_iter().filter(is_there) {
             lines.push(format!("{} [{}]: {}", variable.name(), variable.unit(), variable.meaning()));
         }
         lines.push(format!("sigma: {}", attributes::SIGMA));
         lines.extend(self.strain.describe(self.element_size_px));
+        lines.extend(self.strain_window.iter().flat_map(|window| window.describe(self.element_size_px)));
         lines
     }
 }

@@ -7,7 +7,7 @@ use super::layout::{
     codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
-use crate::field::{ElementMark, Measurement, ModelError, Status, StrainField, TensorStrain};
+use crate::field::{ElementMark, Measurement, ModelError, Status, StrainField, TensorStrain, WindowStrains};
 use crate::io::arrays::{Number, Values};
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
@@ -331,11 +331,22 @@ impl Store {
                 |e: &[f64]| e.iter().all(|v| v.is_finite()).then(|| TensorStrain::of_components([e[0], e[1], e[2]]));
             Ok(values.chunks_exact(3).map(known).collect())
         };
+        let window = match (self.header.strain_window, self.has(Variable::StrainWindow)) {
+            (Some(window), true) => {
+                let (strain, sigma) = (strains(Variable::StrainWindow)?, strains(Variable::SigmaStrainWindow)?);
+                let both = |(strain, sigma): (Option<TensorStrain>, Option<TensorStrain>)| {
+                    strain.zip(sigma.map(TensorStrain::components))
+                };
+                Some(WindowStrains { window, nodes: strain.into_iter().zip(sigma).map(both).collect() })
+            }
+            _ => None,
+        };
         Ok(Some(StrainField {
             definition: self.header.strain,
             elements: strains(Variable::StrainElement)?,
             nodes: strains(Variable::StrainNode)?,
             length_px: self.header.element_size_px,
+            window,
         }))
     }
 

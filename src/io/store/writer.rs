@@ -34,7 +34,7 @@ const ROOM_AHEAD: usize = 64;
 /// # let header = StoreHeader { quadrille: "0.1.0".into(), device: "cpu".into(), mesh, image_size_px: [32, 32],
 /// #     reference: vec!["ref.tif".into()], reference_sha256: vec![String::new()],
 /// #     frames: vec!["a.tif".into(), "b.tif".into()], pixel_size: None, range_grey: 255.0,
-/// #     element_size_px: 16.0, strain: StrainDefinition::default(), case: String::new() };
+/// #     element_size_px: 16.0, strain: StrainDefinition::default(), strain_window: None, case: String::new() };
 /// # let folder = tempfile::tempdir()?;
 /// # let path = folder.path().join("fields.zarr");
 /// let writer = StoreWriter::create(&path, &header)?; // the header: mesh, files, options
@@ -138,7 +138,7 @@ impl StoreWriter {
         let n_frames = attributes.frames.len();
         if n_frames > series.room {
             let room = n_frames + ROOM_AHEAD.max(n_frames / 4);
-            create_frames(&folder, room, &self.mesh)?;
+            create_frames(&folder, room, &self.mesh, false)?;
             series.room = room;
         }
         write_group(&folder, &attributes)?;
@@ -191,7 +191,7 @@ impl StoreWriter {
         constant(Form::element_zone(n_elements), &[0], &|array| {
             array.store_chunk_opt(&[0], mesh.element_zone(), &options)
         })?;
-        create_frames(&folder, header.frames.len(), &mesh)
+        create_frames(&folder, header.frames.len(), &mesh, header.strain_window.is_some())
     }
 
     /// Writes frame `number` (from 1) with its strains; the status last. Of a frame that diverged or was not
@@ -241,6 +241,7 @@ impl StoreWriter {
             elements: Vec::new(),
             nodes: Vec::new(),
             length_px: 0.0,
+            window: None,
         };
         for (variable, array) in &self.variables {
             if matches!(variable, Variable::Residual | Variable::Mark) {
@@ -338,7 +339,7 @@ impl StoreWriter {
         let mut series = self.series();
         let n_frames = series.attributes.frames.len();
         if series.room > n_frames {
-            create_frames(&Arc::new(Folder::durable(self.path())), n_frames, &self.mesh)?;
+            create_frames(&Arc::new(Folder::durable(self.path())), n_frames, &self.mesh, false)?;
             series.room = n_frames;
         }
         series.attributes.frames_sha256 = frames_sha256;
@@ -363,6 +364,7 @@ impl StoreWriter {
             ("marks of measured nodes", measurement.measured.len(), nodes),
             ("nodal strains", strain.nodes.len(), nodes),
             ("element strains", strain.elements.len(), elements),
+            ("window strains", strain.window.as_ref().map_or(nodes, |window| window.nodes.len()), nodes),
             ("residuals", measurement.element_residual.len(), elements),
         ];
         match sizes.into_iter().find(|(_, found, wanted)| found != wanted) {
@@ -393,6 +395,15 @@ impl StoreWriter {
             }
             Variable::StrainElement => self.chunk(array, &at, strain_values(&strain.elements).as_slice()),
             Variable::StrainNode => self.chunk(array, &at, strain_values(&strain.nodes).as_slice()),
+            Variable::StrainWindow | Variable::SigmaStrainWindow => {
+                let is_strain = variable == Variable::StrainWindow;
+                let one = |at: &Option<(TensorStrain, [f64; 3])>| {
+                    at.map(|(strain, sigma)| if is_strain { strain } else { TensorStrain::of_components(sigma) })
+                };
+                let found = strain.window.as_ref().map(|window| window.nodes.iter().map(one).collect());
+                let found = found.unwrap_or_else(|| vec![None; self.mesh.n_nodes()]);
+                self.chunk(array, &at, strain_values(&found).as_slice())
+            }
             Variable::Residual => self.chunk(array, &at, singles(&measurement.element_residual).as_slice()),
             Variable::ModelError => {
                 let unknown = vec![[f64::NAN; 2]; self.mesh.n_nodes()];
@@ -429,11 +440,12 @@ fn strain_values(strains: &[Option<TensorStrain>]) -> Vec<f32> {
 }
 
 /// Describes the arrays by frame, for `n_frames` of them; the chunks that are there stay. The status last: its length is
-/// that which all have.
-fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>) -> Result<(), StoreError> {
+/// that which all have. A new store gets those of strains over a window where it is `windowed`.
+fn create_frames(folder: &Arc<Folder>, n_frames: usize, mesh: &Mesh<Px>, windowed: bool) -> Result<(), StoreError> {
     // A store of an earlier version stays one.
     let is_new = !folder.path().join("status").join("zarr.json").is_file();
-    for v in Variable::ALL.into_iter().filter(|v| is_new || v.is_in(folder.path())) {
+    let wanted = |v: &Variable| is_new && (windowed || !v.is_of_window());
+    for v in Variable::ALL.into_iter().filter(|v| wanted(v) || v.is_in(folder.path())) {
         Form::variable(v, n_frames, mesh.n_nodes(), mesh.n_elements()).create(folder)?;
     }
     Form::noise(n_frames).create(folder)?;

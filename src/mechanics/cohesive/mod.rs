@@ -5,10 +5,19 @@
 mod bilinear;
 mod dual;
 mod extended_xu_needleman;
+mod mixed_mode;
+mod park_paulino_roesler;
+mod secants;
+mod smith_ferrante;
+mod trapezoidal;
 mod xu_needleman;
 
-pub use bilinear::{Bilinear, MixedModeCriterion};
+pub use bilinear::Bilinear;
 pub use extended_xu_needleman::ExtendedXuNeedleman;
+pub use mixed_mode::MixedModeCriterion;
+pub use park_paulino_roesler::ParkPaulinoRoesler;
+pub use smith_ferrante::SmithFerrante;
+pub use trapezoidal::Trapezoidal;
 pub use xu_needleman::XuNeedleman;
 
 use nalgebra::{Matrix2, Vector2};
@@ -164,8 +173,16 @@ pub enum LawError {
 }
 
 /// Names of all laws.
-pub const LAW_NAMES: [&str; 4] =
-    [ExtendedXuNeedleman::NAME, XuNeedleman::NAME, Bilinear::BENZEGGAGH_KENANE, Bilinear::POWER];
+pub const LAW_NAMES: [&str; 8] = [
+    ExtendedXuNeedleman::NAME,
+    XuNeedleman::NAME,
+    Bilinear::BENZEGGAGH_KENANE,
+    Bilinear::POWER,
+    Trapezoidal::BENZEGGAGH_KENANE,
+    Trapezoidal::POWER,
+    ParkPaulinoRoesler::NAME,
+    SmithFerrante::NAME,
+];
 
 /// The parameters of the law called `name`.
 ///
@@ -175,8 +192,12 @@ pub fn parameters_by_name(name: &str) -> Result<&'static [Parameter], LawError> 
     match name {
         ExtendedXuNeedleman::NAME => Ok(&ExtendedXuNeedleman::PARAMETERS),
         XuNeedleman::NAME => Ok(&XuNeedleman::PARAMETERS),
-        Bilinear::BENZEGGAGH_KENANE => Ok(MixedModeCriterion::BenzeggaghKenane.parameters()),
-        Bilinear::POWER => Ok(MixedModeCriterion::Power.parameters()),
+        Bilinear::BENZEGGAGH_KENANE => Ok(Bilinear::parameters_with(MixedModeCriterion::BenzeggaghKenane)),
+        Bilinear::POWER => Ok(Bilinear::parameters_with(MixedModeCriterion::Power)),
+        Trapezoidal::BENZEGGAGH_KENANE => Ok(Trapezoidal::parameters_with(MixedModeCriterion::BenzeggaghKenane)),
+        Trapezoidal::POWER => Ok(Trapezoidal::parameters_with(MixedModeCriterion::Power)),
+        ParkPaulinoRoesler::NAME => Ok(&ParkPaulinoRoesler::PARAMETERS),
+        SmithFerrante::NAME => Ok(&SmithFerrante::PARAMETERS),
         _ => Err(LawError::Unknown { name: name.to_owned() }),
     }
 }
@@ -195,11 +216,16 @@ pub fn law_by_name(name: &str, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, L
             let [phi_n, delta_n, delta_t, q, r_star] = exactly(XuNeedleman::NAME, values)?;
             Ok(Box::new(XuNeedleman::new(phi_n, delta_n, delta_t, q, r_star)?))
         }
-        Bilinear::BENZEGGAGH_KENANE => Ok(Box::new(Bilinear::new(
-            MixedModeCriterion::BenzeggaghKenane,
-            exactly(Bilinear::BENZEGGAGH_KENANE, values)?,
-        )?)),
-        Bilinear::POWER => Ok(Box::new(Bilinear::new(MixedModeCriterion::Power, exactly(Bilinear::POWER, values)?)?)),
+        Bilinear::BENZEGGAGH_KENANE | Bilinear::POWER => {
+            let criterion = MixedModeCriterion::of_law(name);
+            Ok(Box::new(Bilinear::new(criterion, exactly(Bilinear::name_with(criterion), values)?)?))
+        }
+        Trapezoidal::BENZEGGAGH_KENANE | Trapezoidal::POWER => {
+            let criterion = MixedModeCriterion::of_law(name);
+            Ok(Box::new(Trapezoidal::new(criterion, exactly(Trapezoidal::name_with(criterion), values)?)?))
+        }
+        ParkPaulinoRoesler::NAME => Ok(Box::new(ParkPaulinoRoesler::new(exactly(ParkPaulinoRoesler::NAME, values)?)?)),
+        SmithFerrante::NAME => Ok(Box::new(SmithFerrante::new(exactly(SmithFerrante::NAME, values)?)?)),
         _ => Err(LawError::Unknown { name: name.to_owned() }),
     }
 }
@@ -217,4 +243,9 @@ fn all_positive(parameters: &[Parameter], values: &[f64]) -> Result<(), LawError
             Err(LawError::Parameter { key: parameter.key(), value, needed: "it must be a finite number above zero" })
         }
     }
+}
+
+/// The values of a law's parameters as the variables 2, 3, ..: the jump comes first.
+fn variables<const P: usize, const N: usize>(values: [f64; P]) -> [dual::Dual<N>; P] {
+    std::array::from_fn(|k| dual::Dual::variable(values[k], 2 + k))
 }

@@ -19,10 +19,14 @@ pub struct FitRecord {
     pub case: String,
     /// Units and axes.
     pub units: Name,
-    /// `converged`, `evaluation_limit`, `stalled`.
+    /// `converged`, `evaluation_limit`, `stalled`; `time_limit`, `stopped` where it was ended from outside.
     pub status: Name,
     /// In words.
     pub reason: String,
+    /// Whether a limit of time or a wish to stop ended it, or what comes after it (intervals, tests): the verdict says what is
+    /// missing.
+    #[serde(default)]
+    pub cut_short: bool,
     /// Time of the fit, all starts, without files.
     pub seconds: f64,
     /// The law that was fitted.
@@ -542,7 +546,9 @@ impl FitReport<'_> {
         let rows = |m: &crate::linalg::Dense| {
             (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
         };
-        let mut warnings = doubts.clone();
+        let mut warnings: Vec<String> =
+            fit.cut_short.iter().map(|cut| format!("the fit was cut short: {}", cut.text())).collect();
+        warnings.extend(doubts.iter().cloned());
         let implausible: Vec<Implausible> = implausible.iter().chain(&fit.implausible).cloned().collect();
         warnings.extend(implausible.iter().map(|value| value.text.clone()));
         let missing = fit.budget.missing();
@@ -596,6 +602,7 @@ impl FitReport<'_> {
             units: "mm, MPa, N/mm; x to the right, y up; nodes counted from 0, instants from 1".into(),
             status: fit.status.name().into(),
             reason: fit.reason.clone(),
+            cut_short: fit.cut_short.is_some(),
             seconds,
             law: law.name().into(),
             measurement: MeasurementRecord {

@@ -1,10 +1,10 @@
 //! Measured against computed, and the tractions of the law.
 
-use super::words::significant;
 use super::{IdentificationReport, chosen};
 use crate::mechanics::cohesive::Jump;
 use crate::report::fit::{Banded, LawRows};
 use crate::report::page::{Block, Curves, Section};
+use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use crate::units::Vector;
 

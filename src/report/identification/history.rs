@@ -1,9 +1,9 @@
 //! How the fit went.
 
 use super::IdentificationReport;
-use super::words::{plain_or_dash, significant};
 use crate::report::fit::{FitRecord, IterationRecord, StartRecord};
 use crate::report::page::{Block, Curves, Section};
+use crate::report::words::{plain_or_dash, significant};
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
 use std::collections::BTreeMap;
 

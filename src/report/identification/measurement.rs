@@ -1,9 +1,9 @@
 //! What was measured, and how.
 
-use super::words::{plain, significant};
 use super::{IdentificationReport, OtherRigidMotion, chosen};
 use crate::field::{Measurement, RigidMotion, Status};
 use crate::report::page::{Block, Map, Section};
+use crate::report::words::{plain, significant};
 use crate::report::{Backdrop, MapOptions, Name, Palette, ReportError, element_map_on, nodal_map_on};
 use crate::units::{Px, Vector};
 

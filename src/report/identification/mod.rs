@@ -4,7 +4,6 @@ mod comparison;
 mod history;
 mod measurement;
 mod result;
-mod words;
 
 use super::fit::{FitRecord, LawRows, TractionRows};
 use super::page::{Block, Page, Section};

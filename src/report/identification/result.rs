@@ -1,10 +1,10 @@
 //! What was found, and how far it can be trusted.
 
 use super::IdentificationReport;
-use super::words::{capital, plain, plain_or_dash, significant};
 use crate::identify::NORMAL_95;
 use crate::report::fit::{BudgetRecord, FitRecord, GroupRecord, MisfitRecord, ParameterRecord, QuantityRecord};
 use crate::report::page::{Block, Curves, Part, Section};
+use crate::report::words::{capital, plain, plain_or_dash, significant};
 use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
 
 impl IdentificationReport<'_> {

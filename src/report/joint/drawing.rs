@@ -77,7 +77,7 @@ impl JointMap<'_> {
             Side::Left,
             &ticks(axis_y, f64::from(height), 0.0, 18.0, upright),
             |v| (high[1] - v) * factor[1],
-            "y (mm)",
+            "y (mm), up",
         );
         let bar = SideAxis::new(
             Side::Bottom,

@@ -1,7 +1,7 @@
 //! Numbers and sentences as the page shows them.
 
 /// A number with `digits` significant digits.
-pub(super) fn significant(value: f64, digits: usize) -> String {
+pub(in crate::report) fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return if value.is_finite() { "0".to_owned() } else { "-".to_owned() };
     }
@@ -14,7 +14,7 @@ pub(super) fn significant(value: f64, digits: usize) -> String {
 }
 
 /// A number for a table: whole ones as such, others with five digits, very large and very small ones as powers of ten.
-pub(super) fn plain(value: f64) -> String {
+pub(in crate::report) fn plain(value: f64) -> String {
     if value == value.round() && value.abs() < 1e6 {
         format!("{value:.0}")
     } else if (1e-5..1e6).contains(&value.abs()) {
@@ -27,12 +27,12 @@ pub(super) fn plain(value: f64) -> String {
 }
 
 /// The same of a number that may be missing.
-pub(super) fn plain_or_dash(value: Option<f64>) -> String {
+pub(in crate::report) fn plain_or_dash(value: Option<f64>) -> String {
     value.map_or("-".to_owned(), plain)
 }
 
 /// A sentence that begins a paragraph; one that begins with a symbol stays.
-pub(super) fn capital(sentence: &str) -> String {
+pub(in crate::report) fn capital(sentence: &str) -> String {
     let word = sentence.split([' ', ',']).next().unwrap_or("");
     match sentence.chars().next() {
         Some(first) if !word.contains('_') && word.len() > 1 => {

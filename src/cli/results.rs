@@ -1,0 +1,63 @@
+//! What came of a fit or of a computed joint, in a few lines on stderr.
+
+use super::paint::Paint;
+use super::plural;
+use crate::report::fit::{FitRecord, budget_lines, defaults_used};
+use crate::report::joint::JointSummary;
+use std::path::Path;
+
+/// What a user has to know at once beside the warnings.
+pub(super) fn of_fit(json: &FitRecord, output: &Path, paint: Paint) {
+    for name in &json.parameter_order {
+        let p = &json.parameters[name];
+        let spread = match p.ends95 {
+            [Some(low), Some(high)] => format!(", 95 % {low:.6} to {high:.6}"),
+            [Some(low), None] => format!(", 95 % from {low:.6}, no upper end"),
+            [None, Some(high)] => format!(", 95 % up to {high:.6}, no lower end"),
+            [None, None] if p.std.is_some() => ", 95 % interval without ends".to_owned(),
+            [None, None] => String::new(),
+        };
+        let conditional = json.verdict.conditional && p.std.is_some();
+        let conditional = if conditional { " if the model were true" } else { "" };
+        let bound = if p.at_bound { ", on its bound" } else { "" };
+        eprintln!("{name} = {:.6} {}{spread}{conditional}{bound}", p.value, p.unit);
+    }
+    let parts = budget_lines(json);
+    if !parts.is_empty() {
+        eprintln!("largest standard uncertainties: {}", parts.join("; "));
+    }
+    defaults_used(json).iter().for_each(|line| eprintln!("{line}"));
+    let verdict = &json.verdict;
+    let outcome = match (verdict.determined, verdict.conditional) {
+        (true, _) => paint.good(&verdict.outcome),
+        (_, true) => paint.bad(&verdict.outcome),
+        _ => paint.doubtful(&verdict.outcome),
+    };
+    eprintln!("verdict: {outcome}. {} ({})", verdict.text, verdict.thresholds);
+    let evaluations = plural(json.evaluations, "evaluation");
+    let rescued = if json.rescued > 0 { format!(", {} rescued", json.rescued) } else { String::new() };
+    eprintln!(
+        "{}: {}; omega = {:.6e}, {evaluations}{rescued}, {:.3} s, results in {}",
+        if json.status == "converged" { paint.good(&json.status) } else { paint.bad(&json.status) },
+        json.reason,
+        json.omega,
+        json.seconds,
+        output.display()
+    );
+}
+
+/// What a user has to know at once.
+pub(super) fn of_joint(summary: &JointSummary, output: &Path) {
+    summary.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    // Those of the instants grow with the test: the last says it all, summary.json has each.
+    if let Some(worst) = summary.instants.iter().rfind(|instant| !instant.warnings.is_empty()) {
+        worst.warnings.iter().for_each(|warning| eprintln!("warning: instant {}: {warning}", worst.instant));
+    }
+    // Of the instants without a solution the first says why.
+    if let Some(message) = summary.instants.iter().find_map(|instant| instant.message.as_ref()) {
+        eprintln!("{message}");
+    }
+    let n = summary.instants.iter().filter(|instant| instant.message.is_none()).count();
+    let total = plural(summary.instants.len(), "instant");
+    eprintln!("{n} of {total} converged in {:.3} s, results in {}", summary.seconds, output.display());
+}

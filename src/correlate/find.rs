@@ -1,0 +1,155 @@
+//! Where a frame starts of which nothing is known: the motions that are tried, and the correlation that decides.
+
+use super::correlation::{Correlation, StartUsed};
+use super::correlator::{Correlator, better};
+use super::error::CorrelationError;
+use super::features::Features;
+use super::level::Level;
+use super::search::{Motion, motions};
+use super::wide_search::wide_motions;
+use crate::backend::{Backend, GreyTransfer};
+use crate::field::Status;
+
+/// With this correlation coefficient a zone is found: no other candidates are tried.
+const FOUND: f64 = 0.8;
+/// and with less than this one it is lost: it is looked for in the whole image.
+const LOST: f64 = 0.6;
+/// A motion that leaves less than this share of a zone's pixels inside the image counts for little,
+pub(super) const LEAST_INSIDE: f64 = 0.25;
+/// for this much at most, so that others are looked for: few pixels match somewhere by chance.
+const FEW_INSIDE: f64 = LOST - 0.01;
+
+/// The best motion of a zone so far.
+#[derive(Debug, Clone)]
+struct Tried {
+    /// Its correlation coefficient on the coarsest level.
+    score: f64,
+    motion: Motion,
+    transfer: GreyTransfer,
+}
+
+impl Default for Tried {
+    fn default() -> Self {
+        Self { score: f64::NEG_INFINITY, motion: Motion::rest(), transfer: GreyTransfer::NONE }
+    }
+}
+
+impl<B: Backend> Correlator<B> {
+    /// Finds each zone on the coarsest level and iterates down the pyramid: near where it was, and in the whole image when
+    /// it is not there, or when that does not end well.
+    ///
+    /// What does not converge even so is tried once more from there, smoothly and without what does not match.
+    pub(super) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+        let (found, tried) = self.search_once(frame)?;
+        if !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit) {
+            return Ok(found);
+        }
+        Ok(better(found, self.begun_from(frame, &tried, true)?))
+    }
+
+    /// The result, and the motions from which it was begun.
+    fn search_once(&self, frame: &mut B::Frame) -> Result<(Correlation, Vec<Tried>), CorrelationError> {
+        let top = self.levels.len() - 1;
+        let mesh = &self.levels[top].mesh;
+        let deformed = self.backend.grey_map(frame, top);
+        let near = |zone| motions(&self.search_map, &deformed, mesh.bounds(zone), &self.search_pixels[zone]);
+        let mut tried = vec![Tried::default(); mesh.zones().len()];
+        self.try_motions(frame, &mut tried, (0..mesh.zones().len()).map(near).collect())?;
+        let lost = |tried: &Tried| tried.score < LOST;
+        let widely = tried.iter().any(lost);
+        if widely {
+            let everywhere = self.everywhere(frame, |zone| lost(&tried[zone]));
+            self.try_motions(frame, &mut tried, everywhere)?;
+        }
+        let found = self.begun_from(frame, &tried, false)?;
+        if widely || !matches!(found.measurement.status, Status::Diverged | Status::LeftImage) {
+            return Ok((found, tried));
+        }
+        // What is dark or bright all over its length matches well anywhere along it.
+        let left = found.measurement.status == Status::LeftImage;
+        let everywhere = self.everywhere(frame, |zone| left || found.zones[zone].correlation < LOST);
+        if everywhere.iter().all(Vec::is_empty) {
+            return Ok((found, tried));
+        }
+        let first = tried.clone();
+        for (tried, _) in tried.iter_mut().zip(&everywhere).filter(|(_, motions)| !motions.is_empty()) {
+            *tried = Tried::default();
+        }
+        self.try_motions(frame, &mut tried, everywhere)?;
+        let again = self.begun_from(frame, &tried, false)?;
+        let better = match (again.measurement.status, found.measurement.status) {
+            (Status::Converged, _) | (Status::LeftImage, Status::Diverged) => true,
+            // What is still in the image is measured.
+            (Status::Diverged, Status::LeftImage) => false,
+            _ => again.worst_zone() > found.worst_zone(),
+        };
+        Ok(if better { (again, tried) } else { (found, first) })
+    }
+
+    /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
+    fn everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
+        let features = self.features.get_or_init(|| Features::of(&self.image));
+        let deformed = Features::of(&self.backend.image(frame));
+        let of_zone = |zone: usize| match wanted(zone) {
+            true => wide_motions(features, &deformed, &self.zone_pixels[zone], self.levels.len() - 1),
+            false => Vec::new(),
+        };
+        (0..self.zone_pixels.len()).map(of_zone).collect()
+    }
+
+    /// Tries the motions on the coarsest level, each zone its own next one in each round, until all zones are found. What
+    /// matches best stays in `best`.
+    fn try_motions(
+        &self,
+        frame: &mut B::Frame,
+        best: &mut [Tried],
+        candidates: Vec<Vec<Motion>>,
+    ) -> Result<(), CorrelationError> {
+        let level = &self.levels[self.levels.len() - 1];
+        let rounds = candidates.iter().map(Vec::len).max().unwrap_or(0);
+        for round in 0..rounds {
+            if best.iter().all(|best| best.score > FOUND) {
+                break;
+            }
+            let motion = |(own, best): (&Vec<Motion>, &Tried)| match own.len() {
+                0 => best.motion.clone(),
+                n => own[round.min(n - 1)].clone(),
+            };
+            let tried: Vec<Motion> = candidates.iter().zip(best.iter()).map(motion).collect();
+            let displacement = self.moved(level, &tried);
+            let transfer = vec![GreyTransfer::NONE; best.len()];
+            let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
+            let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
+            for ((best, motion), (sums, transfer)) in best.iter_mut().zip(tried).zip(observed) {
+                let is_inside = sums.n >= LEAST_INSIDE * sums.n_all;
+                let score = if is_inside { sums.correlation() } else { sums.correlation().min(FEW_INSIDE) };
+                if score > best.score {
+                    *best = Tried { score, motion, transfer };
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not match.
+    fn begun_from(
+        &self,
+        frame: &mut B::Frame,
+        tried: &[Tried],
+        smoothly: bool,
+    ) -> Result<Correlation, CorrelationError> {
+        let transfer = tried.iter().map(|tried| tried.transfer).collect();
+        let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
+        let displacement = self.moved(&self.levels[self.levels.len() - 1], &motions);
+        if smoothly {
+            return self.smooth_pyramid(frame, displacement, transfer, StartUsed::Cold);
+        }
+        self.down_the_pyramid(frame, displacement, transfer, StartUsed::Cold)
+    }
+
+    /// The displacement of a level's nodes under the motions of their zones.
+    fn moved(&self, level: &Level<B>, motions: &[Motion]) -> Vec<[f64; 2]> {
+        let zones = level.mesh.node_zone();
+        level.mesh.nodes().iter().zip(zones).map(|(&x, &zone)| motions[zone as usize].displacement(x)).collect()
+    }
+}

@@ -1,0 +1,215 @@
+//! Why a load file cannot be used.
+
+use std::io;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// The column that a cross-section adds.
+pub(super) const STRESS: &str = "stress_MPa";
+
+/// Why a load file cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// There is no such file.
+    #[error("{}: there is no such load file; check the name and the folder", path.display())]
+    NotFound {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file system refuses.
+    #[error("{}: the load file cannot be read: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The file is not UTF-8 text.
+    #[error("{}, line {line}: the load file is no UTF-8 text; save it as CSV (UTF-8)", path.display())]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// Line of the first byte that is none, from 1.
+        line: usize,
+    },
+    /// There is no header, or no row after it.
+    #[error("{}: the load file has no {what}; a header such as `time_s,load_N` and a row per image are needed", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+        /// Header, column or row.
+        what: &'static str,
+    },
+    /// A column's name does not end in a unit.
+    #[error(
+        "{}, line {line}: column '{column}' has no unit; write it as {column}_N or {column} [N], {column}_1 when it has none",
+        path.display()
+    )]
+    NoUnit {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// Two columns have one name, or one has none.
+    #[error("{}, line {line}: a column named '{column}' stands there twice or has no name", path.display())]
+    ColumnName {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The name.
+        column: String,
+    },
+    /// A row is longer or shorter than the header, or cannot be taken apart.
+    #[error("{}, line {line}: {found} values under {expected} columns{}", path.display(), hint(*.decimal_commas))]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Values in the row.
+        found: usize,
+        /// Columns of the header.
+        expected: usize,
+        /// Whether the row looks as if it had decimal commas between commas.
+        decimal_commas: bool,
+    },
+    /// A cell holds no finite number.
+    #[error("{}, line {line}, column '{column}': '{text}' is no finite number; leave cells empty that are not known", path.display())]
+    Number {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+    },
+    /// The column `frame` holds no frame of the series.
+    #[error("{}, line {line}: frame '{text}' is not among the {n_frames} deformed images (0 is the reference)", path.display())]
+    Frame {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// What stands there.
+        text: String,
+        /// Deformed images of the series.
+        n_frames: usize,
+    },
+    /// A frame has two rows.
+    #[error("{}, line {line}: frame {frame} has a row already", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The frame.
+        frame: usize,
+    },
+    /// There is no column of that name to take times from.
+    #[error("{}: there is no column '{column}' to take times from; the columns are {}", path.display(), listed(columns))]
+    NoTime {
+        /// The file.
+        path: PathBuf,
+        /// The column asked for.
+        column: String,
+        /// Those of the file.
+        columns: Vec<String>,
+    },
+    /// The column of times is in another unit.
+    #[error(
+        "{}: the times in column '{column}' are no seconds; write the unit as [s], [ms], [min] or [h], or give clock times such \
+         as 10:31:05.20",
+        path.display()
+    )]
+    TimeUnit {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+    },
+    /// A row is earlier than the one before it, or has no time.
+    #[error(
+        "{}, line {line}, column '{column}': times must not fall, and every row needs one; sort the rows, or cut the record where \
+         the clock was set back",
+        path.display()
+    )]
+    TimeOrder {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// The images have clock times, the record has none.
+    #[error(
+        "{}: the frames have clock times, and column '{column}' of the load file counts seconds; give both as clock times, or \
+         both in seconds from the same moment",
+        path.display()
+    )]
+    Clocks {
+        /// The load file.
+        path: PathBuf,
+        /// Its column of times.
+        column: String,
+    },
+    /// No frame was taken during the record.
+    #[error(
+        "{}: no frame lies within the record: it goes from {from} to {to} s, the frames from {first} to {last} s; check the \
+         interval of the frames and the time of the reference in the record (start_s)",
+        path.display()
+    )]
+    Apart {
+        /// The file.
+        path: PathBuf,
+        /// First time of the record, s.
+        from: f64,
+        /// Last time of the record, s.
+        to: f64,
+        /// First time of a frame, s.
+        first: f64,
+        /// Last time of a frame, s.
+        last: f64,
+    },
+    /// No force to make a stress of, or too many.
+    #[error(
+        "{}: for a stress one column of force in N (or kN, ...) is needed, of several one named load or force, and none named \
+         {STRESS}; the columns are {}",
+        path.display(), listed(columns)
+    )]
+    Force {
+        /// The file.
+        path: PathBuf,
+        /// Its columns.
+        columns: Vec<String>,
+    },
+    /// As many rows as there are neither deformed images nor images in all.
+    #[error(
+        "{}: {n_rows} rows for {n_frames} deformed images; give {n_frames} rows, {} with the reference first, a column `frame`, or \
+         the column of times by which rows and frames are joined (--load-time)",
+        path.display(), n_frames + 1
+    )]
+    Length {
+        /// The file.
+        path: PathBuf,
+        /// Rows of the file.
+        n_rows: usize,
+        /// Deformed images of the series.
+        n_frames: usize,
+    },
+}
+
+fn listed(names: &[String]) -> String {
+    names.join(", ")
+}
+
+fn hint(decimal_commas: bool) -> &'static str {
+    if decimal_commas { "; with decimal commas separate columns by ;" } else { "" }
+}

@@ -1,0 +1,97 @@
+//! The exponential law of Smith and Ferrante in the mixed-mode form of Ortiz and Pandolfi (1999).
+
+use super::secants::{Secants, opening_and_sliding};
+use super::{
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+};
+
+/// One curve for all mixes of the modes. With the effective jump `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`:
+///
+/// ```text
+/// T_n = G_c/delta_c^2 exp(-lambda/delta_c) D_n        T_t = beta^2 G_c/delta_c^2 exp(-lambda/delta_c) D_t
+/// ```
+///
+/// It has the potential `G_c [1 - (1 + lambda/delta_c) exp(-lambda/delta_c)]`: the work of separation is `G_c` in every
+/// mode, and the tangent is symmetric. In compression `T_n = G_c/delta_c^2 D_n` and sliding is pure mode II.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmithFerrante {
+    values: [f64; 3],
+}
+
+impl SmithFerrante {
+    /// Its name in case files.
+    pub const NAME: &'static str = "smith-ferrante";
+
+    /// Its parameters.
+    pub const PARAMETERS: [Parameter; 3] = [
+        Parameter { name: "G_c", unit: "N/mm", meaning: "work of separation in every mode" },
+        Parameter { name: "delta_c", unit: "mm", meaning: "opening at the largest normal traction" },
+        Parameter { name: "beta", unit: "1", meaning: "weight of the sliding in the effective jump" },
+    ];
+
+    /// The law with `G_c` (N/mm), `delta_c` (mm) and `beta`, all positive.
+    ///
+    /// # Errors
+    /// [`LawError::Parameter`] for the first that is not.
+    pub fn new(values: [f64; 3]) -> Result<Self, LawError> {
+        all_positive(&Self::PARAMETERS, &values)?;
+        Ok(Self { values })
+    }
+
+    fn secants(&self, jump: Jump) -> Secants<5> {
+        let [g_c, delta_c, beta] = super::variables(self.values);
+        let [opening, sliding] = opening_and_sliding(jump);
+        let stiffness = g_c / delta_c.squared();
+        let length2 = opening.squared() + beta.squared() * sliding.squared();
+        // At rest the root has no slope, but what it is multiplied with is zero.
+        let normal = match length2.value < f64::MIN_POSITIVE {
+            true => stiffness,
+            false => stiffness * (-(length2.sqrt() / delta_c)).exp(),
+        };
+        Secants { normal, tangential: beta.squared() * normal, compression: stiffness }
+    }
+}
+
+impl CohesiveLaw for SmithFerrante {
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &Self::PARAMETERS
+    }
+
+    fn values(&self) -> Vec<f64> {
+        self.values.to_vec()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
+    }
+
+    fn response(&self, jump: Jump) -> CohesiveResponse {
+        self.secants(jump).response(jump)
+    }
+
+    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
+        self.secants(jump).by_parameters(jump, derivatives);
+    }
+
+    fn secant(&self, jump: Jump) -> CohesiveStiffness {
+        self.secants(jump).matrix(jump)
+    }
+
+    fn peak(&self) -> Traction {
+        let [g_c, delta_c, beta] = self.values;
+        let normal = g_c / (std::f64::consts::E * delta_c);
+        Traction { normal, tangential: beta * normal }
+    }
+
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.values[0])
+    }
+
+    fn front_opening(&self) -> f64 {
+        5.0 * self.values[1]
+    }
+}

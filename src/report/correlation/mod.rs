@@ -1,0 +1,186 @@
+//! The report of a series of correlations: what was measured, how far it can be trusted, and what a paper must say of it.
+
+mod fields;
+mod gauge;
+mod guide;
+mod series;
+mod warnings;
+
+pub use series::{SeriesPoint, along_load, turned};
+
+use super::page::{Block, Page, Section};
+use super::summary::Summary;
+use super::words::{plain, significant};
+use super::{Backdrop, ReportError};
+use crate::field::{Curve, Measurement, StrainField};
+use crate::io::case::CaseFile;
+use crate::units::{PixelSize, Px};
+
+/// Frames whose fields are drawn, at most.
+pub const DRAWN: usize = 3;
+/// Frames whose strains are read for the curves over the series, at most.
+pub const SAMPLED: usize = 60;
+/// Points of a curve, at most.
+const POINTS: usize = 400;
+
+/// A frame whose field is drawn.
+#[derive(Debug)]
+pub struct DrawnFrame {
+    /// Its number.
+    pub number: usize,
+    /// Its field.
+    pub field: Measurement<Px>,
+    /// Its strains.
+    pub strain: StrainField,
+}
+
+/// What a report is made of.
+#[derive(Debug)]
+pub struct CorrelationReport<'a> {
+    /// `summary.json`.
+    pub summary: &'a Summary,
+    /// What was asked for, every choice made; its section `[report]` goes into the reporting table.
+    pub case: &'a CaseFile,
+    /// The reference image, or a blank sheet of its size.
+    pub reference: &'a Backdrop,
+    /// Millimetres per pixel, where they are known.
+    pub pixel_size: Option<PixelSize>,
+    /// Side of the elements, px.
+    pub element_px: f64,
+    /// The frames whose fields are drawn: up to [`DRAWN`], the last one last; see [`chosen`].
+    pub drawn: &'a [DrawnFrame],
+    /// Strains and uncertainty of up to [`SAMPLED`] frames.
+    pub sampled: &'a [SeriesPoint],
+    /// What was drawn from the fields: against load or frame.
+    pub curves: &'a [Curve],
+    /// Remarks on these.
+    pub notes: &'a [String],
+    /// Versions and hashes: name and value.
+    pub provenance: Vec<(String, String)>,
+}
+
+/// Of `n` things the places of `at_most`, evenly spread, with the last and, of more than one, the first.
+pub fn spread(n: usize, at_most: usize) -> Vec<usize> {
+    match (n, at_most) {
+        (0, _) | (_, 0) => Vec::new(),
+        (_, 1) => vec![n - 1],
+        _ if n <= at_most => (0..n).collect(),
+        _ => (0..at_most).map(|k| k * (n - 1) / (at_most - 1)).collect(),
+    }
+}
+
+/// Of `n` frames with a field the places of those that are drawn: the first, one in the middle, the last.
+pub fn chosen(n: usize) -> Vec<usize> {
+    spread(n, DRAWN)
+}
+
+impl CorrelationReport<'_> {
+    /// The report as a page.
+    ///
+    /// # Errors
+    /// A picture that cannot be drawn.
+    pub fn page(&self) -> Result<Page, ReportError> {
+        let mut sections = vec![self.warnings(), self.facts()];
+        sections.push(self.fields()?);
+        sections.extend(self.series()?);
+        sections.extend(self.quantities()?);
+        sections.extend(self.gauge()?);
+        sections.push(self.guide());
+        sections.push(Section {
+            title: "Versions and hashes".into(),
+            blocks: vec![
+                Block::Text(
+                    "The same versions and files give the same numbers. run.toml beside this page has all of them."
+                        .into(),
+                ),
+                Block::Facts(self.provenance.clone()),
+            ],
+        });
+        let subtitle = format!(
+            "{}; quadrille {}; lengths in px of the reference image, x to the right, y down",
+            self.summary.reference.file, self.summary.quadrille
+        );
+        Ok(Page { title: "Displacements measured on images".into(), subtitle, sections })
+    }
+
+    /// A length in px, and in mm where the scale is known.
+    fn length(&self, px: f64) -> String {
+        match self.pixel_size {
+            Some(size) => format!("{} px = {} mm", plain(px), plain(size.mm_from_px(px))),
+            None => format!("{} px", plain(px)),
+        }
+    }
+
+    /// The same of a standard uncertainty.
+    fn uncertainty(&self, px: f64) -> String {
+        match self.pixel_size {
+            Some(size) => format!("{} px = {} mm", significant(px, 3), significant(size.mm_from_px(px), 3)),
+            None => format!("{} px", significant(px, 3)),
+        }
+    }
+
+    fn facts(&self) -> Section {
+        let summary = self.summary;
+        let reference = &summary.reference;
+        let n = summary.frames.len();
+        let size = [reference.width_px, reference.height_px];
+        let mut facts = vec![(
+            "images".to_owned(),
+            format!(
+                "{} reference and {n} deformed, {} x {} px, {}",
+                reference.mean_of.len().max(1),
+                size[0],
+                size[1],
+                reference.depth
+            ),
+        )];
+        if let Some(scale) = self.pixel_size {
+            let [width, height] = size.map(|px| significant(scale.mm_from_px(px as f64), 4));
+            facts.push((
+                "scale".into(),
+                format!("1 px = {} mm; field of view {width} x {height} mm", significant(scale.mm_per_px(), 5)),
+            ));
+        }
+        facts.push((
+            "elements".into(),
+            format!(
+                "bilinear, of about {}; {} elements, {} nodes",
+                self.length(self.element_px),
+                summary.n_elements,
+                summary.n_nodes
+            ),
+        ));
+        let statuses: Vec<String> =
+            summary.counts.iter().map(|(name, n)| format!("{n} {}", name.replace('_', " "))).collect();
+        facts.push(("frames".into(), statuses.join(", ")));
+        if let Some(last) = self.sampled.last() {
+            facts.push((
+                "standard uncertainty of a nodal displacement (median)".into(),
+                format!(
+                    "ux {}, uy {}, frame {}",
+                    self.uncertainty(last.sigma_px[0]),
+                    self.uncertainty(last.sigma_px[1]),
+                    last.number
+                ),
+            ));
+        }
+        facts.push(("device".into(), summary.device.clone()));
+        facts.push(("time".into(), format!("{} s", significant(summary.seconds_total, 3))));
+        Section { title: "What was measured, and how".into(), blocks: vec![Block::Facts(facts)] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_series_is_thinned_to_its_ends_and_what_lies_evenly_between() {
+        assert_eq!(spread(5, 60), [0, 1, 2, 3, 4]);
+        let thin = spread(100_000, 60);
+        assert_eq!((thin.len(), thin[0], thin[59]), (60, 0, 99_999));
+        assert!(thin.windows(2).all(|pair| pair[0] < pair[1]));
+        assert_eq!((spread(7, 1), spread(0, 9)), (vec![6], vec![]));
+        assert_eq!((chosen(19), chosen(1), chosen(0)), (vec![0, 9, 18], vec![0], vec![]));
+    }
+}

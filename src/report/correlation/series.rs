@@ -1,0 +1,189 @@
+//! What changes from frame to frame, and what was drawn from the fields.
+
+use super::gauge::median_sigma;
+use super::{CorrelationReport, POINTS, spread};
+use crate::field::{Curve, Measurement, StrainField};
+use crate::report::page::{Block, Curves, Section};
+use crate::report::summary::FrameSummary;
+use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
+use crate::units::Px;
+
+/// Curves of quantities that are drawn, at most.
+const CURVES: usize = 36;
+
+/// What is read of a field for the curves over the series.
+#[derive(Debug, Clone)]
+pub struct SeriesPoint {
+    /// Number of the frame.
+    pub number: usize,
+    /// Mean of exx, eyy and exy over the elements of each zone.
+    pub strain: Vec<Option<[f64; 3]>>,
+    /// Median standard uncertainty of a nodal displacement, x and y.
+    pub sigma_px: [f64; 2],
+}
+
+impl SeriesPoint {
+    /// Of a field and its strains; `None` where no node is measured.
+    pub fn new(number: usize, field: &Measurement<Px>, strain: &StrainField) -> Option<Self> {
+        let mesh = &field.mesh;
+        let mut sums = vec![([0.0; 3], 0.0); mesh.zones().len()];
+        for (zone, strain) in mesh.element_zone().iter().zip(&strain.elements) {
+            if let (Some(strain), (sum, n)) = (strain, &mut sums[*zone as usize]) {
+                sum.iter_mut().zip(strain.components()).for_each(|(sum, e)| *sum += e);
+                *n += 1.0;
+            }
+        }
+        let mean = |(sum, n): ([f64; 3], f64)| (n > 0.0).then(|| sum.map(|v| v / n));
+        Some(Self { number, strain: sums.into_iter().map(mean).collect(), sigma_px: median_sigma(field)? })
+    }
+}
+
+/// A quantity of a frame.
+type OfFrame<'a> = &'a dyn Fn(&FrameSummary) -> Option<f64>;
+
+impl CorrelationReport<'_> {
+    pub(super) fn series(&self) -> Result<Option<Section>, ReportError> {
+        let frames = &self.summary.frames;
+        if frames.len() < 2 {
+            return Ok(None);
+        }
+        let thin: Vec<&FrameSummary> = spread(frames.len(), POINTS).into_iter().map(|k| &frames[k]).collect();
+        let style = if thin.len() > 40 { Style::Line } else { Style::LineAndMarkers };
+        let over = |name: &str, of: OfFrame<'_>| {
+            let (x, y) = thin.iter().map(|frame| (frame.number as f64, of(frame).unwrap_or(f64::NAN))).unzip();
+            PlotSeries::new(name, style, x, y)
+        };
+        let plot = |title: &str, y: Axis, series| Plot {
+            title: title.to_owned(),
+            x: Axis::linear("frame"),
+            y,
+            series,
+            notes: Vec::new(),
+        };
+        let shift = |c: usize| move |frame: &FrameSummary| frame.rigid_motion.as_ref().map(|m| m.translation_px[c]);
+        let mut blocks = vec![
+            (
+                plot(
+                    "Rigid motion: translation",
+                    Axis::linear("translation (px)"),
+                    vec![over("x, to the right", &shift(0)), over("y, down", &shift(1))],
+                ),
+                "Of all measured nodes, at their centre",
+            ),
+            (
+                plot(
+                    "Rigid motion: rotation",
+                    Axis::linear("rotation (degrees)"),
+                    vec![over("", &|frame| frame.rigid_motion.as_ref().map(|m| m.rotation_deg))],
+                ),
+                "Positive clockwise in the image",
+            ),
+        ];
+        let of_sampled = |name: String, of: &dyn Fn(&super::SeriesPoint) -> Option<f64>| {
+            let points = self.sampled.iter();
+            let (x, y) = points.map(|point| (point.number as f64, of(point).unwrap_or(f64::NAN))).unzip();
+            PlotSeries::new(name, Style::LineAndMarkers, x, y)
+        };
+        let n_zones = self.sampled.iter().map(|point| point.strain.len()).max().unwrap_or(0);
+        let components = ["exx", "eyy", "exy"];
+        let mut strains = Vec::new();
+        // More zones would be more lines than anybody can tell apart.
+        for zone in 0..n_zones.min(2) {
+            for (c, name) in components.into_iter().enumerate() {
+                let name = match self.drawn.last().filter(|_| n_zones > 1) {
+                    Some(frame) => format!("{name}, {}", frame.field.mesh.zones()[zone]),
+                    None => name.to_owned(),
+                };
+                strains.push(of_sampled(name, &|point| point.strain.get(zone).copied().flatten().map(|e| e[c])));
+            }
+        }
+        blocks.push((
+            plot("Mean strain", Axis::linear("strain"), strains),
+            "Mean over the elements of a zone (of the first two); of a long series of some frames",
+        ));
+        let noise = |frame: &FrameSummary| {
+            let known: Vec<f64> = frame.zones.iter().map(|zone| zone.noise_grey).filter(|v| v.is_finite()).collect();
+            (!known.is_empty()).then(|| (known.iter().map(|v| v * v).sum::<f64>() / known.len() as f64).sqrt())
+        };
+        blocks.push((
+            plot(
+                "Residual and noise",
+                Axis::linear("grey levels"),
+                vec![over("residual, rms", &|frame| frame.residual_grey), over("noise of one image", &noise)],
+            ),
+            "Of images that hold noise alone the residual is 1.2 to 1.4 times that of one image; where it rises, something is not \
+             followed",
+        ));
+        blocks.push((
+            plot(
+                "Standard uncertainty of a nodal displacement",
+                Axis::linear("standard uncertainty (px)"),
+                vec![
+                    of_sampled("ux".into(), &|point| Some(point.sigma_px[0])),
+                    of_sampled("uy".into(), &|point| Some(point.sigma_px[1])),
+                ],
+            ),
+            "Median over the nodes; of a long series of some frames",
+        ));
+        let curves = blocks.into_iter().map(|(plot, caption)| Ok(Block::Curves(Curves::new(&plot, caption)?)));
+        let curves = curves.collect::<Result<Vec<_>, ReportError>>()?;
+        Ok(Some(Section { title: "Over the series".into(), blocks: vec![Block::Grid(curves)] }))
+    }
+
+    pub(super) fn quantities(&self) -> Result<Option<Section>, ReportError> {
+        let curves: Vec<&Curve> = self.curves.iter().filter(|curve| curve.x.len() > 1).collect();
+        if curves.is_empty() {
+            return Ok(None);
+        }
+        let mut blocks = Vec::new();
+        let bound = if self.is_regularised() { " (upper bounds: the field is regularised)" } else { "" };
+        for curve in curves.iter().take(CURVES) {
+            let places = spread(curve.x.len(), POINTS);
+            let thin = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+            let thin = Curve { x: thin(&curve.x), y: thin(&curve.y), sigma: thin(&curve.sigma), ..(*curve).clone() };
+            let (plot, caption) = match curve.is_against_load() {
+                true => (
+                    turned(&thin),
+                    "Along x what was measured; its standard uncertainty stands in quantities/".to_owned(),
+                ),
+                false => (along_load(&thin), format!("Bars: \u{b1}2 standard uncertainties{bound}")),
+            };
+            blocks.push(Block::Curves(Curves::new(&plot, caption)?));
+        }
+        let mut section = vec![Block::Grid(blocks)];
+        if curves.len() > CURVES {
+            section.push(Block::Text(format!(
+                "{} further curves are not drawn here; `quadrille probe --curves` draws them all.",
+                curves.len() - CURVES
+            )));
+        }
+        Ok(Some(Section { title: "Quantities".into(), blocks: section }))
+    }
+}
+
+/// The quantity along y, with bars of two standard uncertainties, and what it is against along x.
+pub fn along_load(curve: &Curve) -> Plot {
+    let band = curve.sigma.iter().map(|sigma| 2.0 * sigma).collect();
+    let series = PlotSeries::new("", Style::LineAndMarkers, curve.x.clone(), curve.y.clone()).with_band(band);
+    drawn(curve, series, [curve.against_in_words(), curve.quantity_in_words()])
+}
+
+/// What it is against along y, the quantity along x: load over opening, stress over strain.
+pub fn turned(curve: &Curve) -> Plot {
+    let series = PlotSeries::new("", Style::LineAndMarkers, curve.y.clone(), curve.x.clone());
+    drawn(curve, series, [curve.quantity_in_words(), curve.against_in_words()])
+}
+
+fn drawn(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) -> Plot {
+    let label = |(name, unit): &(String, String)| match unit.as_str() {
+        "1" => name.clone(),
+        unit => format!("{name} ({unit})"),
+    };
+    Plot {
+        title: format!("{}: {} against {}", curve.name, y.0, x.0),
+        x: Axis::linear(label(&x)),
+        y: Axis::linear(label(&y)),
+        series: vec![series],
+        notes: Vec::new(),
+    }
+}

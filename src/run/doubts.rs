@@ -1,0 +1,248 @@
+//! What a whole series says of its files: copies, frames out of order, a reference that is none.
+
+use super::text::ranges;
+use crate::field::Status;
+use crate::io::series::natural_order;
+use crate::report::summary::Summary;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Motions nearer than this are alike, px.
+const ALIKE_PX: f64 = 0.05;
+/// Another order of the frames says something when it makes the path of the motion this much shorter,
+const SHORTER: f64 = 0.6;
+/// and by this many pixels.
+const SHORTER_PX: f64 = 1.0;
+/// Frames from which on an order is judged.
+const FRAMES: usize = 4;
+const MANY_FRAMES: usize = 8;
+/// Squares of the steps of a motion in twice its variance: 1 in a random order, near 0 in a smooth one, 2 when it goes back
+/// and forth.
+const RANDOM: std::ops::Range<f64> = 0.65..1.4;
+
+/// What is to be said of the files of a series: `hashes` has the SHA-256 of the images by their number, `references` those of
+/// the reference.
+pub(super) fn about_series(
+    summary: &Summary,
+    hashes: &BTreeMap<usize, Option<String>>,
+    references: &[String],
+) -> Vec<String> {
+    let mut said = copies(summary, hashes, references);
+    said.extend(blank(summary));
+    said.extend(in_noise(summary));
+    let motion = Motion::of(summary);
+    said.extend(motion.order(summary));
+    said.extend(motion.reference(summary));
+    said
+}
+
+/// Frames that are the same file as the reference or as another, and those that show nothing new.
+fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, references: &[String]) -> Vec<String> {
+    let mut said = Vec::new();
+    let mut numbers: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    // The pages of a stack are of one file.
+    let is_page =
+        |number: usize| summary.frames.iter().any(|frame| frame.number == number && frame.file.ends_with(']'));
+    for (&number, hash) in hashes.iter().filter(|(number, _)| !is_page(**number)) {
+        if let Some(hash) = hash {
+            numbers.entry(hash).or_default().push(number);
+        }
+    }
+    let of_reference = |hash: &str| references.iter().any(|reference| reference == hash);
+    let mut same: Vec<usize> =
+        numbers.iter().filter(|(hash, _)| of_reference(hash)).flat_map(|(_, n)| n.clone()).collect();
+    // Written anew, a copy is another file, but nothing is left of it.
+    let nothing_left = summary.frames.iter().filter(|frame| {
+        let still = frame.rigid_motion.as_ref().is_some_and(|m| m.translation_px[0].hypot(m.translation_px[1]) < 1e-6);
+        frame.reference_frame == 0 && still && frame.residual_grey.is_some_and(|residual| residual < 1e-6)
+    });
+    same.extend(nothing_left.map(|frame| frame.number));
+    same.sort_unstable();
+    same.dedup();
+    if !same.is_empty() {
+        said.push(format!(
+            "warning: {} the same image as the reference: no displacement, and no noise, is measured there",
+            frames_are(&same)
+        ));
+    }
+    for (_, numbers) in numbers.iter().filter(|(hash, numbers)| numbers.len() > 1 && !of_reference(hash)) {
+        said.push(format!("warning: {} copies of the same file", frames_are(numbers)));
+    }
+    said
+}
+
+/// Frames with rows or columns of one grey level.
+fn blank(summary: &Summary) -> Option<String> {
+    let blank: Vec<usize> = summary.frames.iter().filter(|f| f.blank.is_some()).map(|f| f.number).collect();
+    let torn = "half black, torn, or not whole: rows or columns of them have one grey level (see their messages)";
+    (!blank.is_empty()).then(|| format!("warning: {} {torn}", frames_are(&blank)))
+}
+
+/// Frames with nodes that the reference seemed to show and that are lost in the noise.
+fn in_noise(summary: &Summary) -> Option<String> {
+    let lost = || summary.frames.iter().filter(|frame| frame.status.has_field() && frame.nodes_in_noise > 0);
+    let numbers: Vec<usize> = lost().map(|frame| frame.number).collect();
+    let most = lost().map(|frame| frame.nodes_in_noise).max()?;
+    let place = if let [number] = numbers.as_slice() {
+        format!("frame {number}")
+    } else {
+        format!("frames {}", ranges(&numbers))
+    };
+    Some(format!(
+        "warning: {place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the \
+         residual shows (nodes_in_noise)"
+    ))
+}
+
+fn frames_are(numbers: &[usize]) -> String {
+    if let [number] = numbers { format!("frame {number} is") } else { format!("frames {} are", ranges(numbers)) }
+}
+
+/// The rigid motions of the frames that have one, in the order of the series.
+struct Motion {
+    numbers: Vec<usize>,
+    /// Translation and rotation of each zone, px.
+    places: Vec<Vec<f64>>,
+}
+
+impl Motion {
+    fn of(summary: &Summary) -> Self {
+        // A rotation in pixels at a typical distance.
+        let arm = 0.125 * (summary.reference.width_px + summary.reference.height_px) as f64;
+        let (mut numbers, mut places) = (Vec::new(), Vec::new());
+        for frame in summary.frames.iter().filter(|frame| frame.status == Status::Converged) {
+            let motions: Option<Vec<_>> = frame.zones.iter().map(|zone| zone.rigid_motion.as_ref()).collect();
+            let Some(motions) = motions.filter(|motions| !motions.is_empty()) else { continue };
+            let of_zone = |m: &&crate::report::summary::RigidSummary| {
+                [m.translation_px[0], m.translation_px[1], m.rotation_deg.to_radians() * arm]
+            };
+            numbers.push(frame.number);
+            places.push(motions.iter().flat_map(of_zone).collect());
+        }
+        let n = places.first().map_or(0, Vec::len);
+        if places.iter().any(|place: &Vec<f64>| place.len() != n) {
+            (numbers, places) = (Vec::new(), Vec::new());
+        }
+        Self { numbers, places }
+    }
+
+    /// The way through frames (by their places here), from the reference on, px.
+    fn way(&self, order: &[usize]) -> f64 {
+        let mut here: Option<&Vec<f64>> = None;
+        let mut way = 0.0;
+        for &at in order {
+            way += match here {
+                Some(here) => distance(here, &self.places[at]),
+                None => length(&self.places[at]),
+            };
+            here = Some(&self.places[at]);
+        }
+        way
+    }
+
+    /// Whether the frames are in another order than that of the motion.
+    fn order(&self, summary: &Summary) -> Option<String> {
+        let n = self.places.len();
+        if n < FRAMES {
+            return None;
+        }
+        let given: Vec<usize> = (0..n).collect();
+        let way = self.way(&given);
+        let much = |other: f64| other < SHORTER * way && way - other > SHORTER_PX;
+        let file = |at: usize| {
+            let frame = summary.frames.iter().find(|frame| frame.number == self.numbers[at]);
+            frame.map_or("", |frame| frame.file.as_str())
+        };
+        let mut by_name = given.clone();
+        by_name.sort_by(|&a, &b| natural_order(Path::new(file(a)), Path::new(file(b))));
+        if by_name != given && much(self.way(&by_name)) {
+            return Some(format!(
+                "warning: the frames seem to be shuffled: in the order of their names ({}, {}, ...) the motion goes a way \
+                 of {:.1} px, in the order given one of {way:.1} px; give the files in the order of the test, or a pattern \
+                 in quotes",
+                file(by_name[0]),
+                file(by_name[1]),
+                self.way(&by_name)
+            ));
+        }
+        // One frame in another place.
+        for at in 0..n {
+            let rest: Vec<usize> = given.iter().copied().filter(|&k| k != at).collect();
+            let moved = (0..n).map(|place| {
+                let mut order = rest.clone();
+                order.insert(place, at);
+                (self.way(&order), place)
+            });
+            let Some((shortest, place)) = moved.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            // The first and the last may be what the test ends with: the reference has a say in that.
+            if n >= 2 * FRAMES && place != at && (1..n - 1).contains(&at) && much(shortest) {
+                return Some(format!(
+                    "warning: frame {} ({}) seems to be out of order: without it the motion goes a way of {shortest:.1} px, \
+                     with it one of {way:.1} px",
+                    self.numbers[at],
+                    file(at)
+                ));
+            }
+        }
+        if n < MANY_FRAMES {
+            return None;
+        }
+        let components = self.places[0].len();
+        let mean: Vec<f64> =
+            (0..components).map(|c| self.places.iter().map(|place| place[c]).sum::<f64>() / n as f64).collect();
+        let spread: f64 = self.places.iter().map(|place| distance(place, &mean).powi(2)).sum();
+        let steps: f64 = self.places.windows(2).map(|pair| distance(&pair[0], &pair[1]).powi(2)).sum();
+        let random = RANDOM.contains(&(0.5 * steps / spread.max(f64::MIN_POSITIVE)));
+        (random && (spread / n as f64).sqrt() > SHORTER_PX).then(|| {
+            format!(
+                "warning: the motion jumps from frame to frame as in a random order (a way of {way:.1} px): are the files in \
+                 the order of the test?"
+            )
+        })
+    }
+
+    /// Whether another image than the reference is what the motion grows from.
+    fn reference(&self, summary: &Summary) -> Option<String> {
+        let n = self.places.len();
+        let last = self.places.last()?;
+        if n < 3 {
+            return None;
+        }
+        let reference = &summary.reference.file;
+        let file = |at: usize| summary.frames.iter().find(|f| f.number == self.numbers[at]).map_or("", |f| &f.file);
+        // The last one lies a step beyond the reference, and all others on its other side: unloading ends at the reference or
+        // before it.
+        let given: Vec<usize> = (0..n).collect();
+        let (way, first) = (self.way(&given), &self.places[0]);
+        let from_last = length(last) + self.way(&given[..n - 1]);
+        let along: f64 = last.iter().zip(first).map(|(a, b)| a * b).sum();
+        let opposite = along < -0.5 * length(last) * length(first);
+        let mut steps: Vec<f64> = self.places.windows(2).map(|pair| distance(&pair[0], &pair[1])).collect();
+        steps.sort_by(f64::total_cmp);
+        let beyond = length(last) > 0.3 * steps[(n - 1) / 2] && length(last) > 2.0 * ALIKE_PX;
+        if opposite && beyond && from_last < 0.75 * way {
+            return Some(format!(
+                "warning: the series fits better the other way: the motion grows from its last image, {}, and not from {reference}; \
+                 if that one shows the specimen before the test, give --reference {0}",
+                file(n - 1)
+            ));
+        }
+        // All of them far from the reference and near each other.
+        let nearest = self.places.iter().map(|place| length(place)).fold(f64::INFINITY, f64::min);
+        let apart = self.places.iter().map(|place| distance(place, first)).fold(0.0, f64::max);
+        (nearest > 3.0 * SHORTER_PX && nearest > 5.0 * apart).then(|| {
+            format!(
+                "warning: {reference} is {nearest:.1} px away from all other images, which are within {apart:.1} px of each \
+                 other: is it the reference? Another one is given by --reference FILE"
+            )
+        })
+    }
+}
+
+fn length(v: &[f64]) -> f64 {
+    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}

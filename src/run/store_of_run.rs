@@ -1,0 +1,55 @@
+//! The store of a run: what it says of itself, made or found.
+
+use super::error::Result;
+use super::folder::RunFolder;
+use super::plan::Plan;
+use super::reference::element_size_px;
+use super::run_toml::RunToml;
+use crate::correlate::Correlate;
+use crate::io::store::{Store, StoreHeader, StoreWriter};
+
+/// The store of a run, made, or found and told of frames that have come since, when it is of the `same_run`.
+pub(super) fn made_or_found(
+    folder: &RunFolder,
+    header: &StoreHeader,
+    correlator: &dyn Correlate,
+    same_run: impl Fn(&Store) -> Result<()>,
+) -> Result<(StoreWriter, Store)> {
+    let writer = folder.store(header)?;
+    let mut store = Store::open(writer.path())?;
+    same_run(&store)?; // another shard may have made it in the meantime
+    if store.n_frames() < header.frames.len() {
+        writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
+        store = Store::open(writer.path())?;
+    }
+    if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
+        writer.write_normal_matrices(&matrices)?;
+        writer.write_gradient_noise(&correlator.gradient_noise())?;
+    }
+    Ok((writer, store))
+}
+
+/// What the store says of itself.
+pub(super) fn header_of(
+    plan: &Plan,
+    correlator: &dyn Correlate,
+    record: &RunToml,
+    reference_sha256: Vec<String>,
+    image_size_px: [usize; 2],
+) -> StoreHeader {
+    StoreHeader {
+        quadrille: env!("CARGO_PKG_VERSION").into(),
+        device: correlator.device().to_owned(),
+        mesh: correlator.mesh().clone(),
+        image_size_px,
+        reference: plan.reference.iter().map(ToString::to_string).collect(),
+        reference_sha256,
+        frames: plan.deformed.iter().map(ToString::to_string).collect(),
+        pixel_size: plan.pixel_size,
+        range_grey: correlator.grey_range(),
+        element_size_px: element_size_px(correlator.mesh(), plan.options.element_size),
+        strain: plan.strain,
+        strain_window: plan.strain_window,
+        case: record.without_images(),
+    }
+}

@@ -1,0 +1,112 @@
+//! Zones and cracks that overlay and case file ask for together.
+
+use super::error::Result;
+use super::overlay::Overlay;
+use super::text::absolute;
+use crate::io::case::{CaseCrack, CaseFile, CaseGuard, CaseZone};
+use crate::units::PixelSize;
+use std::path::{Path, PathBuf};
+
+/// The cracks that are asked for, by flags or by the case.
+pub(super) fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option<PixelSize>) -> Result<Vec<CaseCrack>> {
+    let mut cracks: Vec<CaseCrack> = match asked.crack.is_empty() {
+        true => case.cracks.clone(),
+        false => asked.crack.iter().map(|path| CaseCrack { path: path.clone(), ..CaseCrack::default() }).collect(),
+    };
+    let flags = [
+        ("--crack-guard", asked.crack_guard),
+        ("--crack-young", asked.crack_young),
+        ("--crack-poisson", asked.crack_poisson),
+        ("--crack-radius", asked.crack_radius),
+    ];
+    if let Some((flag, _)) = flags.iter().find(|(_, value)| value.is_some())
+        && cracks.is_empty()
+    {
+        return Err(
+            format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into()
+        );
+    }
+    for (at, crack) in cracks.iter_mut().enumerate() {
+        crack.guard_px = asked.crack_guard.or(crack.guard_px);
+        crack.young_mpa = asked.crack_young.or(crack.young_mpa);
+        crack.poisson = asked.crack_poisson.or(crack.poisson);
+        crack.radius_px = asked.crack_radius.or(crack.radius_px);
+        let name = crack.name.clone().unwrap_or_else(|| format!("crack{}", at + 1));
+        let wrong = |what: String| -> Result<Vec<CaseCrack>> { Err(format!("{name}: {what}").into()) };
+        match (crack.young_mpa, crack.poisson, pixel_size) {
+            (Some(young), ..) if !(young.is_finite() && young > 0.0) => {
+                return wrong(format!("Young's modulus is {young} MPa; give a positive number"));
+            }
+            (_, Some(nu), _) if !(-1.0..=0.5).contains(&nu) || nu == -1.0 => {
+                return wrong(format!("Poisson's ratio is {nu}; give a number above -1, up to 0.5"));
+            }
+            (Some(_), None, _) | (None, Some(_), _) => {
+                return wrong(
+                    "stress intensity needs Young's modulus and Poisson's ratio together; give both or none".into(),
+                );
+            }
+            (Some(_), _, None) => {
+                return wrong(
+                    "stress intensity needs the size of a pixel; give --pixel-size MM or pixel_size_mm".into(),
+                );
+            }
+            _ => {}
+        }
+        if let Some(radius) = crack.radius_px
+            && !(radius.is_finite() && radius > 0.0)
+        {
+            return wrong(format!("the radius of its domain is {radius} px; give a positive number"));
+        }
+    }
+    Ok(cracks)
+}
+
+/// The zones that are asked for, with file names that hold from the current folder.
+pub(super) fn wanted_zones(asked: &Overlay, case: &CaseFile) -> Vec<CaseZone> {
+    let mut zones: Vec<CaseZone> = asked
+        .roi
+        .iter()
+        .map(|&roi| CaseZone { roi: Some(roi), ..CaseZone::default() })
+        .chain(asked.polygon.iter().map(|polygon| CaseZone { polygon: Some(polygon.clone()), ..CaseZone::default() }))
+        .collect();
+    let name = |path: &PathBuf| path.display().to_string();
+    if let Some(mask) = &asked.mask {
+        if zones.is_empty() {
+            zones.push(CaseZone::default());
+        }
+        zones.iter_mut().for_each(|zone| zone.mask = Some(name(mask)));
+    }
+    if let Some(mesh) = &asked.mesh {
+        zones.push(CaseZone { mesh: Some(name(mesh)), ..CaseZone::default() });
+    }
+    if zones.is_empty() {
+        zones.clone_from(&case.zones);
+        for zone in &mut zones {
+            for file in [&mut zone.mask, &mut zone.mesh].into_iter().flatten() {
+                *file = name(&case.resolve(file));
+            }
+        }
+    }
+    if let Some(guard) = asked.guard {
+        zones.iter_mut().for_each(|zone| zone.guard_px = Some(CaseGuard::All(guard)));
+    }
+    zones
+}
+
+/// Zones as a case file has them, with names and with file names that hold from anywhere.
+pub(super) fn resolved_zones(wanted: &[CaseZone]) -> Vec<CaseZone> {
+    let file = |name: &Option<String>| name.as_ref().map(|name| absolute(Path::new(name)));
+    let complete = |(at, zone): (usize, &CaseZone)| CaseZone {
+        // The zones of a mesh file have its names, unless one is given.
+        name: zone.name.clone().or_else(|| zone.mesh.is_none().then(|| name_of(at, zone))),
+        mask: file(&zone.mask),
+        mesh: file(&zone.mesh),
+        ..zone.clone()
+    };
+    wanted.iter().enumerate().map(complete).collect()
+}
+
+/// The name of the zone number `at`.
+pub(super) fn name_of(at: usize, zone: &CaseZone) -> String {
+    zone.name.clone().unwrap_or_else(|| format!("zone{}", at + 1))
+}
