@@ -6,11 +6,11 @@ use super::error::CorrelationError;
 use super::features::Features;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
-use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
+use super::iterate::{Limits, Outcome, Turn, WILD_ELEMENTS, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
 use super::marks::Pair;
-use super::misfit::{MisfitTest, Residuals};
+use super::misfit::{Look, MisfitTest, Residuals};
 use super::model_error::{self, MeshLines, model_error};
 use super::noise_correlation::{NoiseProbe, Prepared, factors};
 use super::noise_model::Elements;
@@ -42,11 +42,21 @@ const NOISY: f64 = 0.3;
 /// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
 /// reflection, another light.
 const MISFIT_EVERYWHERE: f64 = 3.0;
+/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
+/// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+const MARKED_RATIO: f64 = 1.5625;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
 /// On coarse levels: good enough for the next finer one.
-pub(super) const COARSE: Limits<'_> =
-    Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12, turn: Turn::NONE, own: false, regulariser: None };
+pub(super) const COARSE: Limits<'_> = Limits {
+    tolerance_px: 0.03,
+    enough_px: &[],
+    max_iterations: 12,
+    wild_elements: WILD_ELEMENTS,
+    turn: Turn::NONE,
+    own: false,
+    regulariser: None,
+};
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -273,6 +283,7 @@ impl<B: Backend> Correlator<B> {
             tolerance_px: self.tolerance_px,
             enough_px: &self.enough_px,
             max_iterations: self.options.max_iterations,
+            wild_elements: WILD_ELEMENTS,
             turn,
             own: false,
             regulariser: None,
@@ -468,13 +479,6 @@ impl<B: Backend> Correlator<B> {
                 residual_noise,
             });
         }
-        let in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
-        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
-        if !in_noise.is_empty() {
-            for (zone, result) in zones.iter_mut().enumerate() {
-                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
-            }
-        }
         // What has no finite uncertainty is not measured.
         for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
             if sigma.iter().any(|sigma| !sigma.is_finite()) {
@@ -491,6 +495,20 @@ impl<B: Backend> Correlator<B> {
             let image = self.backend.image(frame);
             probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left)
         });
+        let noisy =
+            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+        // Noise that is known to be correlated, as that of resampled images, shows little in the fine structure.
+        let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
+        let everywhere: Vec<bool> = zones.iter().map(|zone| noisy(zone) && !is_coloured).collect();
+        // What is misfit everywhere is no noise to be lost in.
+        let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
+        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
+            }
+        }
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
         let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));
         for (node, sigma) in sigma.iter_mut().enumerate() {
@@ -515,16 +533,17 @@ impl<B: Backend> Correlator<B> {
             solver: outcome.own.as_deref().unwrap_or(&level.solver),
         };
         let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
-        let noisy =
-            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
-        let everywhere: Vec<bool> = zones.iter().map(noisy).collect();
         if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
             // What is left after the choice of the best is no match: anything would have some.
             status = Status::Diverged;
         }
         let image = self.backend.image(frame);
         let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
-        let marks = self.marks(&pair, &elements, &excluded, &model_error.misfit, &everywhere);
+        let looks = self.misfit_test.looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
+        let is_misfit =
+            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
+        let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        let marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
@@ -625,7 +644,7 @@ impl<B: Backend> Correlator<B> {
         pair: &Pair<'_>,
         elements: &[ElementMatch],
         excluded: &[bool],
-        misfit: &[f64],
+        misfit: &[bool],
         everywhere: &[bool],
     ) -> Vec<ElementMark> {
         let Level { mesh, moments, .. } = &self.levels[0];
@@ -633,7 +652,7 @@ impl<B: Backend> Correlator<B> {
         // What is nearly everywhere in a zone has one name, and is told by all of it.
         let is_wide = |zone: usize| {
             let counted = || mesh.zone_elements(zone).filter(counts);
-            let named = counted().filter(|&element| misfit[element] > 0.0).count();
+            let named = counted().filter(|&element| misfit[element]).count();
             everywhere[zone] || 2 * named > counted().count()
         };
         let of_zone = |zone: usize| match is_wide(zone) {
@@ -650,7 +669,7 @@ impl<B: Backend> Correlator<B> {
                 let zone = mesh.element_zone()[element] as usize;
                 match of_zones[zone] {
                     mark if everywhere[zone] => mark,
-                    _ if misfit[element] <= 0.0 => ElementMark::None,
+                    _ if !misfit[element] => ElementMark::None,
                     ElementMark::None => pair.name(element, ElementMark::Misfit),
                     mark => mark,
                 }

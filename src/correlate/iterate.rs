@@ -16,6 +16,8 @@ pub(super) struct Limits<'a> {
     /// noise is not what slows them down.
     pub enough_px: &'a [f64],
     pub max_iterations: usize,
+    /// Corrections of this many element sizes belong to no displacement field.
+    pub wild_elements: f64,
     /// How far the field is turned.
     pub turn: Turn,
     /// Whether the frame has lost elements already at its last evaluation, so that the first step needs its own solver.
@@ -91,12 +93,14 @@ pub(super) struct Outcome<B: Backend> {
     pub turn: Turn,
 }
 
+/// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
+const HELD_SHARE: f64 = 1e-3;
 /// The frame's own matrix is renewed when the pixels counted have changed by this share since.
 const RENEW_SHARE: f64 = 2e-3;
 /// A correction that falls by less than this has stalled.
 const STALLED: f64 = 0.8;
-/// Corrections of this many element sizes belong to no displacement field.
-const WILD_ELEMENTS: f64 = 8.0;
+/// [`Limits::wild_elements`] of what nothing but the images holds.
+pub(super) const WILD_ELEMENTS: f64 = 8.0;
 
 /// Nothing follows the field but what its steps move.
 pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
@@ -167,7 +171,7 @@ pub(super) fn iterate<B: Backend>(
             outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
         }
-        if !correction.is_finite() || correction > WILD_ELEMENTS * size {
+        if !correction.is_finite() || correction > limits.wild_elements * size {
             outcome.status = Status::Diverged;
             break;
         }
@@ -215,7 +219,9 @@ fn own_solver<B: Backend>(
 ) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
     let mut moments = level.moments.to_vec();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
-        moments[element] = partial;
+        // What a penalty alone holds may move as a whole: a little of the texture that was there holds it.
+        let nothing_left = partial.n == 0.0 && regulariser.is_some();
+        moments[element] = if nothing_left { level.moments[element].scaled(HELD_SHARE) } else { partial };
     }
     let mut matrix = step_matrix(&level.mesh, &level.pattern, &moments, options, level.lambda);
     matrix.hold(&level.keep);

@@ -99,9 +99,10 @@ impl Pair<'_> {
                 continue;
             }
             let mean = |k: usize| grey.iter().map(|grey| grey[k]).sum::<f64>() / grey.len().max(1) as f64;
-            let [f, g, still] = [0, 1, 2].map(mean);
+            let [f, g, still, before] = [0, 1, 2, 3].map(mean);
             for grey in &grey {
-                let (r, s) = (grey[0] - f - (grey[1] - g), grey[2] - still);
+                // What stays is in the residual where it was and, with the other sign, where the material goes.
+                let (r, s) = (grey[0] - f - (grey[1] - g), grey[2] - still - (grey[3] - before));
                 sums = [sums[0] + r * r, sums[1] + s * s, sums[2] + r * s];
             }
             n += grey.len();

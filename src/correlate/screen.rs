@@ -43,12 +43,15 @@ const SMOOTH_TOLERANCE_PX: f64 = 0.02;
 const SMOOTH_ITERATIONS: usize = 15;
 /// A node that leaves the smooth field by more than this, px, has gone astray.
 const ASTRAY_PX: f64 = 1.5;
+/// and when the field has run away by this share of the furthest.
+const AWAY: f64 = 0.25;
 /// Iterations after which the rest has to have settled, and what a node may still move by then, px: elements around
 /// nodes that wander on do not hold them.
 const REST_ITERATIONS: usize = 20;
 const SETTLED_PX: f64 = 0.02;
-/// How often elements that hinder the rest are left out before the frame is given up.
-const TRIES: usize = 4;
+/// How often elements that hinder the rest are left out before the frame is given up; each time half of what a node may still
+/// move by is left.
+const TRIES: i32 = 8;
 
 impl<B: Backend> Correlator<B> {
     /// How far the residual of each element is beyond that of its zone.
@@ -112,10 +115,12 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<(), CorrelationError> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
-        if outcome.status == Status::Diverged {
+        // What has not settled tells little of its elements: that is for the second try.
+        if outcome.status != Status::Converged {
             return Ok(());
         }
         let mut times = vec![0u8; mesh.n_elements()];
+        let mut astray = vec![false; mesh.n_elements()];
         for _ in 0..ROUNDS {
             let any = excluded.contains(&true);
             let elements = if any {
@@ -126,7 +131,14 @@ impl<B: Backend> Correlator<B> {
             } else {
                 found.elements.clone()
             };
-            let next = self.tested(&elements, found, excluded, &mut times, true);
+            let mut next = self.tested(&elements, found, excluded, &mut times, true);
+            if next == *excluded && outcome.status == Status::Converged && astray.contains(&true) {
+                // The rest has settled: what only hindered it may come back, once.
+                for (astray, times) in astray.iter_mut().zip(&mut times).filter(|(astray, _)| **astray) {
+                    (*astray, *times) = (false, TIMES - 1);
+                }
+                next = self.tested(&elements, found, excluded, &mut times, true);
+            }
             if any {
                 let at = std::mem::take(&mut found.displacement);
                 *found = Found { displacement: at, ..self.backend.found(prepared, frame, field)? };
@@ -142,11 +154,22 @@ impl<B: Backend> Correlator<B> {
                 *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found, outcome.turn)?;
                 iterations += outcome.iterations;
                 outcome.iterations = iterations;
+                if std::env::var("DBG").is_ok() {
+                    eprintln!(
+                        "DBG    try {tries}: {:?} {} its, corr {} at {:?}",
+                        outcome.status,
+                        outcome.iterations,
+                        outcome.correction_px,
+                        self.mesh().nodes()[outcome.worst_node]
+                    );
+                }
                 if outcome.status == Status::Converged || tries == TRIES {
                     break;
                 }
                 // What has too few neighbours left to be held by goes as well.
-                self.leave_out_astray(frame, field, &before, outcome, excluded, &mut times)?;
+                for element in self.leave_out_astray(frame, field, &before, outcome, excluded, tries)? {
+                    (times[element], astray[element]) = (TIMES, true);
+                }
             }
             *found = self.backend.found(prepared, frame, field)?;
             if outcome.status == Status::Diverged || self.is_gone(&found.elements) {
@@ -188,7 +211,8 @@ impl<B: Backend> Correlator<B> {
     }
 
     /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe` or
-    /// still move, and puts the field back there.
+    /// still move, and puts the field back there. What has run away has taken its neighbourhood along: of that only the nodes
+    /// that ran furthest go, and all go back. The elements that are left out now.
     fn leave_out_astray(
         &self,
         frame: &mut B::Frame,
@@ -196,34 +220,46 @@ impl<B: Backend> Correlator<B> {
         safe: &[[f64; 2]],
         outcome: &Outcome<B>,
         excluded: &mut [bool],
-        times: &mut [u8],
-    ) -> Result<(), CorrelationError> {
+        tries: i32,
+    ) -> Result<Vec<usize>, CorrelationError> {
+        let settled_px = SETTLED_PX * 0.5f64.powi(tries - 1);
         let level = &self.levels[0];
         let prepared = &level.prepared;
         let now = self.backend.found(prepared, frame, field)?.displacement;
-        let then = match outcome.status {
-            Status::Diverged => now.clone(),
-            _ => {
+        let ran_away = outcome.status == Status::Diverged;
+        let then = match ran_away {
+            true => now.clone(),
+            false => {
                 let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
                 iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
                 self.backend.found(prepared, frame, field)?.displacement
             }
         };
-        let astray = |node: usize| {
-            // What is no number is astray as well.
-            let near = |a: [f64; 2], b: [f64; 2], px: f64| (0..2).all(|c| (a[c] - b[c]).abs() < px);
+        let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        // What is no number is astray as well.
+        let furthest =
+            now.iter().zip(safe).map(|(u, safe)| off(*u, *safe)).filter(|off| off.is_finite()).fold(0.0, f64::max);
+        let limit = if ran_away { ASTRAY_PX.max(AWAY * furthest) } else { ASTRAY_PX };
+        let is_astray = |node: usize| {
+            let near = |a: [f64; 2], b: [f64; 2], px: f64| off(a, b) < px;
             node == outcome.worst_node
-                || !near(now[node], safe[node], ASTRAY_PX)
-                || !near(now[node], then[node], SETTLED_PX)
+                || !near(now[node], safe[node], limit)
+                || !near(now[node], then[node], settled_px)
         };
+        let astray: Vec<bool> = (0..now.len()).map(is_astray).collect();
+        let mut left_out = Vec::new();
         for (element, nodes) in self.mesh().elements().iter().enumerate() {
-            if nodes.iter().any(|&node| astray(node as usize)) {
-                (excluded[element], times[element]) = (true, TIMES);
+            if !excluded[element] && nodes.iter().any(|&node| astray[node as usize]) {
+                excluded[element] = true;
+                left_out.push(element);
             }
         }
-        self.backend.place(prepared, frame, field, safe)?;
+        let back = |node: usize| if ran_away || astray[node] { safe[node] } else { then[node] };
+        let displacement: Vec<[f64; 2]> = (0..now.len()).map(back).collect();
+        self.backend.place(prepared, frame, field, &displacement)?;
         self.backend.observe(prepared, frame, field)?;
-        Ok(self.backend.exclude(prepared, frame, field, excluded)?)
+        self.backend.exclude(prepared, frame, field, excluded)?;
+        Ok(left_out)
     }
 
     /// The penalty that keeps a level smooth while its elements are told apart; none where there is nothing to scale it to.
@@ -284,6 +320,8 @@ impl<B: Backend> Correlator<B> {
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
             regulariser,
+            // What the penalty alone holds may go far.
+            wild_elements: f64::INFINITY,
             // The penalty is not turned with the corrections.
             turn: Turn::NONE,
         }
@@ -311,8 +349,20 @@ impl<B: Backend> Correlator<B> {
             let limits = self.smooth_limits(smoother.as_ref());
             let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
             iterations += outcome.iterations;
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "DBG smooth {:?} {} its corr {} at {:?} excluded {}",
+                    outcome.status,
+                    outcome.iterations,
+                    outcome.correction_px,
+                    self.mesh().nodes()[outcome.worst_node],
+                    excluded.iter().filter(|e| **e).count()
+                );
+            }
             if outcome.status == Status::Diverged {
                 outcome.iterations = iterations;
+                // That of the penalty is no matrix of the frame.
+                (outcome.own, outcome.own_moments) = (None, Vec::new());
                 return self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded);
             }
             let found = self.backend.found(prepared, frame, &field)?;
@@ -323,21 +373,37 @@ impl<B: Backend> Correlator<B> {
                 break;
             }
             excluded = next;
+            // What was pulled along by something else goes where the field around it is.
+            let mut counted = elements;
+            counted.iter_mut().zip(&excluded).filter(|(_, out)| **out).for_each(|(element, _)| element.n = 0.0);
+            let displacement = continued(mesh, &found.displacement, &counted);
+            self.backend.place(prepared, frame, &mut field, &displacement)?;
+            self.backend.observe(prepared, frame, &mut field)?;
             self.backend.exclude(prepared, frame, &mut field, &excluded)?;
         }
         let safe = self.backend.found(prepared, frame, &field)?.displacement;
         let turn = self.turn(level, &safe);
         let mut outcome = None;
-        for _ in 0..ROUNDS {
+        for tries in 1..=TRIES {
             let limits = self.rest_limits(turn);
             let mut now = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "DBG   second rest {:?} {} its corr {} at {:?} excluded {}",
+                    now.status,
+                    now.iterations,
+                    now.correction_px,
+                    self.mesh().nodes()[now.worst_node],
+                    excluded.iter().filter(|e| **e).count()
+                );
+            }
             iterations += now.iterations;
             now.iterations = iterations;
             let now = outcome.insert(now);
             if now.status == Status::Converged {
                 break;
             }
-            self.leave_out_astray(frame, &mut field, &safe, now, &mut excluded, &mut times)?;
+            self.leave_out_astray(frame, &mut field, &safe, now, &mut excluded, tries)?;
             let counted = self.backend.found(prepared, frame, &field)?.elements;
             if self.is_gone(&counted) {
                 break;
