@@ -53,7 +53,7 @@ def large(quadrille, folder, size, frames=6):
     seconds, memory = timed(quadrille, "correlate", *sorted((folder / "images").glob("*.tif")), "--roi",
                             f"32,32,{far},{far}", "--export", "none", "--quiet", "--output", out)
     fields = ["displacement_px", "sigma_px", "measured", "strain_element", "strain_node", "residual_grey", "model_error_px",
-              "misfit_px", "status"]
+              "misfit_px", "mark", "status"]
     stored = sum(file.stat().st_size for name in fields for file in (out / "fields.zarr" / name).glob("c.*"))
     print(f"{frames} frames of {size} x {size} px: {seconds:.2f} s, {memory:.0f} MB, {memory * 1e6 / size**2:.0f} bytes per pixel; "
           f"{stored / frames / 1e6:.2f} MB per frame in the store", flush=True)

@@ -31,7 +31,7 @@ fn main(
         var rms = 0.0;
         var share = 0.0;
         var correlation = 0.0;
-        if n > 0.0 {
+        if n > 0.0 && sums[at + OUT] != EXCLUDED {
             rms = sqrt(max(sums[at + RR] / n, 0.0));
             // One in 32767 at least: none would mean that the element is left out.
             share = max(n / all.x, 1.0 / 32767.0);

@@ -86,7 +86,15 @@ fn main(
             total[9] += transfer[e].x;
             total[10] += transfer[e].y;
         }
-        if n < share * all.x {
+        if sums[at + OUT] == EXCLUDED {
+            for (var i = 0u; i < N; i++) {
+                sums[at + i] = 0.0;
+            }
+            if n < tally.kept_share * all.x {
+                sums[at + N] = 0.0;
+            }
+            total[8] += 1.0;
+        } else if n < share * all.x {
             for (var i = 0u; i < OUT; i++) {
                 sums[at + i] = 0.0;
             }

@@ -489,7 +489,13 @@ fn frames_with_saturated_or_black_patches_and_frames_half_dark_give_no_nan() {
         assert_eq!(statuses.len(), 5);
         // Diverged, as a rule; whether a half-dark frame without correction of the light settles on nothing,
         // wanders on or out of the image is chance.
-        assert!(statuses[1..].iter().all(|status| status != "converged"), "{brightness}: {statuses:?}");
+        assert!(statuses[2..].iter().all(|status| status != "converged"), "{brightness}: {statuses:?}");
+        // The other half of a half-dark frame may be measured; the dark one is then named.
+        if statuses[1] == "converged" {
+            let marked = ran.frames(brightness)[1]["marked"].as_array().cloned().unwrap_or_default();
+            let share: f64 = marked.iter().map(|marked| marked["percent"].as_f64().unwrap()).sum();
+            assert!(share > 45.0, "{brightness}: {marked:?}");
+        }
         if statuses[0] == "converged" {
             assert!(ran.frames(brightness)[0]["elements_poor"].as_u64().unwrap() > 0, "the glare is not mentioned");
         }

@@ -27,6 +27,7 @@ fn two_zones() -> Measurement<Px> {
         measured: vec![true; n],
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
         model_error: None,
+        marks: None,
         mesh: mesh.into(),
     };
     for node in [3, 11] {

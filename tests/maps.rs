@@ -32,6 +32,7 @@ fn measurement(rois: &[Roi], size: usize, image: &Image) -> Measurement<Px> {
         measured: vec![true; mesh.n_nodes()],
         element_residual: vec![0.0; mesh.n_elements()],
         model_error: None,
+        marks: None,
         mesh: mesh.into(),
     }
 }

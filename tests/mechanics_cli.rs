@@ -297,6 +297,7 @@ fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Optio
             measured: (0..mesh.n_nodes()).map(|k| Some(k) != node).collect(),
             element_residual: vec![1.0; mesh.n_elements()],
             model_error: None,
+            marks: None,
         };
         let strain = StrainField::of(&field, StrainDefinition::Infinitesimal);
         writer.write(number, &field, &strain).unwrap();

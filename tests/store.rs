@@ -6,7 +6,8 @@ mod program;
 
 use program::{Desk, INSIDE, moved};
 use quadrille::field::{
-    Measurement, ModelError, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows, TensorStrain,
+    ElementMark, Measurement, ModelError, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows,
+    TensorStrain,
 };
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
@@ -50,6 +51,7 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
             nodes: (0..n).map(|k| [awkward(k + 2).abs(), 0.03 / 7.0]).collect(),
             misfit: (0..mesh.n_elements()).map(|e| 0.1 / (e + 3) as f64).collect(),
         }),
+        marks: Some((0..mesh.n_elements()).map(|e| ElementMark::from_code((e % 7) as u8).unwrap()).collect()),
         mesh,
     }
 }
@@ -150,6 +152,7 @@ fn fields_and_header_read_back_to_the_same_bits() {
                 let known = if wanted.measured[node] { wanted_model.nodes[node].map(short) } else { [0; 2] };
                 assert_eq!(error.map(f64::to_bits), known);
             }
+            assert_eq!(read.marks, wanted.marks);
             let misfit: Vec<u64> = model.misfit.iter().map(|v| v.to_bits()).collect();
             assert_eq!(misfit, wanted_model.misfit.iter().map(|&v| short(v)).collect::<Vec<_>>());
             let residual: Vec<u64> = read.element_residual.iter().map(|v| v.to_bits()).collect();
@@ -319,12 +322,12 @@ fn every_array_says_its_unit_its_meaning_and_its_axes() {
 #[test]
 fn a_store_of_before_the_model_error_is_read_and_goes_on_without_it() {
     let (_folder, path) = written();
-    for name in ["model_error_px", "misfit_px"] {
+    for name in ["model_error_px", "misfit_px", "mark"] {
         fs::remove_dir_all(path.join(name)).unwrap();
     }
     let store = Store::open(&path).unwrap();
     let read = store.frame(1).unwrap().unwrap().measurement;
-    assert_eq!((read.model_error.clone(), read.misfit()), (None, None));
+    assert_eq!((read.model_error.clone(), read.misfit(), read.marks.clone()), (None, None, None));
     assert!(!store.has(Variable::ModelError) && store.has(Variable::Sigma));
     assert!(store.values(1, Variable::ModelError).unwrap().is_none());
     store.check(1).unwrap();
@@ -337,9 +340,10 @@ fn a_store_of_before_the_model_error_is_read_and_goes_on_without_it() {
     assert!(store.field_files(2).iter().all(|file| file.is_file()));
     // A field of which nobody knows it stays one in a store that could hold it.
     let (_folder, path) = written();
-    let unknown = Measurement { model_error: None, ..other };
+    let unknown = Measurement { model_error: None, marks: None, ..other };
     StoreWriter::open(&path).unwrap().write(2, &unknown, &strain(&unknown)).unwrap();
-    assert_eq!(Store::open(&path).unwrap().frame(2).unwrap().unwrap().measurement.model_error, None);
+    let read = Store::open(&path).unwrap().frame(2).unwrap().unwrap().measurement;
+    assert_eq!((read.model_error, read.marks), (None, None));
 }
 
 #[test]

@@ -27,6 +27,7 @@ fn field(mesh: &Arc<Mesh<Px>>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<
         measured: vec![true; mesh.n_nodes()],
         element_residual: vec![1.0; mesh.n_elements()],
         model_error: None,
+        marks: None,
         mesh: Arc::clone(mesh),
     }
 }

@@ -305,6 +305,55 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &Self::Field,
     ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError>;
 
+    /// Leaves elements out of all sums of this field, those of the last evaluation too, until told otherwise. They are
+    /// still read, see [`Backend::all_sums`]; one that is taken back counts from the next evaluation on.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn exclude(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &mut Self::Field,
+        excluded: &[bool],
+    ) -> Result<(), BackendError>;
+
+    /// The sums of the last evaluation, per element, those of excluded elements too; none of elements that have left the
+    /// deformed image or are not active.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn all_sums(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<Vec<PixelSums>, BackendError>;
+
+    /// Puts a field under iteration to `displacement`, px of the level, per node. What follows needs an evaluation.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn place(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &mut Self::Field,
+        displacement: &[[f64; 2]],
+    ) -> Result<(), BackendError>;
+
+    /// Where the iteration of a field started: displacement per node, px of the level, and transfer per zone.
+    ///
+    /// # Errors
+    /// When the device fails.
+    #[allow(clippy::type_complexity, reason = "two lists, as `start` takes them")]
+    fn started(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &Self::Field,
+    ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError>;
+
     /// From now on brings the deformed image to the light of the reference before all else: `g` becomes
     /// `gain g + offset`, by the values at the nodes of the level, bilinear within an element. All sums are then those
     /// of this `g`, and the transfers of the zones come after it. For levels whose brightness is not per element.

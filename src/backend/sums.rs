@@ -149,6 +149,18 @@ pub struct ElementMoments {
 const FAR: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
 impl ElementMoments {
+    /// These of `share` as many pixels.
+    pub fn scaled(&self, share: f64) -> Self {
+        let Self { gradient, transfer, n, f, ff } = *self;
+        Self {
+            gradient: gradient.map(|of| of.map(|row| row.map(|v| share * v))),
+            transfer: transfer.map(|of| of.map(|v| share * v)),
+            n: share * n,
+            f: share * f,
+            ff: share * ff,
+        }
+    }
+
     /// Sum over the pixels of product `p` of the gradient's components: fx fx, fx fy, fy fy.
     pub fn gradient_power(&self, p: usize) -> f64 {
         // (1-s)^2 + 2 s (1-s) + s^2 is 1 along both axes.

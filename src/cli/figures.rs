@@ -20,7 +20,7 @@ const EVERY: Duration = Duration::from_secs(10);
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     let store = Store::open(&args.run)?;
-    let (numbers, n_without) = args.frames.with_field(&store, args.talk.quiet)?;
+    let (numbers, n_without) = drawable(&args.frames, &store, args.talk.quiet)?;
     if numbers.is_empty() {
         return Err(format!("{}: no frame asked for has a field; see summary.json", store.path().display()).into());
     }
@@ -34,12 +34,25 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
 /// Draws the usual figures of a run that has just ended.
 pub(super) fn of_run(run: &Path, frames: &Frames, threads: Option<usize>, quiet: bool) -> Result<()> {
     let store = Store::open(run)?;
-    let (numbers, _) = frames.with_field(&store, quiet)?;
+    let (numbers, _) = drawable(frames, &store, quiet)?;
     let header = store.header();
     let options =
         FigureOptions { strain: header.strain, strain_window: header.strain_window, ..FigureOptions::default() };
     let options = of_header(header, FigureOptions { figures: usual(header.strain_window), ..options });
     RunFigures::new(&store, options, 1, quiet).draw(&numbers, &run.join(FIGURES), threads)
+}
+
+/// The frames with a field, and those without of which the residual shows why; and how many have none.
+fn drawable(frames: &Frames, store: &Store, quiet: bool) -> Result<(Vec<usize>, usize)> {
+    let (mut numbers, n_without) = frames.with_field(store, quiet)?;
+    if n_without > 0 && (!frames.is_last() || numbers.is_empty()) {
+        for number in frames.numbers(store.n_frames())? {
+            if (!frames.is_last() || numbers.is_empty()) && store.without_field(number)?.is_some() {
+                numbers.push(number);
+            }
+        }
+    }
+    Ok((numbers, n_without))
 }
 
 /// What is drawn, from the arguments and from what the run says.
@@ -131,8 +144,19 @@ impl<'a> RunFigures<'a> {
     }
 
     fn draw_one(&self, number: usize, folder: &Path) -> Result<Vec<PathBuf>> {
-        let Some(frame) = self.store.frame(number)? else { return Ok(Vec::new()) };
         let mut options = self.options.clone();
+        let frame = match self.store.frame(number)? {
+            Some(frame) => frame,
+            None => {
+                // Of a frame without a field only the residual says something: why.
+                options.figures.retain(|figure| matches!(figure, Figure::Residual | Figure::ResidualPercent));
+                options.line = None;
+                match self.store.without_field(number)? {
+                    Some(frame) if !options.figures.is_empty() => frame,
+                    _ => return Ok(Vec::new()),
+                }
+            }
+        };
         let name =
             |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
         let header = self.store.header();

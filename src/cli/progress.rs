@@ -209,6 +209,9 @@ impl Progress {
         if let Some(line) = about_ambiguity(frames) {
             eprintln!("{line}");
         }
+        if let Some(line) = about_marks(frames) {
+            eprintln!("{}", wrapped(&line, 2));
+        }
         let counts = crate::report::summary::counts(frames);
         let counts: Vec<_> = counts.iter().map(|(status, n)| format!("{n} {}", status.replace('_', " "))).collect();
         let rate = self.done as f64 / seconds;
@@ -263,6 +266,16 @@ fn about_misfit(frames: &[FrameSummary]) -> Option<String> {
     Some(format!("{} with misfit, most in frame {number}: {most}; {advice}", plural(with().count(), "frame")))
 }
 
+/// The frame with most marked elements in words, and how many have some.
+fn about_marks(frames: &[FrameSummary]) -> Option<String> {
+    let share = |frame: &FrameSummary| frame.marked.iter().map(|marked| marked.percent).sum::<f64>();
+    let with = || frames.iter().filter(|frame| !frame.marked.is_empty());
+    let most = with().max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    let marks: Vec<String> = most.marked.iter().map(ToString::to_string).collect();
+    let [n, number] = [with().count(), most.number];
+    Some(format!("{} with marked elements, most in frame {number}: {}", plural(n, "frame"), marks.join("; ")))
+}
+
 /// The frame whose displacement is told worst, where the texture repeats, and how many there are.
 fn about_ambiguity(frames: &[FrameSummary]) -> Option<String> {
     let with = || frames.iter().filter_map(|frame| Some((frame.number, frame.ambiguity.as_ref()?)));
@@ -289,6 +302,9 @@ fn line(frame: &FrameSummary, paint: Paint) -> String {
         if n > 0 {
             text.push_str(&format!(", {n} {what}"));
         }
+    }
+    for marked in &frame.marked {
+        text.push_str(&format!("; {marked}"));
     }
     if let Some(misfit) = frame.misfit {
         text.push_str(&format!("; {misfit}"));

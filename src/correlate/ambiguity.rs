@@ -63,7 +63,8 @@ impl<B: Backend> Correlator<B> {
             let mut field = self.backend.start(&self.levels[0].prepared, frame, &nearer, &transfer)?;
             let limits = self.limits(self.turn(&self.levels[0], &nearer));
             let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
-            let next = self.finish(frame, &mut field, outcome, found.start, found.coarse_iterations)?;
+            let coarse = found.coarse_iterations;
+            let next = self.finish(frame, &mut field, outcome, found.start, coarse, Vec::new())?;
             if next.measurement.status != Status::Converged {
                 found.ambiguity = self.ambiguity(&found, &besides, expected);
                 break;

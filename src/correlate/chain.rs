@@ -2,14 +2,14 @@
 
 use super::chosen::{Correlate, Uploaded};
 use super::correlation::{Correlation, ZoneResult, rigid};
-use super::correlator::LEFT_SHARE;
 use super::error::{CorrelationError, UpdateRefused};
 use super::options::Options;
 use super::reference::Reference;
+use super::screen::LEAST_LEFT;
 use super::series::History;
 use super::start::Start;
 use crate::backend::GreyTransfer;
-use crate::field::{Measurement, ModelError, Status, UpdateReference};
+use crate::field::{ElementMark, Measurement, ModelError, Status, UpdateReference};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -318,7 +318,7 @@ impl ReferenceChain {
         for (zone, name) in mesh.zones().iter().enumerate() {
             let n_elements = mesh.zone_elements(zone).filter(|&element| original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| kept[element]).count();
-            if left == 0 || (left as f64) < (1.0 - LEFT_SHARE) * n_elements as f64 {
+            if left == 0 || (left as f64) < LEAST_LEFT * n_elements as f64 {
                 return Ok(Err(UpdateRefused::LeftImage {
                     frame: key.frame,
                     zone: name.clone(),
@@ -405,7 +405,23 @@ impl ReferenceChain {
         }
         let mut counted = vec![false; mesh.n_elements()];
         let mut element_residual = vec![0.0; mesh.n_elements()];
+        // What a reference before has not shown any more it does not show of this frame either.
+        let size = self.original.size().map(|n| n as f64);
+        let lost = |element: usize| {
+            let out = mesh.elements()[element].iter().any(|&node| {
+                let (x, u) = (mesh.nodes()[node as usize], full_displacement[node as usize]);
+                (0..2).any(|c| !(-0.5..=size[c]).contains(&(x[c] + u[c])))
+            });
+            match (self.original.in_use(element), out) {
+                (false, _) => ElementMark::NoTexture,
+                (true, true) => ElementMark::LeftImage,
+                (true, false) => ElementMark::NoMatch,
+            }
+        };
+        let mut marks: Vec<ElementMark> = (0..mesh.n_elements()).map(lost).collect();
         for (own, &element) in stage.elements.iter().enumerate() {
+            let mark = found.measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[own]);
+            marks[element] = mark;
             counted[element] = found.counted[own];
             element_residual[element] = found.measurement.element_residual[own];
             model_error.misfit[element] = of_stage.misfit[own];
@@ -451,6 +467,7 @@ impl ReferenceChain {
                 measured,
                 element_residual,
                 model_error: Some(model_error),
+                marks: Some(marks),
             },
             full_displacement,
             counted,
@@ -465,7 +482,7 @@ impl ReferenceChain {
         (0..mesh.zones().len()).any(|zone| {
             let n_elements = mesh.zone_elements(zone).filter(|&element| self.original.in_use(element)).count();
             let left = mesh.zone_elements(zone).filter(|&element| counted[element]).count();
-            ((n_elements - left.min(n_elements)) as f64) > LEFT_SHARE * n_elements as f64
+            ((n_elements - left.min(n_elements)) as f64) > (1.0 - LEAST_LEFT) * n_elements as f64
         })
     }
 }

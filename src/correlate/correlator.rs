@@ -6,21 +6,23 @@ use super::error::CorrelationError;
 use super::features::Features;
 use super::finest::{Finest, finest_level};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, gradient_sums, mass_matrices};
-use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
+use super::iterate::{Limits, Outcome, Turn, WILD_ELEMENTS, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
-use super::misfit::{MisfitTest, Residuals};
+use super::marks::Pair;
+use super::misfit::{Look, MisfitTest, Residuals};
 use super::model_error::{self, MeshLines, model_error};
 use super::noise_correlation::{NoiseProbe, Prepared, factors};
 use super::noise_model::Elements;
 use super::options::Options;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
+use super::screen::{LEAST_LEFT, continued};
 use super::start::Start;
 use super::texture::{SeenByNode, lost_in_noise};
 use super::uncertainty::{NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, GreyMap, GreyTransfer, KernelOptions, PixelSums};
-use crate::field::{Brightness, Measurement, ModelError, NoiseCorrelation, Status};
+use crate::field::{Brightness, ElementMark, Measurement, ModelError, NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
@@ -28,7 +30,7 @@ use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
-const MATCHED: f64 = 0.5;
+pub(super) const MATCHED: f64 = 0.5;
 /// A level that takes more than this from a zone's correlation coefficient has harmed it.
 const WORSE: f64 = 0.02;
 /// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
@@ -37,11 +39,24 @@ const PREDICTION_OFF_PX: f64 = 1.0;
 const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// Where noise is more than this share of the mean square gradient it slows the iteration down.
 const NOISY: f64 = 0.3;
-/// A zone of which this share of elements has left the deformed image is lost.
-pub(super) const LEFT_SHARE: f64 = 0.5;
+/// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
+/// reflection, another light.
+const MISFIT_EVERYWHERE: f64 = 3.0;
+/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
+/// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+const MARKED_RATIO: f64 = 1.5625;
+/// A zone so misfit that has lost more than this share of its elements is not found at all.
+const CHOSEN_SHARE: f64 = 0.2;
 /// On coarse levels: good enough for the next finer one.
-pub(super) const COARSE: Limits<'_> =
-    Limits { tolerance_px: 0.03, enough_px: &[], max_iterations: 12, turn: Turn::NONE };
+pub(super) const COARSE: Limits<'_> = Limits {
+    tolerance_px: 0.03,
+    enough_px: &[],
+    max_iterations: 12,
+    wild_elements: WILD_ELEMENTS,
+    turn: Turn::NONE,
+    own: false,
+    regulariser: None,
+};
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -54,17 +69,18 @@ pub struct Correlator<B: Backend> {
     reference: Reference,
     pub(super) levels: Vec<Level<B>>,
     pub(super) search_map: GreyMap,
-    /// The reference image, whose points are found when a frame is first looked for in the whole image.
+    /// The reference image, whose points are found when a frame is first looked for in the whole image, and by which it is
+    /// named what is the matter with an element.
     pub(super) image: Arc<Image>,
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
     /// The pixels of each zone that are summed over on the coarsest level.
     pub(super) search_pixels: Vec<PixelSet>,
-    noise_gain: NoiseGain,
+    pub(super) noise_gain: NoiseGain,
     /// What looks for noise that is not white, if that is wanted and the zones are large enough.
     probe: Option<NoiseProbe>,
-    misfit_test: MisfitTest,
+    pub(super) misfit_test: MisfitTest,
     mesh_lines: MeshLines,
     enough_px: Vec<f64>,
     /// What the nodes see; none where the noise is stated or a regularisation holds them.
@@ -119,7 +135,6 @@ impl<B: Backend> Correlator<B> {
         let rounding = rounding(&reference);
         let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
-        let image = reference.clone();
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
@@ -157,6 +172,7 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let gradient_noise = options.interpolation.gradient_noise_gain();
+        let image = reference;
         let reference = Reference {
             device: backend.device(),
             frames_in_flight: backend.frames_in_flight(),
@@ -247,10 +263,16 @@ impl<B: Backend> Correlator<B> {
             if attempt.measurement.status == Status::Converged {
                 return self.told(&mut frame, attempt, Some(displacement));
             }
-            let cold = self.search(&mut frame)?;
-            // Both failed: the one that matches better tells more.
-            let better = cold.measurement.status == Status::Converged || cold.worst_zone() >= attempt.worst_zone();
-            return self.told(&mut frame, if better { cold } else { attempt }, Some(displacement));
+            let mut best = attempt;
+            if best.worst_zone() > MATCHED {
+                // A match but for some elements: without them, before it is looked for elsewhere.
+                let again = self.second_try(&mut frame, displacement, transfer, StartUsed::Predicted, 0)?;
+                best = better(best, again);
+            }
+            if best.measurement.status != Status::Converged {
+                best = better(best, self.search(&mut frame)?);
+            }
+            return self.told(&mut frame, best, Some(displacement));
         }
         let found = self.search(&mut frame)?;
         self.told(&mut frame, found, None)
@@ -261,7 +283,10 @@ impl<B: Backend> Correlator<B> {
             tolerance_px: self.tolerance_px,
             enough_px: &self.enough_px,
             max_iterations: self.options.max_iterations,
+            wild_elements: WILD_ELEMENTS,
             turn,
+            own: false,
+            regulariser: None,
         }
     }
 
@@ -282,7 +307,7 @@ impl<B: Backend> Correlator<B> {
         let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
         let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
         if near {
-            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0)?;
+            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
             if result.measurement.status == Status::Converged {
                 return Ok(result);
             }
@@ -317,7 +342,7 @@ impl<B: Backend> Correlator<B> {
         }
         let limits = self.limits(turn);
         let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
-        self.finish(frame, &mut field, outcome, start, coarse_iterations)
+        self.finish(frame, &mut field, outcome, start, coarse_iterations, Vec::new())
     }
 
     /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
@@ -369,7 +394,8 @@ impl<B: Backend> Correlator<B> {
         Ok((self.backend.found(prepared, frame, field)?, Some(light)))
     }
 
-    /// Status, uncertainty and summary of a finished iteration.
+    /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
+    /// for none) and those that turn out not to match.
     pub(super) fn finish(
         &self,
         frame: &mut B::Frame,
@@ -377,14 +403,20 @@ impl<B: Backend> Correlator<B> {
         mut outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
+        mut excluded: Vec<bool>,
     ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
-        let (found, light) = self.found(frame, field, &mut outcome)?;
+        excluded.resize(mesh.n_elements(), false);
+        let (mut found, mut light) = self.found(frame, field, &mut outcome)?;
+        self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
+        if excluded.contains(&true) {
+            found.displacement = continued(mesh, &found.displacement, &found.elements);
+        }
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches = self.zone_matches(&last, &elements);
-        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement);
-        let mut status = self.judge(&outcome, &elements, &matches);
+        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
+        let mut status = self.judge(&outcome, &elements, &matches, &excluded);
         let own_spread = outcome.own.as_ref().map(|own| {
             let moments = &outcome.own_moments;
             let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
@@ -447,13 +479,6 @@ impl<B: Backend> Correlator<B> {
                 residual_noise,
             });
         }
-        let in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
-        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
-        if !in_noise.is_empty() {
-            for (zone, result) in zones.iter_mut().enumerate() {
-                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
-            }
-        }
         // What has no finite uncertainty is not measured.
         for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
             if sigma.iter().any(|sigma| !sigma.is_finite()) {
@@ -470,6 +495,20 @@ impl<B: Backend> Correlator<B> {
             let image = self.backend.image(frame);
             probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left)
         });
+        let noisy =
+            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+        // Noise that is known to be correlated, as that of resampled images, shows little in the fine structure.
+        let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
+        let everywhere: Vec<bool> = zones.iter().map(|zone| noisy(zone) && !is_coloured).collect();
+        // What is misfit everywhere is no noise to be lost in.
+        let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
+        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
+            }
+        }
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
         let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));
         for (node, sigma) in sigma.iter_mut().enumerate() {
@@ -494,6 +533,17 @@ impl<B: Backend> Correlator<B> {
             solver: outcome.own.as_deref().unwrap_or(&level.solver),
         };
         let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
+            // What is left after the choice of the best is no match: anything would have some.
+            status = Status::Diverged;
+        }
+        let image = self.backend.image(frame);
+        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
+        let looks = self.misfit_test.looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
+        let is_misfit =
+            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
+        let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        let marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
@@ -509,6 +559,7 @@ impl<B: Backend> Correlator<B> {
                 measured,
                 element_residual: elements.iter().map(|e| e.residual_rms).collect(),
                 model_error: Some(model_error),
+                marks: Some(marks),
             },
             iterations: outcome.iterations,
             coarse_iterations,
@@ -547,16 +598,24 @@ impl<B: Backend> Correlator<B> {
         zones.iter().enumerate().map(match_of).collect()
     }
 
-    /// Nodes beside an element that counted and with a finite displacement, and the number of those that lost all their elements.
-    fn measured_nodes(&self, elements: &[ElementMatch], displacement: &[[f64; 2]]) -> (Vec<bool>, usize) {
+    /// Nodes beside an element that counted and with a finite displacement, and the number of those all of whose elements
+    /// have left the image; those that have lost one because it is `excluded` are not among them.
+    fn measured_nodes(
+        &self,
+        elements: &[ElementMatch],
+        displacement: &[[f64; 2]],
+        excluded: &[bool],
+    ) -> (Vec<bool>, usize) {
         let Level { mesh, keep, .. } = &self.levels[0];
         let mut measured = vec![false; mesh.n_nodes()];
-        for (nodes, sums) in mesh.elements().iter().zip(elements) {
+        let mut named = vec![false; mesh.n_nodes()];
+        for ((nodes, sums), &excluded) in mesh.elements().iter().zip(elements).zip(excluded) {
             for &node in nodes {
                 measured[node as usize] |= sums.n > 0.0;
+                named[node as usize] |= excluded;
             }
         }
-        let left = keep.iter().zip(&measured).filter(|(keep, measured)| **keep && !**measured).count();
+        let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
         for (node, measured) in measured.iter_mut().enumerate() {
             *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
         }
@@ -572,21 +631,77 @@ impl<B: Backend> Correlator<B> {
         lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
     }
 
-    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64]) -> Status {
+    /// Whether a zone has lost so many elements that do not match that those left have been chosen.
+    fn has_lost(&self, zone: usize, excluded: &[bool]) -> bool {
+        let elements = self.mesh().zone_elements(zone);
+        let lost = elements.clone().filter(|&element| excluded[element]).count();
+        lost as f64 > CHOSEN_SHARE * elements.len() as f64
+    }
+
+    /// What is the matter with each element, by name.
+    fn marks(
+        &self,
+        pair: &Pair<'_>,
+        elements: &[ElementMatch],
+        excluded: &[bool],
+        misfit: &[bool],
+        everywhere: &[bool],
+    ) -> Vec<ElementMark> {
         let Level { mesh, moments, .. } = &self.levels[0];
-        let left = (0..mesh.zones().len()).any(|zone| {
+        let counts = |element: &usize| elements[*element].n > 0.0;
+        // What is nearly everywhere in a zone has one name, and is told by all of it.
+        let is_wide = |zone: usize| {
+            let counted = || mesh.zone_elements(zone).filter(counts);
+            let named = counted().filter(|&element| misfit[element]).count();
+            everywhere[zone] || 2 * named > counted().count()
+        };
+        let of_zone = |zone: usize| match is_wide(zone) {
+            true if pair.something_is_still(mesh.zone_elements(zone).filter(counts)) => ElementMark::Still,
+            true => ElementMark::Misfit,
+            false => ElementMark::None,
+        };
+        let of_zones: Vec<ElementMark> = (0..mesh.zones().len()).map(of_zone).collect();
+        let of_element = |element: usize| match (excluded[element], elements[element].n > 0.0) {
+            _ if moments[element].n == 0.0 => ElementMark::NoTexture,
+            (true, _) => pair.name(element, ElementMark::NoMatch),
+            (false, false) => ElementMark::LeftImage,
+            (false, true) => {
+                let zone = mesh.element_zone()[element] as usize;
+                match of_zones[zone] {
+                    mark if everywhere[zone] => mark,
+                    _ if !misfit[element] => ElementMark::None,
+                    ElementMark::None => pair.name(element, ElementMark::Misfit),
+                    mark => mark,
+                }
+            }
+        };
+        (0..mesh.n_elements()).map(of_element).collect()
+    }
+
+    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64], excluded: &[bool]) -> Status {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let out = (0..mesh.zones().len()).find_map(|zone| {
             let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
-            let (all, left) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
-            left as f64 > LEFT_SHARE * all as f64
+            let (all, out) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
+            let mismatched = in_use().filter(|&element| excluded[element]).count();
+            let is_gone = out as f64 > (1.0 - LEAST_LEFT) * all as f64;
+            is_gone.then_some(if 2 * mismatched > out { Status::Diverged } else { Status::LeftImage })
         });
-        if left {
-            Status::LeftImage
+        if let Some(status) = out {
+            status
         } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
             Status::Diverged
         } else {
             outcome.status
         }
     }
+}
+
+/// Of two results of one frame the one that tells more: that which converged, else that which matches better, the
+/// second where they match alike.
+pub(super) fn better(first: Correlation, second: Correlation) -> Correlation {
+    let is_better = second.measurement.status == Status::Converged || second.worst_zone() >= first.worst_zone();
+    if is_better { second } else { first }
 }
 
 /// The number of halvings after which the largest zone is small enough to be searched, as far as the

@@ -1,7 +1,7 @@
 //! Where a frame starts of which nothing is known: the motions that are tried, and the correlation that decides.
 
 use super::correlation::{Correlation, StartUsed};
-use super::correlator::Correlator;
+use super::correlator::{Correlator, better};
 use super::error::CorrelationError;
 use super::features::Features;
 use super::level::Level;
@@ -37,7 +37,18 @@ impl Default for Tried {
 impl<B: Backend> Correlator<B> {
     /// Finds each zone on the coarsest level and iterates down the pyramid: near where it was, and in the whole image when
     /// it is not there, or when that does not end well.
+    ///
+    /// What does not converge even so is tried once more from there, smoothly and without what does not match.
     pub(super) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
+        let (found, tried) = self.search_once(frame)?;
+        if !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit) {
+            return Ok(found);
+        }
+        Ok(better(found, self.begun_from(frame, &tried, true)?))
+    }
+
+    /// The result, and the motions from which it was begun.
+    fn search_once(&self, frame: &mut B::Frame) -> Result<(Correlation, Vec<Tried>), CorrelationError> {
         let top = self.levels.len() - 1;
         let mesh = &self.levels[top].mesh;
         let deformed = self.backend.grey_map(frame, top);
@@ -50,28 +61,29 @@ impl<B: Backend> Correlator<B> {
             let everywhere = self.everywhere(frame, |zone| lost(&tried[zone]));
             self.try_motions(frame, &mut tried, everywhere)?;
         }
-        let found = self.begun_from(frame, &tried)?;
+        let found = self.begun_from(frame, &tried, false)?;
         if widely || !matches!(found.measurement.status, Status::Diverged | Status::LeftImage) {
-            return Ok(found);
+            return Ok((found, tried));
         }
         // What is dark or bright all over its length matches well anywhere along it.
         let left = found.measurement.status == Status::LeftImage;
         let everywhere = self.everywhere(frame, |zone| left || found.zones[zone].correlation < LOST);
         if everywhere.iter().all(Vec::is_empty) {
-            return Ok(found);
+            return Ok((found, tried));
         }
+        let first = tried.clone();
         for (tried, _) in tried.iter_mut().zip(&everywhere).filter(|(_, motions)| !motions.is_empty()) {
             *tried = Tried::default();
         }
         self.try_motions(frame, &mut tried, everywhere)?;
-        let again = self.begun_from(frame, &tried)?;
+        let again = self.begun_from(frame, &tried, false)?;
         let better = match (again.measurement.status, found.measurement.status) {
             (Status::Converged, _) | (Status::LeftImage, Status::Diverged) => true,
             // What is still in the image is measured.
             (Status::Diverged, Status::LeftImage) => false,
             _ => again.worst_zone() > found.worst_zone(),
         };
-        Ok(if better { again } else { found })
+        Ok(if better { (again, tried) } else { (found, first) })
     }
 
     /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
@@ -119,11 +131,19 @@ impl<B: Backend> Correlator<B> {
         Ok(())
     }
 
-    /// Iterates down the pyramid from the motion of each zone.
-    fn begun_from(&self, frame: &mut B::Frame, tried: &[Tried]) -> Result<Correlation, CorrelationError> {
+    /// Iterates down the pyramid from the motion of each zone, `smoothly` as long as it is not known what does not match.
+    fn begun_from(
+        &self,
+        frame: &mut B::Frame,
+        tried: &[Tried],
+        smoothly: bool,
+    ) -> Result<Correlation, CorrelationError> {
         let transfer = tried.iter().map(|tried| tried.transfer).collect();
         let motions: Vec<Motion> = tried.iter().map(|tried| tried.motion.clone()).collect();
         let displacement = self.moved(&self.levels[self.levels.len() - 1], &motions);
+        if smoothly {
+            return self.smooth_pyramid(frame, displacement, transfer, StartUsed::Cold);
+        }
         self.down_the_pyramid(frame, displacement, transfer, StartUsed::Cold)
     }
 

@@ -1,6 +1,7 @@
 //! The Gauss-Newton iteration on one level.
 
 use super::level::{Level, step_matrix};
+use super::regularisation::Regulariser;
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
 use crate::field::{RigidMotion, Status};
 use crate::linalg::Solver;
@@ -8,15 +9,21 @@ use crate::mesh::Mesh;
 use crate::units::Px;
 
 /// When to stop.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct Limits<'a> {
     pub tolerance_px: f64,
     /// Per node, what is good enough where corrections fall slowly, px: a tenth of its standard uncertainty. Empty where
     /// noise is not what slows them down.
     pub enough_px: &'a [f64],
     pub max_iterations: usize,
+    /// Corrections of this many element sizes belong to no displacement field.
+    pub wild_elements: f64,
     /// How far the field is turned.
     pub turn: Turn,
+    /// Whether the frame has lost elements already at its last evaluation, so that the first step needs its own solver.
+    pub own: bool,
+    /// What holds the displacement of the frame's own solver in place of what the level has.
+    pub regulariser: Option<&'a Regulariser>,
 }
 
 /// How far a field is turned as a whole, for steps: the normal matrix is made of gradients of the reference, which are
@@ -86,12 +93,14 @@ pub(super) struct Outcome<B: Backend> {
     pub turn: Turn,
 }
 
+/// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
+const HELD_SHARE: f64 = 1e-3;
 /// The frame's own matrix is renewed when the pixels counted have changed by this share since.
 const RENEW_SHARE: f64 = 2e-3;
 /// A correction that falls by less than this has stalled.
 const STALLED: f64 = 0.8;
-/// Corrections of this many element sizes belong to no displacement field.
-const WILD_ELEMENTS: f64 = 8.0;
+/// [`Limits::wild_elements`] of what nothing but the images holds.
+pub(super) const WILD_ELEMENTS: f64 = 8.0;
 
 /// Nothing follows the field but what its steps move.
 pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
@@ -134,13 +143,14 @@ pub(super) fn iterate<B: Backend>(
     // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
     let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
     for iteration in 1..=limits.max_iterations {
-        if let Some(counted) = counted_now
-            && counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted)
-        {
-            let (own, moments) = own_solver(backend, level, frame, field, options)?;
+        let renewed = counted_now
+            .filter(|counted| counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted));
+        let at_once = limits.own && iteration == 1;
+        if at_once || renewed.is_some() {
+            let (own, moments) = own_solver(backend, level, frame, field, options, limits.regulariser)?;
             outcome.own_moments = moments;
             outcome.own = Some(backend.solver(&level.prepared, own)?);
-            counted_then = Some(counted);
+            counted_then = renewed;
         }
         let solver = outcome.own.as_ref().unwrap_or(&level.solver);
         // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
@@ -154,11 +164,14 @@ pub(super) fn iterate<B: Backend>(
         outcome.worst_node = step.worst_node;
         outcome.gained = step.gained;
         counted_now = step.lossy.then_some(step.counted);
+        if at_once {
+            counted_then = Some(step.counted);
+        }
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
         }
-        if !correction.is_finite() || correction > WILD_ELEMENTS * size {
+        if !correction.is_finite() || correction > limits.wild_elements * size {
             outcome.status = Status::Diverged;
             break;
         }
@@ -202,14 +215,18 @@ fn own_solver<B: Backend>(
     frame: &mut B::Frame,
     field: &B::Field,
     options: &KernelOptions,
+    regulariser: Option<&Regulariser>,
 ) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
     let mut moments = level.moments.to_vec();
     for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
-        moments[element] = partial;
+        // What a penalty alone holds may move as a whole: a little of the texture that was there holds it.
+        let nothing_left = partial.n == 0.0 && regulariser.is_some();
+        moments[element] = if nothing_left { level.moments[element].scaled(HELD_SHARE) } else { partial };
     }
     let mut matrix = step_matrix(&level.mesh, &level.pattern, &moments, options, level.lambda);
     matrix.hold(&level.keep);
     // What the regularisation held with all pixels it may fail to hold with fewer: iterate then.
-    let regularised = level.regulariser.as_ref().and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
+    let regulariser = regulariser.or(level.regulariser.as_ref());
+    let regularised = regulariser.and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
     Ok((regularised.unwrap_or_else(|| Solver::iterative(matrix)), moments))
 }

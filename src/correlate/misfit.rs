@@ -32,13 +32,17 @@ const SAMPLE: usize = 1024;
 /// Elements beyond this many standard deviations do not say what the noise is.
 const OUTLYING: f64 = 3.5;
 
+/// Elements that match are enough to say what the noise of their zone is when they are more than this share of it.
+const LEAST_ALIKE: f64 = 0.15;
+
 /// What the test knows of an element before any frame.
 #[derive(Debug, Clone, Copy)]
 struct ElementTexture {
     /// Mean square of each component of the gradient, (grey levels per px)^2.
     gradient: [f64; 2],
-    /// Mean grey level.
+    /// Mean grey level, and variance about it.
     grey: f64,
+    variance: f64,
 }
 
 /// The elements of a reference as the test sees them.
@@ -59,6 +63,17 @@ pub(super) struct Excess {
     pub not_followed: Vec<f64>,
     /// Square of the displacement of each component not followed around each node, px^2: zero where nothing shows.
     pub nodes: Vec<[f64; 2]>,
+}
+
+/// What one element's residual is against that of its zone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Look {
+    /// Mean square of the residual over that of the noise of the zone, what the field leaves there everywhere included.
+    pub ratio: f64,
+    /// Displacement that would leave what is beyond, root mean square, px.
+    pub px: f64,
+    /// What is beyond, over the variance of the texture.
+    pub share: f64,
 }
 
 /// What the test takes of a frame.
@@ -116,7 +131,9 @@ impl MisfitTest {
             .iter()
             .map(|m| {
                 let n = m.n.max(1.0);
-                ElementTexture { gradient: [m.gradient_power(0) / n, m.gradient_power(2) / n], grey: m.f / n }
+                let grey = m.f / n;
+                let variance = m.ff / n - grey * grey;
+                ElementTexture { gradient: [m.gradient_power(0) / n, m.gradient_power(2) / n], grey, variance }
             })
             .collect();
         let mut around = vec![0.0; mesh.n_nodes()];
@@ -125,6 +142,11 @@ impl MisfitTest {
             nodes[..corners].iter().for_each(|&node| around[node as usize] += f64::from(u8::from(m.n > 0.0)));
         }
         Self { texture, around, gradient_noise_gain, fine }
+    }
+
+    /// Noise of the reference by its fine structure, which texture may add to, grey levels.
+    pub fn fine(&self) -> f64 {
+        self.fine
     }
 
     /// What the residual of a frame says.
@@ -179,6 +201,50 @@ impl MisfitTest {
         Excess { not_followed, nodes: sums.into_iter().enumerate().map(at_node).collect() }
     }
 
+    /// How far the residual of each element is beyond what that of its zone is; none of elements that say nothing.
+    /// Those `excluded` are looked at, but do not say what the noise is; nor do those whose correlation coefficient is
+    /// below `matched`, unless all but a few are.
+    pub fn looks(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> Vec<Option<Look>> {
+        let mut looks = vec![None; mesh.n_elements()];
+        for zone in 0..mesh.zones().len() {
+            let seen: Vec<Seen> =
+                mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
+            let kept = |one: &&Seen| !excluded[one.element];
+            let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= matched;
+            let n_alike = seen.iter().filter(alike).count();
+            let said: Vec<&Seen> = match n_alike as f64 > LEAST_ALIKE * seen.len() as f64 {
+                true => seen.iter().filter(alike).collect(),
+                false => seen.iter().filter(kept).collect(),
+            };
+            let sample: Vec<&Seen> = said.iter().step_by(said.len().div_ceil(SAMPLE).max(1)).copied().collect();
+            let in_both = self.gradient_noise_gain * gain.of_reference().powi(2);
+            let Some(mut noise) = zone_noise(&sample, frame.noise, self.fine, in_both) else { continue };
+            if sample.len() < ENOUGH {
+                // Of a few, one that is off must not say what the others are held against.
+                let mut sorted: Vec<f64> = sample.iter().map(|one| one.y).collect();
+                sorted.sort_by(f64::total_cmp);
+                noise.constant = noise.constant.min(sorted[(sorted.len() - 1) / 2]);
+            }
+            for one in &seen {
+                let expected = noise.at(one) + noise.everywhere * one.x;
+                let power = 0.5 * (self.texture[one.element].gradient[0] + self.texture[one.element].gradient[1]);
+                let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power);
+                let excess = one.gain * (one.y - expected).max(0.0);
+                let px = (excess / texture.max(f64::MIN_POSITIVE)).sqrt();
+                let share = excess / self.texture[one.element].variance.max(f64::MIN_POSITIVE);
+                looks[one.element] = Some(Look { ratio: one.y / expected.max(f64::MIN_POSITIVE), px, share });
+            }
+        }
+        looks
+    }
+
     fn seen(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>, element: usize) -> Option<Seen> {
         let found = &frame.elements[element];
         let nodes = mesh.elements()[element];
@@ -193,7 +259,7 @@ impl MisfitTest {
         let transfer = frame.transfer[mesh.element_zone()[element] as usize];
         let gain = gain.of_pair(u, transfer);
         let y = found.residual_rms.powi(2) * found.n / n / gain;
-        let ElementTexture { gradient, grey } = self.texture[element];
+        let ElementTexture { gradient, grey, .. } = self.texture[element];
         let known = n >= 4.0 && y.is_finite() && gain.is_finite() && gain > 0.0;
         known.then(|| Seen { element, n, gain, y, grey, x: 0.5 * (gradient[0] + gradient[1]) / gain })
     }

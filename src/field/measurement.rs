@@ -1,5 +1,6 @@
 //! A measured displacement field.
 
+use super::mark::{ElementMark, Marked};
 use crate::mesh::Mesh;
 use crate::units::{Length, Mm, PixelSize, Px, Vector};
 use serde::{Deserialize, Serialize};
@@ -140,6 +141,8 @@ pub struct Measurement<U: Length> {
     /// What the field may be off beyond noise, in `U`; `None` where nothing made an estimate, as in stores of earlier
     /// versions.
     pub model_error: Option<ModelError>,
+    /// What is the matter with each element; `None` where nobody looked, as in stores of earlier versions.
+    pub marks: Option<Vec<ElementMark>>,
 }
 
 impl Measurement<Px> {
@@ -162,11 +165,34 @@ impl Measurement<Px> {
                 nodes: sizes(&error.nodes),
                 misfit: error.misfit.iter().map(size).collect(),
             }),
+            marks: self.marks.clone(),
         }
     }
 }
 
 impl<U: Length> Measurement<U> {
+    /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where nobody
+    /// looked.
+    pub fn node_marks(&self) -> Option<Vec<ElementMark>> {
+        let marks = self.marks.as_ref()?;
+        let mut nodes = vec![ElementMark::None; self.mesh.n_nodes()];
+        for (of_element, &mark) in self.mesh.elements().iter().zip(marks) {
+            of_element.iter().for_each(|&node| nodes[node as usize] = nodes[node as usize].max(mark));
+        }
+        Some(nodes)
+    }
+
+    /// How many elements have each mark; empty where none has one, or nobody looked.
+    pub fn marked(&self) -> Vec<Marked> {
+        let marks = self.marks.as_deref().unwrap_or_default();
+        let count = |mark: ElementMark| marks.iter().filter(|&&found| found == mark).count();
+        let marked = |mark| {
+            let elements = count(mark);
+            Marked { mark, elements, percent: 100.0 * elements as f64 / marks.len().max(1) as f64 }
+        };
+        ElementMark::ALL.into_iter().map(marked).filter(|marked| marked.elements > 0).collect()
+    }
+
     /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is above
     /// [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
     pub fn doubtful(&self) -> Vec<bool> {
@@ -180,6 +206,16 @@ impl<U: Length> Measurement<U> {
         };
         let is_doubtful = |(s, &measured): (&[f64; 2], &bool)| measured && rms(s) > DOUBTFUL * median;
         self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
+    }
+
+    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose displacement is
+    /// marked as doubtful.
+    pub fn hatched(&self) -> Vec<bool> {
+        let nodes = self.doubtful();
+        let by_node = self.mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize]));
+        let marks = self.marks.as_deref().unwrap_or_default();
+        let is_marked = |element: usize| marks.get(element).is_some_and(|mark| *mark != ElementMark::None);
+        by_node.enumerate().map(|(element, by_node)| by_node || is_marked(element)).collect()
     }
 
     /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.

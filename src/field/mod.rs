@@ -1,6 +1,7 @@
 //! What a correlation gives: displacement fields with their uncertainty, strains and rigid motions; and the
 //! choices it is run with.
 
+mod mark;
 mod measurement;
 mod noise;
 mod options;
@@ -10,6 +11,7 @@ mod strain;
 mod strain_field;
 mod strain_window;
 
+pub use mark::{ElementMark, Marked};
 pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};

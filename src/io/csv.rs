@@ -1,6 +1,6 @@
 //! Displacement fields as tables of comma-separated values.
 
-use crate::field::{Measurement, StrainField, TensorStrain};
+use crate::field::{ElementMark, Measurement, StrainField, TensorStrain};
 use crate::units::{PixelSize, Px};
 use ::csv::{ReaderBuilder, StringRecord, WriterBuilder};
 use std::io::{self, Read, Write};
@@ -11,6 +11,7 @@ const WINDOW_COLUMNS: [&str; 6] =
     ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
 const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
+const MARK_COLUMN: &str = "mark";
 const MM_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"];
 
 /// Why a table of displacements cannot be read.
@@ -79,6 +80,8 @@ pub struct DisplacementRow {
     pub window_strain: Option<(TensorStrain, [f64; 3])>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
+    /// What is the matter with the elements of the node, the gravest mark of them, when the table has it.
+    pub mark: Option<ElementMark>,
     /// The values in millimetres, when the table was written with a pixel size.
     pub mm: Option<NodeValues>,
 }
@@ -88,7 +91,8 @@ pub struct DisplacementRow {
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
 /// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window with
 /// their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
-/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand last. Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
+/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand behind, and `mark` last, the name of what is the
+/// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
 /// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
 /// **y down**. Nodes are numbered from 0; one that was not measured has no row.
 ///
@@ -98,7 +102,7 @@ pub struct DisplacementRow {
 /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap();
 /// # let measurement = Measurement { mesh: mesh.into(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5], model_error: None };
+/// #     element_residual: vec![1.5], model_error: None, marks: None };
 /// let mut table = Vec::new();
 /// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None, None).unwrap();
 /// let table = String::from_utf8(table).unwrap();
@@ -126,6 +130,11 @@ pub fn write_displacements<W: Write>(
     if measurement.model_error.is_some() {
         writeln!(out, "# model_error is what u may be off beyond noise: mesh too coarse, misfit, regularisation")?;
     }
+    let marks = measurement.node_marks();
+    if marks.is_some() {
+        let names: Vec<&str> = ElementMark::ALL.iter().map(|mark| mark.name()).collect();
+        writeln!(out, "# mark says what is the matter with an element of the node: none, or {}", names.join(", "))?;
+    }
     if let Some(strain) = strain {
         let window = strain.window.iter().flat_map(|strains| strains.window.describe(strain.length_px));
         for line in strain.definition.describe(strain.length_px).into_iter().chain(window) {
@@ -143,7 +152,8 @@ pub fn write_displacements<W: Write>(
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
     let columns =
         ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(window_columns).chain(mm_columns);
-    table.write_record(columns.chain(model_columns))?;
+    let mark_column = marks.as_ref().map(|_| &MARK_COLUMN);
+    table.write_record(columns.chain(model_columns).chain(mark_column))?;
     let mesh = &measurement.mesh;
     for (node, &[x, y]) in mesh.nodes().iter().enumerate() {
         if !measurement.measured[node] {
@@ -169,7 +179,9 @@ pub fn write_displacements<W: Write>(
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
         let model = measurement.model_error.as_ref().map(|model| model.nodes[node].map(|v| v as f32));
         // A slice of none is no column.
-        table.serialize((node, zone, px, strain.as_slice(), window.as_slice(), mm.as_slice(), model.as_slice()))?;
+        let mark = marks.as_ref().map(|marks| marks[node].name());
+        let (strain, window, mm) = (strain.as_slice(), window.as_slice(), mm.as_slice());
+        table.serialize((node, zone, px, strain, window, mm, model.as_slice(), mark.as_slice()))?;
     }
     table.flush()
 }
@@ -196,6 +208,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     let px = find_all(&PX_COLUMNS)?;
     let (strain, mm) = (find_group(&STRAIN_COLUMNS)?, find_group(&MM_COLUMNS)?);
     let model = find_group(&MODEL_COLUMNS)?;
+    let mark = header.iter().position(|column| column == MARK_COLUMN);
     let window = find_group(&WINDOW_COLUMNS)?;
     let mut rows = Vec::new();
     for record in table.records() {
@@ -207,6 +220,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
             strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
             window_strain: window.as_ref().map(|columns| window_of(columns, &record)).transpose()?.flatten(),
             model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
+            mark: mark.and_then(|at| ElementMark::from_name(record.get(at)?)),
             mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?.map(NodeValues::from_columns),
         });
     }

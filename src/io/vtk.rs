@@ -1,6 +1,6 @@
 //! Displacement fields as files for ParaView: `.vtu` for one frame, `.pvd` for a series.
 
-use crate::field::{Measurement, Status, StrainField, TensorStrain, WindowStrains};
+use crate::field::{ElementMark, Measurement, Status, StrainField, TensorStrain, WindowStrains};
 use crate::units::Px;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -40,7 +40,8 @@ pub enum VtkError {
 /// closes no hole. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
 /// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px` of the
-/// elements ([`crate::field::ModelError`]). With a `strain`, `strain_node` and `strain_element`: three components exx,
+/// elements ([`crate::field::ModelError`]), and `mark` of both, what is the matter with an element ([`ElementMark::code`]).
+/// With a `strain`, `strain_node` and `strain_element`: three components exx,
 /// eyy, exy without dimension, NaN where they are not known; with one over a window of nodes `strain_window` and
 /// `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
 /// and `dynamic_range_grey`. A comment at
@@ -80,6 +81,8 @@ pub fn write_vtu<W: Write>(
     let model_error: Option<Vec<[f32; 3]>> =
         model.map(|model| spatial(&model.nodes).into_iter().map(|v| v.map(|v| v as f32)).collect());
     let misfit: Option<Vec<f32>> = model.map(|model| model.misfit.iter().map(|&v| v as f32).collect());
+    let codes = |marks: Vec<ElementMark>| -> Vec<u8> { marks.into_iter().map(ElementMark::code).collect() };
+    let (mark_nodes, mark) = (measurement.node_marks().map(codes), measurement.marks.clone().map(codes));
     let zone: Vec<i32> = mesh.element_zone().iter().map(|&zone| zone as i32).collect();
     // Signed, as VTK itself does: meshio turns unsigned node numbers into floats.
     let connectivity: Vec<i64> = mesh.elements().iter().flatten().map(|&node| i64::from(node)).collect();
@@ -111,6 +114,7 @@ pub fn write_vtu<W: Write>(
                     vectors(xml, "sigma_px", &sigma)?;
                     model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
                     scalars(xml, "measured", &measured)?;
+                    mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
                     scalars(xml, GHOSTS, &hidden)?;
                     strain.map_or(Ok(()), |strain| strains(xml, "strain_node", &strain.nodes))?;
                     strain.and_then(|strain| strain.window.as_ref()).map_or(Ok(()), |strains| window(xml, strains))
@@ -119,6 +123,7 @@ pub fn write_vtu<W: Write>(
                     scalars(xml, "residual_grey", &residual)?;
                     scalars(xml, "residual_percent", &residual_percent)?;
                     misfit.as_ref().map_or(Ok(()), |misfit| scalars(xml, "misfit_px", misfit))?;
+                    mark.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
                     scalars(xml, "zone", &zone)?;
                     scalars(xml, GHOSTS, &hidden_cells)?;
                     strain.map_or(Ok(()), |strain| strains(xml, "strain_element", &strain.elements))

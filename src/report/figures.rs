@@ -103,7 +103,7 @@ impl<'a> Frame<'a> {
             opacity: if signed { 0.8 } else { 0.7 },
             pixel_size: options.pixel_size,
             line: options.line,
-            hatched: self.hatched(),
+            hatched: self.measurement.hatched(),
             notes: self.notes(figure, unit, &values),
             ..MapOptions::new(format!("{title}, frame {}", self.number), format!("{title} ({unit})"))
         };
@@ -157,12 +157,6 @@ impl<'a> Frame<'a> {
                 }
             }
         })
-    }
-
-    /// Elements with a node of large standard uncertainty.
-    fn hatched(&self) -> Vec<bool> {
-        let elements = self.measurement.mesh.elements().iter();
-        elements.map(|nodes| nodes.iter().any(|&node| self.doubtful[node as usize])).collect()
     }
 
     /// What stands below a map: its extremes, what a strain is, files.
@@ -233,6 +227,15 @@ impl<'a> Frame<'a> {
 
     /// The same with what is said below every map.
     fn with_files(&self, mut notes: Vec<String>) -> Vec<String> {
+        let marked = self.measurement.marked();
+        if marked.iter().any(|marked| !marked.mark.is_left_out()) {
+            notes.push("hatched: the residual is beyond noise, the displacement doubtful".to_owned());
+        }
+        let left_out: Vec<String> =
+            marked.iter().filter(|marked| marked.mark.is_left_out()).map(ToString::to_string).collect();
+        if !left_out.is_empty() {
+            notes.push(format!("left out: {}", left_out.join("; ")));
+        }
         notes.extend(self.measurement.misfit().map(|misfit| misfit.to_string()));
         notes.extend(self.options.notes.iter().cloned());
         notes

@@ -4,7 +4,7 @@ use super::over_image::{Bar, FigureLayout, View, Words};
 use super::scale::{LARGEST, Palette, Range, colour};
 use super::scene::{BLACK, Path, Scene, Stroke, WHITE};
 use super::{Backdrop, Picture, ReportError};
-use crate::field::{Measurement, Status};
+use crate::field::{ElementMark, Measurement, Status};
 use crate::imaging::Image;
 use crate::units::{PixelSize, Px};
 
@@ -118,9 +118,10 @@ pub(super) fn nodal_cells(measurement: &Measurement<Px>, values: &[f64]) -> Resu
         return Err(ReportError::Length { what: "nodes", expected: mesh.n_nodes(), got: values.len() });
     }
     let usable = |node: usize| measurement.measured[node] && values[node].abs() <= LARGEST;
-    let cells = mesh.elements().iter().map(|nodes| {
+    let cells = mesh.elements().iter().enumerate().map(|(element, nodes)| {
         let nodes = nodes.map(|node| node as usize);
-        nodes.iter().all(|&node| usable(node)).then(|| nodes.map(|node| values[node]))
+        let shown = nodes.iter().all(|&node| usable(node)) && !mark_of(measurement, element).is_left_out();
+        shown.then(|| nodes.map(|node| values[node]))
     });
     Ok(cells.collect())
 }
@@ -130,11 +131,16 @@ pub(super) fn element_cells(measurement: &Measurement<Px>, values: &[f64]) -> Re
     if values.len() != mesh.n_elements() {
         return Err(ReportError::Length { what: "elements", expected: mesh.n_elements(), got: values.len() });
     }
-    let cells = mesh.elements().iter().zip(values).map(|(nodes, &value)| {
-        let measured = nodes.iter().all(|&node| measurement.measured[node as usize]);
+    let cells = mesh.elements().iter().zip(values).enumerate().map(|(element, (nodes, &value))| {
+        let measured = nodes.iter().all(|&node| measurement.measured[node as usize])
+            && !mark_of(measurement, element).is_left_out();
         (measured && value.abs() <= LARGEST).then_some([value; 4])
     });
     Ok(cells.collect())
+}
+
+fn mark_of(measurement: &Measurement<Px>, element: usize) -> ElementMark {
+    measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[element])
 }
 
 /// What must be said about a frame: how it ended, where not well, and that there is nothing to see.

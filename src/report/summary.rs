@@ -6,7 +6,7 @@ use crate::correlate::{
     Ambiguity, Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault,
     ZoneResult,
 };
-use crate::field::{Measurement, Misfit, RigidMotion, Status};
+use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
@@ -202,6 +202,9 @@ pub struct FrameSummary {
     /// The elements whose residual is beyond noise: the field is not followed there. Absent when there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub misfit: Option<Misfit>,
+    /// How many elements are marked, by what is the matter with them; absent where none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marked: Vec<Marked>,
     /// What the displacements may be off beyond noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error: Option<ModelErrorSummary>,
@@ -385,6 +388,7 @@ impl FrameSummary {
             elements_poor: 0,
             ambiguity: None,
             misfit: None,
+            marked: Vec::new(),
             model_error: None,
             saturated_percent: None,
             blank: None,
@@ -450,6 +454,7 @@ impl FrameSummary {
             elements_poor: result.poor_elements,
             ambiguity: result.ambiguity.clone(),
             misfit: field.and_then(Measurement::misfit),
+            marked: result.measurement.marked(),
             model_error: field.and_then(ModelErrorSummary::of),
             saturated_percent: None,
             blank: None,

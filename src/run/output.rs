@@ -84,6 +84,9 @@ impl Output<'_> {
                 files.push(vtu_name(number).into());
             }
         }
+        if let Some(Correlation { measurement, .. }) = result.as_ref().filter(|_| !status.has_field()) {
+            store.write_residual(number, measurement)?;
+        }
         let tracked = result.as_ref().filter(|_| plan.options.start == StartFrom::Previous);
         let record = FrameRecord::new(folder.path(), summary, sha256, tracked, files)?;
         folder.write(&FrameRecord::name(number), |out| Ok(serde_json::to_writer(out, &record)?))?;

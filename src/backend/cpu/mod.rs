@@ -128,6 +128,19 @@ pub struct CpuField {
     light: Option<Vec<Light>>,
     /// Elements that have left the deformed image.
     out: Vec<bool>,
+    /// Elements that are left out of all sums; empty where none is. Theirs are kept but for the right-hand side.
+    excluded: Vec<bool>,
+}
+
+impl CpuField {
+    fn is_excluded(&self, element: usize) -> bool {
+        self.excluded.get(element).is_some_and(|&excluded| excluded)
+    }
+
+    /// The sums of an element; none of one that is excluded.
+    fn sums_of(&self, element: usize) -> ElementSums {
+        if self.is_excluded(element) { ElementSums::default() } else { self.sums[element] }
+    }
 }
 
 impl CpuLevel {
@@ -190,6 +203,9 @@ impl CpuLevel {
                 }
             }
         });
+        for (sums, _) in field.sums.iter_mut().zip(&field.excluded).filter(|(_, excluded)| **excluded) {
+            sums.b = [0.0; 8];
+        }
     }
 
     fn pixel_sums(&self, element: usize, sums: &ElementSums) -> PixelSums {
@@ -214,7 +230,7 @@ impl CpuLevel {
             .map(|zone| {
                 let mut total = PixelSums::default();
                 for element in self.mesh.zone_elements(zone) {
-                    total.add(&self.pixel_sums(element, &field.sums[element]));
+                    total.add(&self.pixel_sums(element, &field.sums_of(element)));
                 }
                 total
             })
@@ -351,6 +367,7 @@ impl Backend for CpuBackend {
             element_transfer: vec![(1.0, 0.0); n],
             light: None,
             out: vec![false; n],
+            excluded: Vec::new(),
         })
     }
 
@@ -428,14 +445,14 @@ impl Backend for CpuBackend {
             }
         }
         level.fit_transfer(&zones, field);
-        let kept = |(sums, whole): (&ElementSums, &[f64; 3])| f64::from(sums.n) < (1.0 - LOST_SHARE) * whole[0];
+        let lossy = |element: usize| f64::from(field.sums_of(element).n) < (1.0 - LOST_SHARE) * level.whole[element][0];
         Ok(Step {
             correction_px: largest,
             worst_node,
             correlation: smallest(&mut correlations.iter().copied()),
             gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
             counted: zones.iter().map(|zone| zone.n).sum(),
-            lossy: field.sums.iter().zip(&level.whole).any(kept),
+            lossy: (0..field.sums.len()).any(lossy),
         })
     }
 
@@ -446,10 +463,10 @@ impl Backend for CpuBackend {
         field: &CpuField,
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
         let deformed = frame.coefficients(self, level.level)?;
-        let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums[e].n) < level.whole[e][0]);
+        let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums_of(e).n) < level.whole[e][0]);
         Ok(lost
             .map(|at| {
-                if field.sums[at].n == 0.0 {
+                if field.sums_of(at).n == 0.0 {
                     return (at, ElementMoments::default());
                 }
                 let element = &level.reference.elements[at];
@@ -476,8 +493,47 @@ impl Backend for CpuBackend {
         _: &mut CpuFrame,
         field: &CpuField,
     ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
-        let sums = field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect();
+        let sums = (0..field.sums.len()).map(|at| level.pixel_sums(at, &field.sums_of(at))).collect();
         Ok((sums, level.transfer(field)))
+    }
+
+    fn exclude(
+        &self,
+        _: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &mut CpuField,
+        excluded: &[bool],
+    ) -> Result<(), BackendError> {
+        let any = excluded.contains(&true);
+        field.excluded = if any { excluded.to_vec() } else { Vec::new() };
+        for (sums, _) in field.sums.iter_mut().zip(&field.excluded).filter(|(_, excluded)| **excluded) {
+            sums.b = [0.0; 8];
+        }
+        Ok(())
+    }
+
+    fn all_sums(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Vec<PixelSums>, BackendError> {
+        Ok(field.sums.iter().enumerate().map(|(at, sums)| level.pixel_sums(at, sums)).collect())
+    }
+
+    fn place(
+        &self,
+        _: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &mut CpuField,
+        displacement: &[[f64; 2]],
+    ) -> Result<(), BackendError> {
+        field.displacement.copy_from_slice(displacement);
+        Ok(())
+    }
+
+    fn started(
+        &self,
+        _: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &CpuField,
+    ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError> {
+        Ok(field.started.clone())
     }
 
     fn light(
@@ -496,11 +552,11 @@ impl Backend for CpuBackend {
     }
 
     fn found(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {
-        let sums = field.sums.iter().enumerate();
+        let sums = (0..field.sums.len()).map(|at| level.pixel_sums(at, &field.sums_of(at)));
         Ok(Found {
             displacement: field.displacement.clone(),
             zones: level.zone_sums(field),
-            elements: sums.map(|(at, sums)| ElementMatch::from(&level.pixel_sums(at, sums))).collect(),
+            elements: sums.map(|sums| ElementMatch::from(&sums)).collect(),
             transfer: level.transfer(field),
         })
     }

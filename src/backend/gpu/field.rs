@@ -39,6 +39,11 @@ pub struct GpuField {
     solving: Option<(u64, Vec<(Bound, u32)>)>,
 }
 
+/// Where the sums of an element say whether it is left out, and what they say of one that the host has excluded; as in
+/// shaders/shared/types.wgsl.
+const OUT: usize = 15;
+const EXCLUDED: f32 = 2.0;
+
 /// Constants of the correction.
 fn correct(gpu: &Gpu, n_nodes: usize, scale: [f64; 2]) -> Buffer {
     let [cos, sin] = scale.map(|v| v as f32);
@@ -297,7 +302,8 @@ impl GpuField {
         let n_elements = level.mesh.n_elements();
         let bytes = gpu.record().fetch(&[(&self.sums, (4 * SUMS * n_elements) as u64)], traffic)?;
         let counted = values::<f32>(&bytes);
-        let counted = (0..).zip(counted.chunks_exact(SUMS).map(|sums| f64::from(sums[8])));
+        let count = |sums: &[f32]| if sums[OUT] == EXCLUDED { 0.0 } else { f64::from(sums[8]) };
+        let counted = (0..).zip(counted.chunks_exact(SUMS).map(count));
         let lost = counted.filter(|&(element, n)| n < level.pixels_of(element as usize));
         Ok(lost.map(|(element, n)| (element, n > 0.0)).collect())
     }
@@ -319,12 +325,57 @@ impl GpuField {
         Ok(evaluated)
     }
 
-    /// The sums of the last evaluation, per element.
+    /// Leaves the elements where `excluded` is true out of all sums, and takes the others back.
+    pub(super) fn exclude(
+        &self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        traffic: &mut Traffic,
+        excluded: &[bool],
+    ) -> Result<(), BackendError> {
+        let bytes = gpu.record().fetch(&[(&self.sums, (4 * SUMS * level.mesh.n_elements()) as u64)], traffic)?;
+        let mut sums = values::<f32>(&bytes);
+        for (sums, &excluded) in sums.chunks_exact_mut(SUMS).zip(excluded) {
+            if excluded {
+                sums[..8].fill(0.0);
+                sums[OUT] = EXCLUDED;
+            } else if sums[OUT] == EXCLUDED {
+                sums[OUT] = 0.0;
+            }
+        }
+        traffic.bytes_up += gpu.write(&self.sums, &sums);
+        Ok(())
+    }
+
+    /// Puts the field to `displacement`.
+    pub(super) fn place(&mut self, gpu: &Gpu, traffic: &mut Traffic, displacement: &[[f64; 2]]) {
+        let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
+        traffic.bytes_up += gpu.write(&self.displacement, &displacement);
+        self.added = [0.0; 2];
+    }
+
+    /// Displacement and transfer at the start.
+    pub(super) fn started(
+        &self,
+        gpu: &Gpu,
+        traffic: &mut Traffic,
+    ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError> {
+        let of_nodes = 16 * self.n_nodes;
+        let parts = [(&self.started[0], of_nodes as u64), (&self.started[1], 8 * self.n_zones as u64)];
+        let bytes = gpu.record().fetch(&parts, traffic)?;
+        let (nodes, zones) = bytes.split_at(of_nodes);
+        let transfer = |&[gain, offset]: &[f32; 2]| GreyTransfer { gain: gain.into(), offset: offset.into() };
+        let displacement = values::<Displacement>(nodes).iter().map(position).collect();
+        Ok((displacement, values::<[f32; 2]>(zones).iter().map(transfer).collect()))
+    }
+
+    /// The sums of the last evaluation, per element; with `all` of excluded elements too.
     pub(super) fn element_sums(
         &self,
         gpu: &Gpu,
         level: &GpuLevel,
         traffic: &mut Traffic,
+        all: bool,
     ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
         let n_elements = level.mesh.n_elements();
         let parts = [(&self.sums, (4 * SUMS * n_elements) as u64), (&self.zones, self.zone_bytes())];
@@ -334,7 +385,7 @@ impl GpuField {
         let of_element = |(element, sums): (usize, &[f32])| {
             let [n_all, f, ff] = level.whole(element);
             let at = |k: usize| f64::from(sums[k]);
-            if sums[8] == 0.0 {
+            if sums[8] == 0.0 || (sums[OUT] == EXCLUDED && !all) {
                 return PixelSums { n_all, ..PixelSums::default() };
             }
             let [n, rr, g, gg, fg] = [8, 9, 10, 11, 12].map(at);

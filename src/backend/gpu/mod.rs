@@ -228,7 +228,46 @@ impl Backend for GpuBackend {
         frame: &mut GpuFrame,
         field: &GpuField,
     ) -> Result<(Vec<PixelSums>, Vec<GreyTransfer>), BackendError> {
-        field.element_sums(&self.gpu, level, &mut frame.traffic)
+        field.element_sums(&self.gpu, level, &mut frame.traffic, false)
+    }
+
+    fn exclude(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+        excluded: &[bool],
+    ) -> Result<(), BackendError> {
+        field.exclude(&self.gpu, level, &mut frame.traffic, excluded)
+    }
+
+    fn all_sums(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<Vec<PixelSums>, BackendError> {
+        Ok(field.element_sums(&self.gpu, level, &mut frame.traffic, true)?.0)
+    }
+
+    fn place(
+        &self,
+        _: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+        displacement: &[[f64; 2]],
+    ) -> Result<(), BackendError> {
+        field.place(&self.gpu, &mut frame.traffic, displacement);
+        Ok(())
+    }
+
+    fn started(
+        &self,
+        _: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &GpuField,
+    ) -> Result<(Vec<[f64; 2]>, Vec<GreyTransfer>), BackendError> {
+        field.started(&self.gpu, &mut frame.traffic)
     }
 
     fn light(

@@ -55,7 +55,7 @@ impl PointValues {
 /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
 /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
 /// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-/// #     element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
+/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, mesh: mesh.into(), displacement };
 /// let noise = NodalNoise::new(&field.mesh, &field.measured);
 /// let there = at_point(&field, &noise, StrainDefinition::Infinitesimal, [10.0, 7.0]).unwrap();
 /// assert!((there.displacement[0] - 0.1).abs() < 1e-12 && there.sigma[0] < 0.01);

@@ -69,7 +69,7 @@ pub struct RigidRemoved {
 /// # let displacement: Vec<_> =
 /// #     mesh.nodes().iter().map(|[x, y]| [(cos - 1.0) * x - sin * y, sin * x + (cos - 1.0) * y]).collect();
 /// # let turned = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-/// #     element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
+/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, mesh: mesh.into(), displacement };
 /// let (left, removed) = remove_rigid(&turned, RemoveRigid::All); // a rotation by 0.1
 /// assert!(left.displacement.iter().flatten().all(|u| u.abs() < 1e-12));
 /// assert!((removed[0].motion.rotation_rad - 0.1).abs() < 1e-12);

@@ -54,7 +54,12 @@ pub enum Variable {
     ModelError,
     /// Displacement that the elements do not follow; not in stores of earlier versions.
     Misfit,
+    /// What is the matter with each element; not in stores of earlier versions.
+    Mark,
 }
+
+/// The mark of an element of which nobody knows.
+pub(super) const UNKNOWN_MARK: u8 = 255;
 
 /// Where the values of a [`Variable`] live.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +82,7 @@ impl Place {
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 10] = [
+    pub const ALL: [Variable; 11] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
@@ -88,6 +93,7 @@ impl Variable {
         Variable::Residual,
         Variable::ModelError,
         Variable::Misfit,
+        Variable::Mark,
     ];
 
     /// Name of the array in the store and in exported files.
@@ -103,6 +109,7 @@ impl Variable {
             Variable::Residual => "residual_grey",
             Variable::ModelError => "model_error_px",
             Variable::Misfit => "misfit_px",
+            Variable::Mark => "mark",
         }
     }
 
@@ -114,7 +121,8 @@ impl Variable {
             | Variable::StrainElement
             | Variable::StrainNode
             | Variable::StrainWindow
-            | Variable::SigmaStrainWindow => "1",
+            | Variable::SigmaStrainWindow
+            | Variable::Mark => "1",
             Variable::Residual => "grey levels",
         }
     }
@@ -147,6 +155,11 @@ impl Variable {
             Variable::Misfit => {
                 "displacement that the element does not follow, root mean square; 0 where its residual is not beyond noise"
             }
+            Variable::Mark => {
+                "what is the matter with the element: 0 nothing, 1 misfit (residual beyond noise), 2 still while the specimen \
+                 moves; left out of the frame: 3 no texture, 4 left the image, 5 saturated, 6 covered, torn or no match; 255 \
+                 not known"
+            }
         }
     }
 
@@ -160,7 +173,7 @@ impl Variable {
             | Variable::StrainWindow
             | Variable::SigmaStrainWindow
             | Variable::ModelError => Place::Nodes,
-            Variable::StrainElement | Variable::Residual | Variable::Misfit => Place::Elements,
+            Variable::StrainElement | Variable::Residual | Variable::Misfit | Variable::Mark => Place::Elements,
         }
     }
 
@@ -171,7 +184,7 @@ impl Variable {
             Variable::StrainElement | Variable::StrainNode | Variable::StrainWindow | Variable::SigmaStrainWindow => {
                 &["exx", "eyy", "exy"]
             }
-            Variable::Measured | Variable::Residual | Variable::Misfit => &[],
+            Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark => &[],
         }
     }
 
@@ -184,7 +197,7 @@ impl Variable {
 impl Variable {
     /// Whether every store has it: those of earlier versions do not have all.
     pub fn is_in_every_store(self) -> bool {
-        !matches!(self, Variable::ModelError | Variable::Misfit) && !self.is_of_window()
+        !matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark) && !self.is_of_window()
     }
 
     /// Whether it is of strains over a window of nodes, which not every run asks for.
@@ -201,7 +214,7 @@ impl Variable {
     pub fn number(self) -> Number {
         match self {
             Variable::Displacement => Number::F64,
-            Variable::Measured => Number::U8,
+            Variable::Measured | Variable::Mark => Number::U8,
             _ => Number::F32,
         }
     }

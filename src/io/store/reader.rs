@@ -3,10 +3,11 @@
 use super::attributes::Attributes;
 use super::folder::Folder;
 use super::layout::{
-    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, Variable, codec_options,
+    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, UNKNOWN_MARK, Variable,
+    codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
-use crate::field::{Measurement, ModelError, Status, StrainField, TensorStrain, WindowStrains};
+use crate::field::{ElementMark, Measurement, ModelError, Status, StrainField, TensorStrain, WindowStrains};
 use crate::io::arrays::{Number, Values};
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
@@ -237,8 +238,52 @@ impl Store {
             return Err(self.damaged_variable(number, Variable::Residual, reason));
         }
         let model_error = self.model_error(number, &measured)?;
-        let measurement = Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error };
+        let marks = self.marks(number)?;
+        let measurement =
+            Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error, marks };
         Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+    }
+
+    /// Of frame `number` (from 1), which diverged, its status and the residual of its elements, which shows why and is no
+    /// measurement: all displacements are zero. `None` of frames with a field, and where no residual was kept.
+    ///
+    /// # Errors
+    /// As [`Store::frame`], but for chunks that are not there.
+    pub fn without_field(&self, number: usize) -> Result<Option<StoredFrame>, StoreError> {
+        let Some(status) = self.status(number)?.filter(|status| *status == Status::Diverged) else { return Ok(None) };
+        let element_residual = match self.variable(number, Variable::Residual) {
+            Ok(values) => doubles(&values),
+            Err(StoreError::MissingChunk { .. }) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let n = self.mesh().n_nodes();
+        let measurement = Measurement {
+            mesh: self.mesh().clone(),
+            status,
+            displacement: vec![[0.0; 2]; n],
+            sigma: vec![[0.0; 2]; n],
+            measured: vec![true; n],
+            element_residual,
+            model_error: None,
+            marks: None,
+        };
+        Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+    }
+
+    /// What is the matter with the elements of a frame; none in a store of an earlier version, or where nobody looked.
+    fn marks(&self, number: usize) -> Result<Option<Vec<ElementMark>>, StoreError> {
+        if !self.has(Variable::Mark) {
+            return Ok(None);
+        }
+        let codes: Vec<u8> = self.variable(number, Variable::Mark)?;
+        if codes.iter().all(|&code| code == UNKNOWN_MARK) {
+            return Ok(None);
+        }
+        let mark = |(element, &code): (usize, &u8)| {
+            let reason = || format!("the mark of element {element} is {code}, which is none");
+            ElementMark::from_code(code).ok_or_else(|| self.damaged_variable(number, Variable::Mark, reason()))
+        };
+        codes.iter().enumerate().map(mark).collect::<Result<_, _>>().map(Some)
     }
 
     /// What the field of a frame may be off beyond noise; none in a store of an earlier version, or where it was not known.

@@ -2,10 +2,12 @@
 
 use super::attributes::Attributes;
 use super::folder::{Folder, PART};
-use super::layout::{Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, Variable, codec_options};
+use super::layout::{
+    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, UNKNOWN_MARK, Variable, codec_options,
+};
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
-use crate::field::{Measurement, Status, StrainField, TensorStrain};
+use crate::field::{Measurement, Status, StrainDefinition, StrainField, TensorStrain};
 use crate::linalg::ElementMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -28,7 +30,7 @@ const ROOM_AHEAD: usize = 64;
 /// # let mesh = std::sync::Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap());
 /// # let measurement = Measurement { mesh: mesh.clone(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5], model_error: None };
+/// #     element_residual: vec![1.5], model_error: None, marks: None };
 /// # let header = StoreHeader { quadrille: "0.1.0".into(), device: "cpu".into(), mesh, image_size_px: [32, 32],
 /// #     reference: vec!["ref.tif".into()], reference_sha256: vec![String::new()],
 /// #     frames: vec!["a.tif".into(), "b.tif".into()], pixel_size: None, range_grey: 255.0,
@@ -223,6 +225,32 @@ impl StoreWriter {
         Ok(())
     }
 
+    /// Writes the residual and the marks of frame `number` (from 1), which has no field: they show why, and are no
+    /// measurement. See [`Store::without_field`].
+    ///
+    /// # Errors
+    /// A number that the series does not have, residuals of another mesh, and what the file system refuses.
+    pub fn write_residual(&self, number: usize, measurement: &Measurement<Px>) -> Result<(), StoreError> {
+        self.check_number(number)?;
+        let (found, wanted) = (measurement.element_residual.len(), self.mesh.n_elements());
+        if found != wanted {
+            return Err(StoreError::WrongSize { number, what: "residuals", found, wanted });
+        }
+        let nothing = StrainField {
+            definition: StrainDefinition::Infinitesimal,
+            elements: Vec::new(),
+            nodes: Vec::new(),
+            length_px: 0.0,
+            window: None,
+        };
+        for (variable, array) in &self.variables {
+            if matches!(variable, Variable::Residual | Variable::Mark) {
+                self.write_variable(number, *variable, array, measurement, &nothing)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The folder of the store.
     pub fn path(&self) -> &Path {
         self.folder.path()
@@ -330,6 +358,7 @@ impl StoreWriter {
         let sizes = [
             ("model errors", model.map_or(nodes, |model| model.nodes.len()), nodes),
             ("misfits", model.map_or(elements, |model| model.misfit.len()), elements),
+            ("marks of elements", measurement.marks.as_ref().map_or(elements, Vec::len), elements),
             ("displacements", measurement.displacement.len(), nodes),
             ("standard uncertainties", measurement.sigma.len(), nodes),
             ("marks of measured nodes", measurement.measured.len(), nodes),
@@ -385,6 +414,11 @@ impl StoreWriter {
                 let unknown = vec![f64::NAN; self.mesh.n_elements()];
                 let known = measurement.model_error.as_ref().map(|model| singles(&model.misfit));
                 self.chunk(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
+            }
+            Variable::Mark => {
+                let known = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
+                let codes: Vec<u8> = known.unwrap_or_else(|| vec![UNKNOWN_MARK; self.mesh.n_elements()]);
+                self.chunk(array, &at, codes.as_slice())
             }
         }
     }

@@ -199,7 +199,9 @@ impl CorrelationReport<'_> {
         let mut picture = sheet.picture.clone();
         layer.over(&mut picture.rgb, OPACITY);
         let mut hatch = sheet.layer();
-        for (nodes, _) in shown().filter(|(nodes, _)| is_doubtful(nodes)) {
+        let hatched = frame.field.hatched();
+        let drawn = mesh.elements().iter().zip(&cells).zip(hatched);
+        for ((nodes, _), _) in drawn.filter(|((_, cell), hatched)| *hatched && cell.is_some()) {
             hatch.hatch(nodes.map(|node| sheet.place(mesh.nodes()[node as usize])), [WHITE, BLACK]);
         }
         hatch.over(&mut picture.rgb, 1.0);

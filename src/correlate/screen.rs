@@ -1,0 +1,513 @@
+//! Elements give up, not frames: those that do not match are left out of the sums of one frame (docs/correlation.md,
+//! section 2.8.1).
+//!
+//! A frame that converges is tested once, by the residual of its elements against that of their zone; where all match, which
+//! is the rule, nothing more is done. Else those that do not are left out, the rest is iterated on with its own matrix, and all
+//! are tested again, those left out where the field around them would put them: some come back.
+//!
+//! A frame that does not converge is tried once more with a penalty that keeps the field smooth until the elements that
+//! do not match are known: what one of them does then spreads no further than the penalty's length.
+
+use super::correlation::{Correlation, StartUsed};
+use super::correlator::{Correlator, MATCHED};
+use super::error::CorrelationError;
+use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
+use super::level::{Level, step_matrix, support};
+use super::light::{Light, Seen};
+use super::misfit::{Look, Residuals};
+use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
+use crate::backend::{Backend, ElementMatch, Found, GreyTransfer};
+use crate::field::{Brightness, Status};
+use crate::mesh::Mesh;
+use crate::units::Px;
+
+/// An element is left out when its mean square residual exceeds that of its zone by this factor (twice in amplitude)
+const OUT_RATIO: f64 = 4.0;
+/// and leaves this displacement, px, or this share of the variance of its texture, unexplained: what a field of smooth
+/// displacement does not follow is less.
+const OUT_PX: f64 = 0.5;
+const OUT_SHARE: f64 = 0.3;
+/// It comes back below any of these.
+const BACK_RATIO: f64 = 2.25;
+const BACK_PX: f64 = 0.35;
+const BACK_SHARE: f64 = 0.15;
+/// Rounds of leaving out and taking back, at most; and how often an element may be left out before it stays so.
+const ROUNDS: usize = 8;
+const TIMES: u8 = 2;
+/// A zone of which less than this share of elements is left has no field.
+pub(super) const LEAST_LEFT: f64 = 0.2;
+/// Cut-off length of the penalty of a second try, in elements.
+const SMOOTH_ELEMENTS: f64 = 6.0;
+/// Limits of the smooth iterations of a second try.
+const SMOOTH_TOLERANCE_PX: f64 = 0.02;
+const SMOOTH_ITERATIONS: usize = 15;
+/// A node that leaves the smooth field by more than this, px, has gone astray.
+const ASTRAY_PX: f64 = 1.5;
+/// and when the field has run away by this share of the furthest.
+const AWAY: f64 = 0.25;
+/// Iterations after which the rest has to have settled, and what a node may still move by then, px: elements around
+/// nodes that wander on do not hold them.
+const REST_ITERATIONS: usize = 20;
+const SETTLED_PX: f64 = 0.02;
+/// How often elements that hinder the rest are left out before the frame is given up; each time half of what a node may still
+/// move by is left.
+const TRIES: i32 = 8;
+
+impl<B: Backend> Correlator<B> {
+    /// How far the residual of each element is beyond that of its zone.
+    fn looks(&self, elements: &[ElementMatch], found: &Found, excluded: &[bool]) -> Vec<Option<Look>> {
+        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
+        let residuals = Residuals {
+            elements,
+            displacement: &found.displacement,
+            transfer: &found.transfer,
+            freedom: &self.spread.freedom,
+            freedom_of_element: of_element,
+            noise: self.options.noise.constant(),
+        };
+        self.misfit_test.looks(self.mesh(), &self.noise_gain, &residuals, excluded, MATCHED)
+    }
+
+    /// The elements to leave out from now on.
+    fn tested(
+        &self,
+        elements: &[ElementMatch],
+        found: &Found,
+        excluded: &[bool],
+        times: &mut [u8],
+        back: bool,
+    ) -> Vec<bool> {
+        let looks = self.looks(elements, found, excluded);
+        let is_out = |(element, look): (usize, Option<Look>)| {
+            let was = excluded[element];
+            let Some(Look { ratio, px, share }) = look else { return was };
+            if was {
+                let stays = !back || times[element] >= TIMES;
+                return stays || (ratio > BACK_RATIO && (px > BACK_PX || share > BACK_SHARE));
+            }
+            let out = ratio > OUT_RATIO && (px > OUT_PX || share > OUT_SHARE);
+            times[element] += u8::from(out);
+            out
+        };
+        looks.into_iter().enumerate().map(is_out).collect()
+    }
+
+    /// Whether so much of a zone is out of the sums that nothing can be said of it; `elements` are those that count.
+    pub(super) fn is_gone(&self, elements: &[ElementMatch]) -> bool {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        (0..mesh.zones().len()).any(|zone| {
+            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+            let (all, left) = (in_use().count(), in_use().filter(|&element| elements[element].n > 0.0).count());
+            (left as f64) < LEAST_LEFT * all as f64
+        })
+    }
+
+    /// Leaves out the elements that do not match, until the rest has converged without them; `excluded` are those that are
+    /// left out already. Of a frame whose elements all match only the test is made.
+    pub(super) fn screen(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: &mut Outcome<B>,
+        found: &mut Found,
+        mut light: Option<&mut Light>,
+        excluded: &mut Vec<bool>,
+    ) -> Result<(), CorrelationError> {
+        let level = &self.levels[0];
+        let Level { mesh, prepared, .. } = level;
+        // What has not settled tells little of its elements: that is for the second try.
+        if outcome.status != Status::Converged {
+            return Ok(());
+        }
+        let mut times = vec![0u8; mesh.n_elements()];
+        let mut astray = vec![false; mesh.n_elements()];
+        for _ in 0..ROUNDS {
+            let any = excluded.contains(&true);
+            let elements = if any {
+                found.displacement = continued(mesh, &found.displacement, &found.elements);
+                self.backend.place(prepared, frame, field, &found.displacement)?;
+                self.backend.observe(prepared, frame, field)?;
+                self.backend.all_sums(prepared, frame, field)?.iter().map(ElementMatch::from).collect()
+            } else {
+                found.elements.clone()
+            };
+            let mut next = self.tested(&elements, found, excluded, &mut times, true);
+            if next == *excluded && outcome.status == Status::Converged && astray.contains(&true) {
+                // The rest has settled: what only hindered it may come back, once.
+                for (astray, times) in astray.iter_mut().zip(&mut times).filter(|(astray, _)| **astray) {
+                    (*astray, *times) = (false, TIMES - 1);
+                }
+                next = self.tested(&elements, found, excluded, &mut times, true);
+            }
+            if any {
+                let at = std::mem::take(&mut found.displacement);
+                *found = Found { displacement: at, ..self.backend.found(prepared, frame, field)? };
+            }
+            if next == *excluded {
+                break;
+            }
+            let before = found.displacement.clone();
+            *excluded = next;
+            self.backend.exclude(prepared, frame, field, excluded)?;
+            let mut iterations = outcome.iterations;
+            for tries in 1.. {
+                *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found, outcome.turn)?;
+                iterations += outcome.iterations;
+                outcome.iterations = iterations;
+                if std::env::var("DBG").is_ok() {
+                    eprintln!(
+                        "DBG    try {tries}: {:?} {} its, corr {} at {:?}",
+                        outcome.status,
+                        outcome.iterations,
+                        outcome.correction_px,
+                        self.mesh().nodes()[outcome.worst_node]
+                    );
+                }
+                if outcome.status == Status::Converged || tries == TRIES {
+                    break;
+                }
+                // What has too few neighbours left to be held by goes as well.
+                for element in self.leave_out_astray(frame, field, &before, outcome, excluded, tries)? {
+                    (times[element], astray[element]) = (TIMES, true);
+                }
+            }
+            *found = self.backend.found(prepared, frame, field)?;
+            if outcome.status == Status::Diverged || self.is_gone(&found.elements) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Iterates on with the elements that are left.
+    fn iterate_rest(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        light: Option<&mut Light>,
+        found: &Found,
+        turn: Turn,
+    ) -> Result<Outcome<B>, CorrelationError> {
+        let level = &self.levels[0];
+        let limits = self.rest_limits(turn);
+        let Some(light) = light else {
+            return Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?);
+        };
+        let Level { mesh, prepared, .. } = level;
+        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
+        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
+        let of_reference = self.noise_gain.of_reference();
+        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
+            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+            self.backend.light(prepared, frame, field, light.nodes())
+        };
+        Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, follow)?)
+    }
+
+    fn rest_limits(&self, turn: Turn) -> Limits<'_> {
+        let limits = self.limits(turn);
+        Limits { own: true, max_iterations: limits.max_iterations.min(REST_ITERATIONS), ..limits }
+    }
+
+    /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe` or
+    /// still move, and puts the field back there. What has run away has taken its neighbourhood along: of that only the nodes
+    /// that ran furthest go, and all go back. The elements that are left out now.
+    fn leave_out_astray(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        safe: &[[f64; 2]],
+        outcome: &Outcome<B>,
+        excluded: &mut [bool],
+        tries: i32,
+    ) -> Result<Vec<usize>, CorrelationError> {
+        let settled_px = SETTLED_PX * 0.5f64.powi(tries - 1);
+        let level = &self.levels[0];
+        let prepared = &level.prepared;
+        let now = self.backend.found(prepared, frame, field)?.displacement;
+        let ran_away = outcome.status == Status::Diverged;
+        let then = match ran_away {
+            true => now.clone(),
+            false => {
+                let one = Limits { max_iterations: 1, ..self.rest_limits(outcome.turn) };
+                iterate(&self.backend, level, frame, field, one, &self.kernel, nothing)?;
+                self.backend.found(prepared, frame, field)?.displacement
+            }
+        };
+        let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        // What is no number is astray as well.
+        let furthest =
+            now.iter().zip(safe).map(|(u, safe)| off(*u, *safe)).filter(|off| off.is_finite()).fold(0.0, f64::max);
+        let limit = if ran_away { ASTRAY_PX.max(AWAY * furthest) } else { ASTRAY_PX };
+        let is_astray = |node: usize| {
+            let near = |a: [f64; 2], b: [f64; 2], px: f64| off(a, b) < px;
+            node == outcome.worst_node
+                || !near(now[node], safe[node], limit)
+                || !near(now[node], then[node], settled_px)
+        };
+        let astray: Vec<bool> = (0..now.len()).map(is_astray).collect();
+        let mut left_out = Vec::new();
+        for (element, nodes) in self.mesh().elements().iter().enumerate() {
+            if !excluded[element] && nodes.iter().any(|&node| astray[node as usize]) {
+                excluded[element] = true;
+                left_out.push(element);
+            }
+        }
+        let back = |node: usize| if ran_away || astray[node] { safe[node] } else { then[node] };
+        let displacement: Vec<[f64; 2]> = (0..now.len()).map(back).collect();
+        self.backend.place(prepared, frame, field, &displacement)?;
+        self.backend.observe(prepared, frame, field)?;
+        self.backend.exclude(prepared, frame, field, excluded)?;
+        Ok(left_out)
+    }
+
+    /// The penalty that keeps a level smooth while its elements are told apart; none where there is nothing to scale it to.
+    fn smoother(&self, level: usize) -> Option<Regulariser> {
+        let Level { mesh, moments, pattern, keep, lambda, .. } = &self.levels[level];
+        let cutoff_px = SMOOTH_ELEMENTS * mesh.element_size();
+        let smooth = Regularisation::EquilibriumGap { cutoff_px, poisson: Regularisation::POISSON };
+        let matrix = step_matrix(mesh, pattern, moments, &self.kernel, *lambda);
+        let active: Vec<bool> = moments.iter().map(|moments| moments.n > 0.0).collect();
+        let texture = PenaltyScale { matrix: &matrix, support: &support(mesh, moments), seen: keep };
+        Regulariser::new(smooth, mesh, pattern, &active, &texture)
+    }
+
+    /// [`Correlator::down_the_pyramid`], smoothly as long as it is not known what does not match.
+    pub(super) fn smooth_pyramid(
+        &self,
+        frame: &mut B::Frame,
+        displacement: Vec<[f64; 2]>,
+        transfer: Vec<GreyTransfer>,
+        start: StartUsed,
+    ) -> Result<Correlation, CorrelationError> {
+        let top = &self.levels[self.levels.len() - 1];
+        let mut field = self.backend.start(&top.prepared, frame, &displacement, &transfer)?;
+        let mut iterations = 0;
+        for (at, pair) in self.levels.windows(2).enumerate().rev() {
+            let [finer, level] = pair else { continue };
+            let prepared = &level.prepared;
+            let smoother = self.smoother(at + 1);
+            let limits = self.smooth_limits(smoother.as_ref());
+            self.backend.observe(prepared, frame, &mut field)?;
+            let mut moved = true;
+            // Once with all elements, and once without those that do not match.
+            for round in 0..2 {
+                if round > 0 {
+                    let poor = poor(&level.mesh, &self.backend.found(prepared, frame, &field)?.elements);
+                    if !poor.contains(&true) {
+                        break;
+                    }
+                    self.backend.exclude(prepared, frame, &mut field, &poor)?;
+                }
+                let outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
+                iterations += outcome.iterations;
+                moved = outcome.status != Status::Diverged;
+                if !moved {
+                    break;
+                }
+            }
+            field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
+        }
+        let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
+        self.second_try(frame, &displacement, &transfer, start, iterations)
+    }
+
+    fn smooth_limits<'a>(&self, regulariser: Option<&'a Regulariser>) -> Limits<'a> {
+        Limits {
+            tolerance_px: SMOOTH_TOLERANCE_PX,
+            enough_px: &[],
+            max_iterations: SMOOTH_ITERATIONS,
+            own: true,
+            regulariser,
+            // What the penalty alone holds may go far.
+            wild_elements: f64::INFINITY,
+            // The penalty is not turned with the corrections.
+            turn: Turn::NONE,
+        }
+    }
+
+    /// A second try of a frame that has not converged, from `displacement`: smoothly until the elements that do not
+    /// match are known, then without them.
+    pub(super) fn second_try(
+        &self,
+        frame: &mut B::Frame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+        start: StartUsed,
+        coarse_iterations: usize,
+    ) -> Result<Correlation, CorrelationError> {
+        let level = &self.levels[0];
+        let Level { mesh, prepared, .. } = level;
+        let smoother = self.smoother(0);
+        let mut field = self.backend.start(prepared, frame, displacement, transfer)?;
+        self.backend.observe(prepared, frame, &mut field)?;
+        let mut excluded = vec![false; mesh.n_elements()];
+        let mut times = vec![0u8; mesh.n_elements()];
+        let mut iterations = 0;
+        for _ in 0..ROUNDS / 2 {
+            let limits = self.smooth_limits(smoother.as_ref());
+            let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
+            iterations += outcome.iterations;
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "DBG smooth {:?} {} its corr {} at {:?} excluded {}",
+                    outcome.status,
+                    outcome.iterations,
+                    outcome.correction_px,
+                    self.mesh().nodes()[outcome.worst_node],
+                    excluded.iter().filter(|e| **e).count()
+                );
+            }
+            if outcome.status == Status::Diverged {
+                outcome.iterations = iterations;
+                // That of the penalty is no matrix of the frame.
+                (outcome.own, outcome.own_moments) = (None, Vec::new());
+                return self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded);
+            }
+            let found = self.backend.found(prepared, frame, &field)?;
+            let all = self.backend.all_sums(prepared, frame, &field)?;
+            let elements: Vec<ElementMatch> = all.iter().map(ElementMatch::from).collect();
+            let next = self.tested(&elements, &found, &excluded, &mut times, true);
+            if next == excluded {
+                break;
+            }
+            excluded = next;
+            // What was pulled along by something else goes where the field around it is.
+            let mut counted = elements;
+            counted.iter_mut().zip(&excluded).filter(|(_, out)| **out).for_each(|(element, _)| element.n = 0.0);
+            let displacement = continued(mesh, &found.displacement, &counted);
+            self.backend.place(prepared, frame, &mut field, &displacement)?;
+            self.backend.observe(prepared, frame, &mut field)?;
+            self.backend.exclude(prepared, frame, &mut field, &excluded)?;
+        }
+        let safe = self.backend.found(prepared, frame, &field)?.displacement;
+        let turn = self.turn(level, &safe);
+        let mut outcome = None;
+        for tries in 1..=TRIES {
+            let limits = self.rest_limits(turn);
+            let mut now = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "DBG   second rest {:?} {} its corr {} at {:?} excluded {}",
+                    now.status,
+                    now.iterations,
+                    now.correction_px,
+                    self.mesh().nodes()[now.worst_node],
+                    excluded.iter().filter(|e| **e).count()
+                );
+            }
+            iterations += now.iterations;
+            now.iterations = iterations;
+            let now = outcome.insert(now);
+            if now.status == Status::Converged {
+                break;
+            }
+            self.leave_out_astray(frame, &mut field, &safe, now, &mut excluded, tries)?;
+            let counted = self.backend.found(prepared, frame, &field)?.elements;
+            if self.is_gone(&counted) {
+                break;
+            }
+        }
+        let outcome = outcome.expect("at least one round");
+        self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded)
+    }
+}
+
+/// Elements that match much worse than those of their zone do.
+fn poor(mesh: &Mesh<Px>, elements: &[ElementMatch]) -> Vec<bool> {
+    let mut poor = vec![false; elements.len()];
+    for zone in 0..mesh.zones().len() {
+        let mut sorted: Vec<f64> =
+            mesh.zone_elements(zone).filter(|&e| elements[e].n > 0.0).map(|e| elements[e].correlation).collect();
+        sorted.sort_by(f64::total_cmp);
+        // The better half says what a match is: most of a zone may be covered.
+        let Some(&good) = sorted.get(sorted.len() * 3 / 4) else { continue };
+        mesh.zone_elements(zone).for_each(|e| poor[e] = elements[e].n > 0.0 && elements[e].correlation < 0.6 * good);
+    }
+    poor
+}
+
+/// The displacement with that of nodes without elements that count as the field around them would have it: the affine
+/// motion of the zone, and what is beyond it harmonic.
+pub(super) fn continued(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
+    let mut known = vec![false; mesh.n_nodes()];
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
+    for (nodes, found) in mesh.elements().iter().zip(elements) {
+        for k in 0..4 {
+            known[nodes[k] as usize] |= found.n > 0.0;
+            let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
+            if a != b {
+                neighbours[a as usize].push(b);
+                neighbours[b as usize].push(a);
+            }
+        }
+    }
+    let mut all = displacement.to_vec();
+    for (known, u) in known.iter_mut().zip(&all) {
+        *known &= u.iter().all(|u| u.is_finite());
+    }
+    for zone in 0..mesh.zones().len() {
+        let nodes = mesh.zone_nodes(zone);
+        let unknown: Vec<usize> = nodes.clone().filter(|&node| !known[node]).collect();
+        if unknown.is_empty() || unknown.len() == nodes.len() {
+            continue;
+        }
+        let given: Vec<_> =
+            nodes.clone().filter(|&node| known[node]).map(|node| (mesh.nodes()[node], all[node])).collect();
+        let affine = affine(&given);
+        let rest = |node: usize, u: [f64; 2]| {
+            let by = affine(mesh.nodes()[node]);
+            [u[0] - by[0], u[1] - by[1]]
+        };
+        let mut beyond: Vec<[f64; 2]> = vec![[0.0; 2]; nodes.len()];
+        nodes.clone().filter(|&node| known[node]).for_each(|node| beyond[node - nodes.start] = rest(node, all[node]));
+        let mut reached: Vec<bool> = nodes.clone().map(|node| known[node]).collect();
+        const SWEEPS: usize = 60;
+        for _ in 0..SWEEPS {
+            for &node in &unknown {
+                let (mut sum, mut n) = ([0.0; 2], 0.0);
+                for &other in &neighbours[node] {
+                    let other = other as usize - nodes.start;
+                    if reached[other] {
+                        sum = [sum[0] + beyond[other][0], sum[1] + beyond[other][1]];
+                        n += 1.0;
+                    }
+                }
+                if n > 0.0 {
+                    beyond[node - nodes.start] = sum.map(|v| v / n);
+                    reached[node - nodes.start] = true;
+                }
+            }
+        }
+        for node in unknown {
+            let by = affine(mesh.nodes()[node]);
+            all[node] = [0, 1].map(|c| by[c] + beyond[node - nodes.start][c]);
+        }
+    }
+    all
+}
+
+/// The affine displacement closest to the given ones; their mean where they do not say more.
+fn affine(points: &[([f64; 2], [f64; 2])]) -> impl Fn([f64; 2]) -> [f64; 2] + use<> {
+    let n = points.len().max(1) as f64;
+    let mut mean = [[0.0; 2]; 2];
+    for (x, u) in points {
+        (0..2).for_each(|c| (mean[0][c], mean[1][c]) = (mean[0][c] + x[c] / n, mean[1][c] + u[c] / n));
+    }
+    let (mut a, mut b) = ([0.0; 3], [[0.0; 2]; 2]);
+    for (x, u) in points {
+        let d = [x[0] - mean[0][0], x[1] - mean[0][1]];
+        a = [a[0] + d[0] * d[0], a[1] + d[0] * d[1], a[2] + d[1] * d[1]];
+        for c in 0..2 {
+            let v = u[c] - mean[1][c];
+            b[c] = [b[c][0] + d[0] * v, b[c][1] + d[1] * v];
+        }
+    }
+    let determinant = a[0] * a[2] - a[1] * a[1];
+    let gradient = b.map(|[p, q]| match determinant > 1e-6 * a[0] * a[2] {
+        true => [(a[2] * p - a[1] * q) / determinant, (a[0] * q - a[1] * p) / determinant],
+        false => [0.0; 2],
+    });
+    move |x| [0, 1].map(|c| mean[1][c] + (0..2).map(|k| gradient[c][k] * (x[k] - mean[0][k])).sum::<f64>())
+}
