@@ -10,6 +10,7 @@ mod error;
 mod features;
 mod find;
 mod finest;
+mod finish;
 mod gradient_noise;
 mod iterate;
 mod level;

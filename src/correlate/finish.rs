@@ -1,0 +1,381 @@
+//! What an iteration has found: status, uncertainty, marks and summary of a frame.
+
+use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
+use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
+use super::error::CorrelationError;
+use super::gradient_noise::{element_lambda, element_matrices, mass_matrices};
+use super::iterate::{Outcome, iterate};
+use super::level::Level;
+use super::light::{Light, Seen, is_suspected};
+use super::marks::Pair;
+use super::misfit::{Look, Residuals};
+use super::model_error::{self, model_error};
+use super::noise_correlation::factors;
+use super::noise_model::Elements;
+use super::screen::{LEAST_LEFT, continued};
+use super::texture::lost_in_noise;
+use super::uncertainty::{NoiseGain, spread_of};
+use crate::backend::{Backend, ElementMatch, Found, PixelSums};
+use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
+
+/// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
+/// reflection, another light.
+const MISFIT_EVERYWHERE: f64 = 3.0;
+/// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
+/// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
+const MARKED_RATIO: f64 = 1.5625;
+/// A zone so misfit that has lost more than this share of its elements is not found at all.
+const CHOSEN_SHARE: f64 = 0.2;
+
+impl<B: Backend> Correlator<B> {
+    /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
+    fn may_be_smooth(&self) -> Option<bool> {
+        match self.options.brightness {
+            Brightness::Auto => Some(false),
+            Brightness::Smooth => Some(true),
+            Brightness::Zone | Brightness::Element | Brightness::Off => None,
+        }
+    }
+
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them, for as many
+    /// iterations again at most. The fields follow the displacement one iteration late, as the transfers of the zones do.
+    fn found(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        outcome: &mut Outcome<B>,
+    ) -> Result<(Found, Option<Light>), CorrelationError> {
+        let Level { mesh, prepared, moments, .. } = &self.levels[0];
+        let found = self.backend.found(prepared, frame, field)?;
+        let Some(always) = self.may_be_smooth() else { return Ok((found, None)) };
+        let settled = matches!(outcome.status, Status::Converged | Status::IterationLimit);
+        if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
+            return Ok((found, None));
+        }
+        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
+        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
+        let of_reference = self.noise_gain.of_reference();
+        let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+        let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
+        let Some(mut light) = Light::found(&seen, always) else { return Ok((found, None)) };
+        self.backend.light(prepared, frame, field, light.nodes())?;
+        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
+            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+            self.backend.light(prepared, frame, field, light.nodes())
+        };
+        let limits = self.limits(outcome.turn);
+        let mut more = iterate(&self.backend, &self.levels[0], frame, field, limits, &self.kernel, follow)?;
+        more.iterations += outcome.iterations;
+        if outcome.status == Status::Converged && more.status != Status::Converged {
+            // What was found with one gain and offset per zone is worth more than a field that does not settle.
+            outcome.iterations = more.iterations;
+            return Ok((found, None));
+        }
+        more.own = more.own.or(outcome.own.take());
+        *outcome = more;
+        Ok((self.backend.found(prepared, frame, field)?, Some(light)))
+    }
+
+    /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
+    /// for none) and those that turn out not to match.
+    pub(super) fn finish(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        mut outcome: Outcome<B>,
+        start: StartUsed,
+        coarse_iterations: usize,
+        mut excluded: Vec<bool>,
+    ) -> Result<Correlation, CorrelationError> {
+        let level = &self.levels[0];
+        let mesh = &level.mesh;
+        excluded.resize(mesh.n_elements(), false);
+        let (mut found, mut light) = self.found(frame, field, &mut outcome)?;
+        self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
+        if excluded.contains(&true) {
+            found.displacement = continued(mesh, &found.displacement, &found.elements);
+        }
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
+        let matches = self.zone_matches(&last, &elements);
+        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
+        let mut status = self.judge(&outcome, &elements, &matches, &excluded);
+        let own_spread = outcome.own.as_ref().map(|own| {
+            let moments = &outcome.own_moments;
+            let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
+            let lambda = element_lambda(&matrices, &masses, level.lambda);
+            spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref(), &masses, &lambda)
+        });
+        let spread = own_spread.as_ref().unwrap_or(&self.spread);
+        let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
+        let mut zones = Vec::new();
+        let mut nodes_at_bound = 0;
+        let by_grey = Elements {
+            mesh,
+            moments: &level.moments,
+            matched: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            grey_offset: f64::from(self.kernel.grey_offset),
+            gain: &self.noise_gain,
+            least: self.rounding * self.rounding,
+        };
+        let photon_noise = by_grey.photon(self.options.noise);
+        let (mut freedom_left, mut of_pair) = (Vec::new(), Vec::new());
+        for (zone, name) in mesh.zones().iter().enumerate() {
+            let nodes = mesh.zone_nodes(zone);
+            let sums = &last[zone];
+            let (transfer, smooth) = match &light {
+                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
+                None => (transfers[zone], None),
+            };
+            let of_light = light.as_ref().map_or(0.0, |light| light.unknowns(zone));
+            let n_transfers = match self.options.brightness {
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
+                Brightness::Element => mesh.zone_elements(zone).len(),
+                Brightness::Off => 0,
+            };
+            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
+            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
+            freedom_left.push(1.0 - unknowns / sums.n.max(1.0));
+            let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
+            let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer, by_sums.then_some(sums));
+            // Identical images still hold the same rounding.
+            of_pair.push(gain.residual * freedom_left[zone].max(f64::MIN_POSITIVE));
+            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
+            let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
+            let noise = given.unwrap_or(residual_noise);
+            for node in nodes.clone().filter(|&node| measured[node]) {
+                let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
+                nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
+                let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
+                sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
+            }
+            zones.push(ZoneResult {
+                name: name.clone(),
+                rigid: rigid(mesh, &full_displacement, &measured, nodes),
+                transfer,
+                light: smooth,
+                correlation: matches[zone],
+                residual_rms: sums.residual_rms(),
+                noise,
+                residual_noise,
+            });
+        }
+        // What has no finite uncertainty is not measured.
+        for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
+            if sigma.iter().any(|sigma| !sigma.is_finite()) {
+                (*sigma, *measured) = ([0.0; 2], false);
+            }
+        }
+        let [x, y] = sigma[outcome.worst_node];
+        let enough = !self.enough_px.is_empty() && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
+        if status == Status::IterationLimit && enough {
+            status = Status::Converged;
+        }
+        let looked_at = status == Status::Converged;
+        let noise_colour = self.probe.as_ref().filter(|_| looked_at).and_then(|probe| {
+            let image = self.backend.image(frame);
+            probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left)
+        });
+        let noisy =
+            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+        // Noise that is known to be correlated, as that of resampled images, shows little in the fine structure.
+        let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
+        let everywhere: Vec<bool> = zones.iter().map(|zone| noisy(zone) && !is_coloured).collect();
+        // What is misfit everywhere is no noise to be lost in.
+        let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
+        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
+            }
+        }
+        let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
+        let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));
+        for (node, sigma) in sigma.iter_mut().enumerate() {
+            let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
+            (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
+        }
+        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
+        let residuals = Residuals {
+            elements: &elements,
+            displacement: &full_displacement,
+            transfer: &transfers,
+            freedom: &spread.freedom,
+            freedom_of_element: of_element,
+            noise: self.options.noise.constant(),
+        };
+        let excess = self.misfit_test.excess(mesh, &self.noise_gain, &residuals);
+        let found = model_error::Found {
+            displacement: &full_displacement,
+            sigma: &sigma,
+            measured: &measured,
+            not_followed: &excess.nodes,
+            solver: outcome.own.as_deref().unwrap_or(&level.solver),
+        };
+        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
+            // What is left after the choice of the best is no match: anything would have some.
+            status = Status::Diverged;
+        }
+        let image = self.backend.image(frame);
+        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
+        let looks = self.misfit_test.looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
+        let is_misfit =
+            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
+        let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        let marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
+        let mut all = PixelSums::default();
+        last.iter().for_each(|sums| all.add(sums));
+        let displacement =
+            full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
+        let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
+        Ok(Correlation {
+            measurement: Measurement {
+                mesh: mesh.clone(),
+                status,
+                displacement,
+                sigma,
+                measured,
+                element_residual: elements.iter().map(|e| e.residual_rms).collect(),
+                model_error: Some(model_error),
+                marks: Some(marks),
+            },
+            iterations: outcome.iterations,
+            coarse_iterations,
+            noise_colour,
+            noise_factor,
+            photon_noise,
+            traffic: self.backend.traffic(frame),
+            correction_px: outcome.correction_px,
+            correction_at: mesh.nodes()[outcome.worst_node],
+            residual_rms: all.residual_rms(),
+            residual_percent: 100.0 * all.residual_rms() / self.grey_range.max(f64::MIN_POSITIVE),
+            rigid,
+            zones,
+            start,
+            nodes_left,
+            nodes_in_noise: in_noise.len(),
+            nodes_at_bound,
+            ambiguity: None,
+            poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
+            reference_frame: 0,
+            full_displacement,
+            counted,
+            worst_node: outcome.worst_node,
+        })
+    }
+
+    /// How well each zone matches: its correlation coefficient, or what stands for it.
+    fn zone_matches(&self, zones: &[PixelSums], elements: &[ElementMatch]) -> Vec<f64> {
+        let mesh = self.mesh();
+        let match_of = |(zone, sums): (usize, &PixelSums)| match self.options.brightness {
+            Brightness::Element => ElementMatch::mean_correlation(&elements[mesh.zone_elements(zone)]),
+            // Without a transfer a change of light is misfit, although it correlates.
+            Brightness::Off => sums.explained(),
+            Brightness::Auto | Brightness::Zone | Brightness::Smooth => sums.correlation(),
+        };
+        zones.iter().enumerate().map(match_of).collect()
+    }
+
+    /// Nodes beside an element that counted and with a finite displacement, and the number of those all of whose elements
+    /// have left the image; those that have lost one because it is `excluded` are not among them.
+    fn measured_nodes(
+        &self,
+        elements: &[ElementMatch],
+        displacement: &[[f64; 2]],
+        excluded: &[bool],
+    ) -> (Vec<bool>, usize) {
+        let Level { mesh, keep, .. } = &self.levels[0];
+        let mut measured = vec![false; mesh.n_nodes()];
+        let mut named = vec![false; mesh.n_nodes()];
+        for ((nodes, sums), &excluded) in mesh.elements().iter().zip(elements).zip(excluded) {
+            for &node in nodes {
+                measured[node as usize] |= sums.n > 0.0;
+                named[node as usize] |= excluded;
+            }
+        }
+        let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
+        for (node, measured) in measured.iter_mut().enumerate() {
+            *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
+        }
+        (measured, left)
+    }
+
+    /// The measured nodes whose texture does not stand out of the noise that the residual shows. THEORY 2.
+    fn lost_in_noise(&self, elements: &[ElementMatch], of_pair: &[f64], measured: &[bool]) -> Vec<usize> {
+        if self.seen.is_empty() {
+            return Vec::new();
+        }
+        let gain = self.options.interpolation.gradient_noise_gain() / self.options.n_references.max(1) as f64;
+        lost_in_noise(self.mesh(), &self.seen, elements, of_pair, gain, measured)
+    }
+
+    /// Whether a zone has lost so many elements that do not match that those left have been chosen.
+    fn has_lost(&self, zone: usize, excluded: &[bool]) -> bool {
+        let elements = self.mesh().zone_elements(zone);
+        let lost = elements.clone().filter(|&element| excluded[element]).count();
+        lost as f64 > CHOSEN_SHARE * elements.len() as f64
+    }
+
+    /// What is the matter with each element, by name.
+    fn marks(
+        &self,
+        pair: &Pair<'_>,
+        elements: &[ElementMatch],
+        excluded: &[bool],
+        misfit: &[bool],
+        everywhere: &[bool],
+    ) -> Vec<ElementMark> {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let counts = |element: &usize| elements[*element].n > 0.0;
+        // What is nearly everywhere in a zone has one name, and is told by all of it.
+        let is_wide = |zone: usize| {
+            let counted = || mesh.zone_elements(zone).filter(counts);
+            let named = counted().filter(|&element| misfit[element]).count();
+            everywhere[zone] || 2 * named > counted().count()
+        };
+        let of_zone = |zone: usize| match is_wide(zone) {
+            true if pair.something_is_still(mesh.zone_elements(zone).filter(counts)) => ElementMark::Still,
+            true => ElementMark::Misfit,
+            false => ElementMark::None,
+        };
+        let of_zones: Vec<ElementMark> = (0..mesh.zones().len()).map(of_zone).collect();
+        let of_element = |element: usize| match (excluded[element], elements[element].n > 0.0) {
+            _ if moments[element].n == 0.0 => ElementMark::NoTexture,
+            (true, _) => pair.name(element, ElementMark::NoMatch),
+            (false, false) => ElementMark::LeftImage,
+            (false, true) => {
+                let zone = mesh.element_zone()[element] as usize;
+                match of_zones[zone] {
+                    mark if everywhere[zone] => mark,
+                    _ if !misfit[element] => ElementMark::None,
+                    ElementMark::None => pair.name(element, ElementMark::Misfit),
+                    mark => mark,
+                }
+            }
+        };
+        (0..mesh.n_elements()).map(of_element).collect()
+    }
+
+    fn judge(&self, outcome: &Outcome<B>, elements: &[ElementMatch], matches: &[f64], excluded: &[bool]) -> Status {
+        let Level { mesh, moments, .. } = &self.levels[0];
+        let out = (0..mesh.zones().len()).find_map(|zone| {
+            let in_use = || mesh.zone_elements(zone).filter(|&element| moments[element].n > 0.0);
+            let (all, out) = (in_use().count(), in_use().filter(|&element| elements[element].n == 0.0).count());
+            let mismatched = in_use().filter(|&element| excluded[element]).count();
+            let is_gone = out as f64 > (1.0 - LEAST_LEFT) * all as f64;
+            is_gone.then_some(if 2 * mismatched > out { Status::Diverged } else { Status::LeftImage })
+        });
+        if let Some(status) = out {
+            status
+        } else if outcome.status != Status::Diverged && matches.iter().any(|&m| m <= MATCHED) {
+            Status::Diverged
+        } else {
+            outcome.status
+        }
+    }
+}
