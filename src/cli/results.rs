@@ -62,7 +62,8 @@ fn of_tests(json: &FitRecord) {
     eprintln!("standard uncertainty by the noise, of each test alone and of all together:");
     eprintln!("{:width$}{}  misfit z", "", heads.join(""));
     for test in &json.tests {
-        let cell = |name: &crate::report::Name| percent(name, test.parameters.get(name).and_then(|told| told.std_alone));
+        let cell =
+            |name: &crate::report::Name| percent(name, test.parameters.get(name).and_then(|told| told.std_alone));
         let cells: Vec<String> = json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect();
         let z = test.misfit.as_ref().filter(|misfit| misfit.tested);
         let z = z.map_or("-".to_owned(), |misfit| format!("{:+.1}", misfit.z));

@@ -15,7 +15,7 @@ use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweig
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
 use super::unknowns::Unknowns;
-use super::verdict::{Grounds, Verdict};
+use super::verdict::{Grounds, LARGEST_STD, Verdict};
 use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
@@ -281,7 +281,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     };
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
-    let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h) } else { None };
+    let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
+    let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h, noise, LARGEST_STD) } else { None };
     let verdict = match &of_noise {
         None => Verdict::singular(&parameters, unfinished, missing.as_ref()),
         Some(correlation) => {

@@ -7,8 +7,13 @@ use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
 
 /// Share of the work of separation from which a test counts as one of that mode.
 const ONE_MODE: f64 = 0.7;
+/// Share of the largest eigenvalue of the normal matrix up to which nothing is told.
+const NOTHING: f64 = 1e-11;
 /// Points of each pure mode at which the law is looked at.
 const POINTS: usize = 60;
+/// By so much, so many times at most, the jump is made larger until a pure mode has no traction left: nine powers of ten.
+const STRETCH: f64 = 1.2;
+const STRETCHES: usize = 120;
 /// Step of a scaled unknown for the derivative of the tractions: truncation and round-off are far below what is asked.
 const STEP: f64 = 1e-4;
 
@@ -58,22 +63,41 @@ pub fn opening_share<'a>(
         before = now;
     }
     // Pairs are all but evenly spaced: each counts alike. What closes the joint separates nothing.
-    let open: f64 = (before.iter().zip(&work)).filter(|((j, _), _)| j.normal > 0.0).map(|(_, work)| work[0].max(0.0)).sum();
+    let open: f64 =
+        (before.iter().zip(&work)).filter(|((j, _), _)| j.normal > 0.0).map(|(_, work)| work[0].max(0.0)).sum();
     let slide: f64 = work.iter().map(|work| work[1].max(0.0)).sum();
     (open + slide > 0.0).then(|| open / (open + slide))
 }
 
 impl Problem<'_> {
-    /// What kind of test would tell the combination of unknowns that the data tell worst, whose normal matrix by the scaled unknowns is
-    /// `h`; `None` where that cannot be said.
-    pub(super) fn missing_mode(&self, evaluation: &Evaluation, h: &Dense) -> Option<MissingMode> {
+    /// What kind of test would tell the combinations of unknowns that the data leave open: those with a standard uncertainty above
+    /// `largest_std` under `covariance` (of the scaled unknowns), or, without one, those that the normal matrix `h` says nothing of; one
+    /// at least. `None` where that cannot be said.
+    pub(super) fn missing_mode(
+        &self,
+        evaluation: &Evaluation,
+        h: &Dense,
+        covariance: Option<&Dense>,
+        largest_std: f64,
+    ) -> Option<MissingMode> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let fields = evaluation.solution.instants.iter().map(|instant| &instant.displacement);
         let opening_share = opening_share(&self.joint.model, &*law, fields);
-        let (_, vectors) = h.symmetric_eigen()?;
-        let wanted = self.mode_of(evaluation, vectors.column(0))?;
-        let share = opening_share.map(|share| if wanted == Mode::Opening { share } else { 1.0 - share });
-        Some(MissingMode { opening_share, missing: share.is_none_or(|share| share < ONE_MODE).then_some(wanted) })
+        let share_of = |mode: Mode| match mode {
+            Mode::Opening => opening_share,
+            Mode::Sliding => opening_share.map(|share| 1.0 - share),
+        };
+        let (values, vectors) = covariance.unwrap_or(h).symmetric_eigen()?;
+        let n = values.len();
+        // The worst known first.
+        let open: Vec<usize> = match covariance {
+            Some(_) => (0..n).rev().filter(|&k| k + 1 == n || values[k] > largest_std * largest_std).collect(),
+            None => (0..n).filter(|&k| k == 0 || values[k] <= NOTHING * values[n - 1]).collect(),
+        };
+        let wanted: Vec<Mode> = open.iter().filter_map(|&k| self.mode_of(evaluation, vectors.column(k))).collect();
+        wanted.first()?;
+        let missing = wanted.into_iter().find(|&mode| share_of(mode).is_none_or(|share| share < ONE_MODE));
+        Some(MissingMode { opening_share, missing })
     }
 
     /// The pure mode in which the tractions of the law change most when the scaled unknowns move along `direction`.
@@ -95,17 +119,26 @@ impl Problem<'_> {
             };
             let of = |t: Traction| if mode == Mode::Opening { t.normal } else { t.tangential };
             let (traction, peak) = (|law: &dyn CohesiveLaw, s: f64| of(law.response(jump(s)).traction), of(peak));
-            // As far as there is traction.
-            let mut reach = law.front_opening();
-            while traction(&*law, reach) > 0.05 * peak && reach < 1e3 * law.front_opening() {
-                reach *= 1.3;
+            // As far as there is traction: past its peak, and down again.
+            let (mut reach, mut passed) = (1e-3 * law.front_opening(), false);
+            for _ in 0..STRETCHES {
+                let here = traction(&*law, reach);
+                passed |= here > 0.7 * peak;
+                if passed && here < 0.05 * peak {
+                    break;
+                }
+                reach *= STRETCH;
             }
             let at = |k: usize| reach * k as f64 / POINTS as f64;
             let off = |k: usize| (traction(&*more, at(k)) - traction(&*law, at(k))) / peak;
             (1..=POINTS).map(|k| off(k) * off(k)).sum::<f64>()
         };
         let [opening, sliding] = [Mode::Opening, Mode::Sliding].map(change);
-        (opening.is_finite() && sliding.is_finite()).then_some(if opening > sliding { Mode::Opening } else { Mode::Sliding })
+        (opening.is_finite() && sliding.is_finite()).then_some(if opening > sliding {
+            Mode::Opening
+        } else {
+            Mode::Sliding
+        })
     }
 }
 

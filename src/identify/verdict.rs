@@ -84,11 +84,7 @@ impl Verdict {
 
     /// The verdict where the data say nothing of some combination of the unknowns.
     /// `unfinished` says why the fit is not at its end, where it is not; `missing` what kind of test would tell more.
-    pub fn singular(
-        parameters: &[FittedParameter],
-        unfinished: Vec<String>,
-        missing: Option<&MissingMode>,
-    ) -> Self {
+    pub fn singular(parameters: &[FittedParameter], unfinished: Vec<String>, missing: Option<&MissingMode>) -> Self {
         let singular = format!(
             "these data do not determine {}: they say nothing of some combination of them",
             list_of(parameters)

@@ -38,9 +38,10 @@ pub fn identify_several(
 ) -> Result<(FitRecord, Outcome)> {
     let mut joints = CombinedCase::joints(input)?;
     let mut of_case = CombinedCase::new(&joints, input)?;
-    let implausible = of_case.tests.iter().flat_map(|test| {
-        test.case.implausible.iter().map(|value| format!("test \"{}\": {}", test.name, value.text))
-    });
+    let implausible = of_case
+        .tests
+        .iter()
+        .flat_map(|test| test.case.implausible.iter().map(|value| format!("test \"{}\": {}", test.name, value.text)));
     for doubt in of_case.doubts.iter().cloned().chain(implausible) {
         watcher(Event::Note(&format!("warning: {doubt}")));
     }
@@ -54,7 +55,9 @@ pub fn identify_several(
     let seconds = begin.elapsed().as_secs_f64();
     let reports = pool.install(|| {
         let pairs = of_case.tests.iter().zip(&found.tests);
-        pairs.map(|(test, of)| FitReport::new(&test.case, &of.fit, None)).collect::<std::result::Result<Vec<_>, FitError>>()
+        pairs
+            .map(|(test, of)| FitReport::new(&test.case, &of.fit, None))
+            .collect::<std::result::Result<Vec<_>, FitError>>()
     })?;
     let json = several_json(&of_case, &found, &reports, &absolute(case), seconds);
     write_common(&folder, &json, &found, &reports)?;

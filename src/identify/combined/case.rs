@@ -140,7 +140,9 @@ fn same_law(joints: &[Joint], input: &TestsInput) -> Result<(), FitError> {
 /// Two scales of the same images.
 fn two_scales(test: &TestInput) -> Option<String> {
     let of_mesh = match &test.input.mesh {
-        MeshInput::File(JointMeshFile { mm_per_px, .. }) | MeshInput::Run(JointMeshFile { mm_per_px, .. }) => *mm_per_px,
+        MeshInput::File(JointMeshFile { mm_per_px, .. }) | MeshInput::Run(JointMeshFile { mm_per_px, .. }) => {
+            *mm_per_px
+        }
         MeshInput::Rectangle { .. } => None,
     }?;
     let of_table = test.input.case.measurement.as_ref()?.pixel_size_mm?;

@@ -1,5 +1,6 @@
 //! The fit of several tests: search, what noise and constants do, what each test tells.
 
+use super::super::FitError;
 use super::super::discretisation::Refined;
 use super::super::fit::{CutShort, Fit, compare, correlation_of, describe};
 use super::super::misfit::Misfit;
@@ -10,8 +11,7 @@ use super::super::plausibility::implausible_result;
 use super::super::released::Released;
 use super::super::statistics::Statistics;
 use super::super::trust_region::FitStatus;
-use super::super::verdict::{Grounds, Verdict};
-use super::super::FitError;
+use super::super::verdict::{Grounds, LARGEST_STD, Verdict};
 use super::case::CombinedCase;
 use super::consistency::Consistency;
 use super::known::{Known, LedTogether};
@@ -153,10 +153,8 @@ fn judged(
     let unfinished = unfinished(found.stage.status, cut_short);
     let statistics: Option<&Statistics> = known.led.as_ref().map(|led| &led.statistics[0]);
     let correlation = statistics.map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
-    let prescribed = doubts
-        .released
-        .as_ref()
-        .map_or(Vec::new(), |released| first.prescribed_std(released, &made.constants));
+    let prescribed =
+        doubts.released.as_ref().map_or(Vec::new(), |released| first.prescribed_std(released, &made.constants));
     let mut given: Vec<String> = Vec::new();
     for line in problems.iter().flat_map(|problem| problem.given()) {
         if !given.contains(&line) {
@@ -188,7 +186,10 @@ fn judged(
 
 /// The mode that none of the tests has, and that would tell what all of them together tell worst.
 fn missing_mode(problems: &[&Problem<'_>], known: &Known) -> Option<MissingMode> {
-    let of_test = |(problem, evaluation): (&&Problem<'_>, &Evaluation)| problem.missing_mode(evaluation, &known.sum.h);
+    let noise = known.led.as_ref().map(|led| &led.statistics[0].covariance);
+    let of_test = |(problem, evaluation): (&&Problem<'_>, &Evaluation)| {
+        problem.missing_mode(evaluation, &known.sum.h, noise, LARGEST_STD)
+    };
     let modes: Vec<MissingMode> = problems.iter().zip(&known.evaluations).map(of_test).collect::<Option<_>>()?;
     let missing = modes.iter().all(|mode| mode.missing.is_some()).then_some(modes[0].missing)?;
     // The share of one test would tell nothing of all.

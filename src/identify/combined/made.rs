@@ -127,8 +127,7 @@ impl Made {
                 boundary: &first.joint.boundary,
                 follows_data: true,
             };
-            let mut basis =
-                settle(&base, Intervals::Linear, Some(0), &budget, &mut parameters, &mut derived);
+            let mut basis = settle(&base, Intervals::Linear, Some(0), &budget, &mut parameters, &mut derived);
             let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
             let relative = |p: &FittedParameter| p.std_noise.unwrap_or(0.0) / p.value.abs().max(f64::MIN_POSITIVE);
             basis.linearity.doubts = doubts(&names, &parameters.iter().map(relative).collect::<Vec<_>>(), None);

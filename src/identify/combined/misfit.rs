@@ -114,8 +114,7 @@ pub(super) fn misfits(tests: &[Judged<'_>]) -> Result<(Vec<Misfit>, Misfit, Opti
     // What other weights leave above the minimum under these, to first order.
     let step = a.times(&b);
     let n_effects = tests[0].effects.len();
-    let changes =
-        |k: usize| tests.iter().map(|test| test.effects[k].rows.as_slice()).collect::<Vec<&[Dense]>>();
+    let changes = |k: usize| tests.iter().map(|test| test.effects[k].rows.as_slice()).collect::<Vec<&[Dense]>>();
     let constants: Vec<Vec<Left>> = (0..n_effects).map(|k| left(&white, &a, &changes(k))).collect();
     let still: Vec<Vec<Dense>> = (tests.iter())
         .map(|test| test.evaluation.blocks.iter().map(|block| Dense::zeros(block.n_rows(), 1)).collect())
@@ -165,12 +164,14 @@ fn together(names: &[&str], list: &[Misfit]) -> Misfit {
     let groups = |of: fn(&Misfit) -> &Vec<MisfitGroup>| -> Vec<MisfitGroup> {
         let named = |(name, misfit): (&&str, &Misfit)| {
             let name = (*name).to_owned();
-            let one = move |group: &MisfitGroup| MisfitGroup { name: format!("{name}, {}", group.name), ..group.clone() };
+            let one =
+                move |group: &MisfitGroup| MisfitGroup { name: format!("{name}, {}", group.name), ..group.clone() };
             of(misfit).iter().map(one).collect::<Vec<_>>()
         };
         names.iter().zip(list).flat_map(named).collect()
     };
-    let (by_instant, by_region, by_both) = (groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both));
+    let (by_instant, by_region, by_both) =
+        (groups(|m| &m.by_instant), groups(|m| &m.by_region), groups(|m| &m.by_both));
     let n_groups = by_instant.len() + by_region.len() + by_both.len();
     Misfit {
         omega,

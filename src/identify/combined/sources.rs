@@ -47,11 +47,13 @@ pub(super) fn combined_constants(
         for (place, constant) in list.iter().enumerate() {
             let of_law = matches!(constant.kind, ConstantKind::Law { .. } | ConstantKind::NoiseLevel);
             let by_itself = shared.is_none() && matches!(constant.kind, ConstantKind::Material { .. });
-            let one = found.iter_mut().find(|one| one.constant.name == constant.name && one.of[k].is_none());
-            if let Some(one) = one.filter(|_| of_law || by_itself || listed(&constant.name)) {
-                let first = one.of.iter().position(Option::is_some).unwrap_or(0);
-                if of_law {
-                    if one.constant.std != constant.std && constant.name != NOISE_LEVEL {
+            let may_share = of_law || by_itself || listed(&constant.name);
+            let same_name = |one: &CombinedConstant| one.constant.name == constant.name && one.of[k].is_none();
+            let one =
+                found.iter().position(|one| may_share && same_name(one) && (of_law || agree(&one.constant, constant)));
+            if let Some(one) = one.map(|at| &mut found[at]) {
+                if of_law && one.constant.std != constant.std {
+                    if constant.name != NOISE_LEVEL {
                         doubts.push(format!(
                             "the tests state different uncertainties of {}: the larger one is taken for all",
                             constant.name
@@ -60,16 +62,13 @@ pub(super) fn combined_constants(
                     if constant.std > one.constant.std {
                         one.constant = constant.clone();
                     }
-                    one.of[k] = Some(place);
-                    continue;
                 }
-                if agree(&one.constant, constant) {
-                    one.of[k] = Some(place);
-                    continue;
-                }
-                if listed(&constant.name) {
-                    return Err(wrong("fit", "shared", differ(&one.constant, constant, [names[first], names[k]])));
-                }
+                one.of[k] = Some(place);
+                continue;
+            }
+            if let Some(other) = found.iter().find(|one| listed(&constant.name) && same_name(one)) {
+                let first = other.of.iter().position(Option::is_some).unwrap_or(0);
+                return Err(wrong("fit", "shared", differ(&other.constant, constant, [names[first], names[k]])));
             }
             let mut of = vec![None; constants.len()];
             of[k] = Some(place);
@@ -136,11 +135,22 @@ pub(super) struct Contribution<'a> {
 /// What each constant does to the parameters that all tests share: of each test its view of every effect, in the same order, without
 /// those that could not be computed in some test that has them.
 pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]) -> Vec<Vec<ConstantEffect>> {
-    let own: Vec<Vec<ConstantEffect>> = tests.iter().map(Contribution::effects).collect();
+    // Of a parameter of the law that tests know differently well the larger uncertainty holds in all.
+    let with_larger = |(k, test): (usize, &Contribution<'_>)| {
+        let mut list = test.constants.to_vec();
+        for CombinedConstant { constant, of } in constants {
+            if let Some(place) = of[k] {
+                (list[place].std, list[place].source) = (constant.std, constant.source);
+            }
+        }
+        list
+    };
+    let lists: Vec<Vec<Constant>> = tests.iter().enumerate().map(with_larger).collect();
+    let own: Vec<Vec<ConstantEffect>> = tests.iter().zip(&lists).map(|(test, list)| test.effects(list)).collect();
     let mut views: Vec<Vec<ConstantEffect>> = vec![Vec::new(); tests.len()];
     for combined in constants {
         let of_test = |k: usize| {
-            let constant = combined.of[k].map(|place| &tests[k].constants[place])?;
+            let constant = combined.of[k].map(|place| &lists[k][place])?;
             own[k].iter().find(|effect| effect.constant == *constant)
         };
         let needed = combined.of.iter().flatten().count();
@@ -151,21 +161,13 @@ pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]
         let mut scaled = vec![0.0; tests[0].problem.unknowns.n()];
         for (test, effect) in tests.iter().zip(&found) {
             let Some(effect) = effect else { continue };
-            // The larger uncertainty of a prescribed parameter is taken for all tests.
-            let factor = combined.constant.std / effect.constant.std;
             let moved = test.statistics.shift(&effect.rows);
-            scaled.iter_mut().zip(moved).for_each(|(sum, z)| *sum += factor * z);
+            scaled.iter_mut().zip(moved).for_each(|(sum, z)| *sum += z);
         }
         for (k, test) in tests.iter().enumerate() {
             let law = test.law_change(&combined.constant, &scaled);
             let (jumps, rows) = match found[k] {
-                Some(effect) => {
-                    let f = combined.constant.std / effect.constant.std;
-                    let jump = |j: &Jump| Jump { normal: f * j.normal, tangential: f * j.tangential };
-                    let jumps = effect.jumps.iter().map(|jumps| jumps.iter().map(jump).collect()).collect();
-                    let times = |d: &Dense| Dense::from_fn(d.n_rows(), d.n_columns(), |r, c| f * d[(r, c)]);
-                    (jumps, effect.rows.iter().map(times).collect())
-                }
+                Some(effect) => (effect.jumps.clone(), effect.rows.clone()),
                 None => test.still(),
             };
             let constant = combined.constant.clone();
@@ -176,9 +178,9 @@ pub(super) fn effects(tests: &[Contribution<'_>], constants: &[CombinedConstant]
 }
 
 impl Contribution<'_> {
-    /// The effects of the test's own constants, the rows with all that a change of the pixel size does.
-    fn effects(&self) -> Vec<ConstantEffect> {
-        let mut effects = self.problem.constant_effects(self.evaluation, self.statistics, self.constants);
+    /// The effects of the test's `constants`, the rows with all that a change of the pixel size does.
+    fn effects(&self, constants: &[Constant]) -> Vec<ConstantEffect> {
+        let mut effects = self.problem.constant_effects(self.evaluation, self.statistics, constants);
         let (unknowns, x) = (&self.problem.unknowns, &self.evaluation.x);
         let slopes = unknowns.slopes(x);
         for effect in effects.iter_mut().filter(|effect| effect.constant.kind == ConstantKind::PixelSize) {

@@ -139,10 +139,7 @@ fn who_determines(of: &OfTests<'_>) -> Vec<String> {
 /// The tests that could be left out.
 fn nothing_new(of: &OfTests<'_>) -> Vec<String> {
     let said = |share: &TestShare| {
-        format!(
-            "test \"{}\" adds nothing: without it every standard uncertainty is the same to 1 %",
-            share.name
-        )
+        format!("test \"{}\" adds nothing: without it every standard uncertainty is the same to 1 %", share.name)
     };
     of.shares.iter().filter(|share| share.adds_nothing).map(said).collect()
 }

@@ -114,7 +114,8 @@ impl CaseDocument {
                 Err(self.text.refuse(section, None, message))
             }
             Some(section) if reader == Reader::Tests && OF_JOINT.contains(&section.as_str()) => {
-                let message = format!("[{section}] is each test's own: it stands in the case files that [[test]] names");
+                let message =
+                    format!("[{section}] is each test's own: it stands in the case files that [[test]] names");
                 Err(self.text.refuse(section, None, message))
             }
             Some(section) => {

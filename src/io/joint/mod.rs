@@ -13,8 +13,8 @@ mod run;
 #[cfg(not(feature = "store"))]
 #[path = "no_run.rs"]
 mod run;
-mod table;
 mod several;
+mod table;
 
 pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes};
 pub use boundary::{BoundaryTable, read_boundary};
@@ -24,8 +24,8 @@ pub use correlated::{JointRun, RunMatrix};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
-pub use table::{read_table, write_table};
 pub use several::{IdentifyInput, TestInput, TestsInput, read_identify};
+pub use table::{read_table, write_table};
 
 use super::case::{CaseError, CasePlace};
 use super::mesh_file::MeshFileError;
@@ -258,7 +258,9 @@ pub enum JointFileError {
     #[error("another test has the same name; give each [[test]] a name = \"..\" of its own")]
     SameName,
     /// A name that no folder can have.
-    #[error("its results get a folder of its name; give it a name = \"..\" of letters, digits, - and _, other than figures")]
+    #[error(
+        "its results get a folder of its name; give it a name = \"..\" of letters, digits, - and _, other than figures"
+    )]
     TestName,
     /// A test that begins with images.
     #[error("{}: is a case of quadrille run, whose images are not measured yet; run it, and give the folder of its results: case = \"RUN\"", path.display())]

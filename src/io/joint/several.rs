@@ -145,6 +145,7 @@ fn with_shared(
         }),
         exact: own.exact.or_else(|| shared.exact.clone()),
         discretisation: own.discretisation.or(shared.discretisation),
+        shared: None,
         ..shared.clone()
     });
     input

@@ -9,8 +9,8 @@ mod tables;
 
 pub use budget::{budget_lines, defaults_used};
 pub use json::{
-    BudgetRecord, ConsistencyRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord, QuantityRecord, StartRecord,
-    SweepRecord, TestParameterRecord, TestRecord, VerdictRecord,
+    BudgetRecord, ConsistencyRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord,
+    QuantityRecord, StartRecord, SweepRecord, TestParameterRecord, TestRecord, VerdictRecord,
 };
 pub use several::{several_json, write_tests};
 pub use several_page::several_page;

@@ -31,7 +31,8 @@ pub fn several_json(
         }
     }
     let implausible = records.iter().flat_map(|record| record.implausible.iter().cloned()).collect();
-    let tests: Vec<TestRecord> = (fit.tests.iter().zip(&records).zip(reports)).map(|((t, r), p)| test(t, r, p)).collect();
+    let tests: Vec<TestRecord> =
+        (fit.tests.iter().zip(&records).zip(reports)).map(|((t, r), p)| test(t, r, p)).collect();
     let mut record = records.swap_remove(0);
     let sum = |of: fn(&TestRecord) -> usize| tests.iter().map(of).sum::<usize>();
     let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
