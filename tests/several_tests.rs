@@ -599,16 +599,20 @@ fn scatter_of_an_opening_and_a_sliding_test_over_many_draws() {
     for (k, name) in ["phi_n", "delta_n", "delta_t", "r"].iter().enumerate() {
         println!("{name}: mean error {:+.2} %, scatter {:.2} %, predicted {:.2} %", error[k], scatter[k], predicted[k]);
     }
+    // Fits of one test take ten times as long: the ends of their intervals are far away.
+    let n_alone = n.div_ceil(4);
     for (name, missing) in [("opening", "a sliding test"), ("sliding", "an opening test")] {
         let (mut outcomes, mut named) = ([0; 3], 0);
-        for seed in 101..101 + n {
+        for seed in 101..101 + n_alone {
             let folder = both_of(LARGE, seed);
             let fit = fitted_alone(&folder.path().join(name).join("case.toml"));
             outcomes[fit.verdict.outcome as usize] += 1;
             named += usize::from(fit.verdict.sentences.iter().any(|line| line.contains(missing)));
         }
-        println!("{name} alone: {outcomes:?} determined, not determined, rejected; {named} name {missing}");
-        assert!(outcomes[0] == 0 && named + outcomes[2] == n as usize);
+        println!(
+            "{name} alone, {n_alone} draws: {outcomes:?} determined, not determined, rejected; {named} name {missing}"
+        );
+        assert!(outcomes[0] == 0 && named + outcomes[2] == n_alone as usize);
     }
     // The issue's 20 %; of 20 draws a standard deviation is known to 16 %.
     assert!((scatter[3] / predicted[3] - 1.0).abs() < 0.2, "{} for {}", scatter[3], predicted[3]);
