@@ -8,10 +8,10 @@ use super::run::or_stopped;
 use super::talk::Talk;
 use super::{Outcome, Result, plural, signals};
 use crate::identify::{Case, Ended, FitStatus, FitWatch, SweepRow, sweep};
-use crate::io::joint::read_joint;
+use crate::io::joint::{IdentifyInput, read_identify, read_joint};
 use crate::report::fit::{SweepRecord, write_sweep};
 use crate::report::{Axis, Plot, PlotSeries, Style};
-use crate::run::{Event, FIGURES, RunFolder, identify};
+use crate::run::{Event, FIGURES, RunFolder, identify, identify_several};
 use std::time::Instant;
 
 /// Values that are named one by one where some were not fitted; `sweep.json` has them all.
@@ -19,14 +19,24 @@ const MOST_NAMED: usize = 10;
 
 /// Runs `quadrille identify`.
 pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
-    let mut input = read_joint(&args.case)?;
-    if let Some(fit) = &mut input.case.fit {
-        args.limits.over(fit);
+    let mut input = read_identify(&args.case)?;
+    match &mut input {
+        IdentifyInput::One(input) => input.case.fit.iter_mut().for_each(|fit| args.limits.over(fit)),
+        IdentifyInput::Several(input) => {
+            args.limits.over(&mut input.fit);
+            input.tests.iter_mut().flat_map(|test| &mut test.input.case.fit).for_each(|fit| args.limits.over(fit));
+        }
     }
     let mut progress = Progress::new(Talk::of(args.progress, args.talk.quiet), paint);
     let (output, pool, stop) = (&args.results.output, args.threads.pool()?, signals::listen()?);
     let mut watcher = |event: Event<'_>| progress.take(event);
-    let ran = identify(&input, &args.case, output, args.results.overwrite, &pool, &stop, &mut watcher);
+    let overwrite = args.results.overwrite;
+    let ran = match &input {
+        IdentifyInput::One(input) => identify(input, &args.case, output, overwrite, &pool, &stop, &mut watcher),
+        IdentifyInput::Several(input) => {
+            identify_several(input, &args.case, output, overwrite, &pool, &stop, &mut watcher)
+        }
+    };
     or_stopped(ran.map(|(_, outcome)| outcome), &stop)
 }
 

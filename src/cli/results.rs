@@ -22,6 +22,7 @@ pub(super) fn of_fit(json: &FitRecord, output: &Path, paint: Paint) {
         let bound = if p.at_bound { ", on its bound" } else { "" };
         eprintln!("{name} = {:.6} {}{spread}{conditional}{bound}", p.value, p.unit);
     }
+    of_tests(json);
     let parts = budget_lines(json);
     if !parts.is_empty() {
         eprintln!("largest standard uncertainties: {}", parts.join("; "));
@@ -44,6 +45,33 @@ pub(super) fn of_fit(json: &FitRecord, output: &Path, paint: Paint) {
         json.seconds,
         output.display()
     );
+}
+
+/// Of several tests: what each tells of each parameter, and how well the model follows it.
+fn of_tests(json: &FitRecord) {
+    if json.tests.is_empty() {
+        return;
+    }
+    let width = json.tests.iter().map(|test| test.name.chars().count()).max().unwrap_or(0).max(8);
+    let percent = |name: &str, std: Option<f64>| match (std, json.parameters.get(name)) {
+        (Some(std), Some(p)) if 100.0 * std < 1e3 * p.value.abs() => format!("{:.3} %", 100.0 * std / p.value.abs()),
+        (Some(_), Some(_)) => "> 1000 %".to_owned(),
+        _ => "nothing".to_owned(),
+    };
+    let heads: Vec<String> = json.parameter_order.iter().map(|name| format!("{name:>11}")).collect();
+    eprintln!("standard uncertainty by the noise, of each test alone and of all together:");
+    eprintln!("{:width$}{}  misfit z", "", heads.join(""));
+    for test in &json.tests {
+        let cell =
+            |name: &crate::report::Name| percent(name, test.parameters.get(name).and_then(|told| told.std_alone));
+        let cells: Vec<String> = json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect();
+        let z = test.misfit.as_ref().filter(|misfit| misfit.tested);
+        let z = z.map_or("-".to_owned(), |misfit| format!("{:+.1}", misfit.z));
+        eprintln!("{:width$}{}  {z}", test.name, cells.join(""));
+    }
+    let cell = |name: &crate::report::Name| percent(name, json.parameters.get(name).and_then(|p| p.std_noise));
+    let cells: Vec<String> = json.parameter_order.iter().map(|name| format!("{:>11}", cell(name))).collect();
+    eprintln!("{:width$}{}", "together", cells.join(""));
 }
 
 /// What a user has to know at once.

@@ -1,6 +1,6 @@
 //! `quadrille virtual`: the virtual test with its images, its truth, and a case file to run.
 
-use super::args::{VirtualArgs, VirtualDepth};
+use super::args::{VirtualArgs, VirtualDepth, VirtualMixity};
 use super::{Outcome, Result};
 use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
@@ -8,7 +8,7 @@ use crate::mechanics::JointMesh;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::synth::Depth;
 use crate::virtual_test::{
-    ALUMINIUM, BAND_PX, ELEMENT_PX, PIXEL_MM, SIZE, VirtualOptions, VirtualTest, faces_px, zones_px,
+    ALUMINIUM, BAND_PX, ELEMENT_PX, Mixity, PIXEL_MM, SIZE, VirtualOptions, VirtualTest, faces_px, zones_px,
 };
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -25,7 +25,13 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
         VirtualDepth::Eight => Depth::U8,
         VirtualDepth::Sixteen => Depth::U16,
     };
-    let options = VirtualOptions { seed: args.seed, depth, noise_grey: args.noise, ..VirtualOptions::default() };
+    let mixity = match args.mixity {
+        VirtualMixity::Opening => Mixity::Opening,
+        VirtualMixity::Mixed => Mixity::Mixed,
+        VirtualMixity::Sliding => Mixity::Sliding,
+    };
+    let options =
+        VirtualOptions { seed: args.seed, depth, noise_grey: args.noise, mixity, ..VirtualOptions::default() };
     if args.output.join(TRUTH).exists() && !args.overwrite {
         return Err(format!(
             "{}: holds another virtual test; choose another --output folder, or replace it with --overwrite",
@@ -112,7 +118,12 @@ fn about(test: &VirtualTest, images: Vec<Value>) -> Value {
     let peak = law.peak();
     json!({
         "quadrille": env!("CARGO_PKG_VERSION"),
-        "what": "virtual test of a bonded joint: remote mixed-mode opening, the crack runs from right to left",
+        "what": match options.mixity {
+            Mixity::Mixed => "virtual test of a bonded joint: remote mixed-mode opening, the crack runs from right to left",
+            Mixity::Opening => "virtual test of a bonded joint: remote opening with a little sliding, the crack runs from right to left",
+            Mixity::Sliding => "virtual test of a bonded joint: remote sliding with a little opening, the whole joint at once",
+        },
+        "mixity": options.mixity.name(),
         "units": "mm, MPa, N/mm; x to the right, y up from the centre of the top-left pixel; px with y down; nodes from 0, instants from 1",
         "seed": options.seed,
         "noise_grey": options.noise_grey,

@@ -98,6 +98,9 @@ impl<'a> Case<'a> {
             return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
         };
         let mut doubts = Vec::new();
+        if table.shared.is_some() {
+            doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
+        }
         let unknowns = unknowns(&*joint.law, table)?;
         let of_run = matches!(measured, MeasurementInput::Run(_));
         let weights = match measurement.weights {

@@ -278,7 +278,7 @@ fn add(sum: &mut NodalField, factor: f64, field: &NodalField) {
 }
 
 /// Power of mm in the unit of a parameter.
-fn power_of_length(unit: &str) -> f64 {
+pub(super) fn power_of_length(unit: &str) -> f64 {
     match unit {
         "mm" | "N/mm" => 1.0,
         "MPa/mm" => -1.0,

@@ -124,6 +124,26 @@ pub enum FitError {
     /// The forward model failed where it had not before.
     #[error("the forward model has no solution where the fit ended; give narrower bounds")]
     Lost,
+    /// Something about one of several tests.
+    #[error("test \"{name}\": {error}")]
+    InTest {
+        /// The test.
+        name: String,
+        /// What.
+        error: Box<FitError>,
+    },
+    /// Tests of different laws.
+    #[error("tests \"{first}\" and \"{second}\" have not the same law: {what}; one law is fitted to all tests: give it in [cohesive] of {}, or the same in both", path.display())]
+    LawsDiffer {
+        /// The case that names the tests.
+        path: PathBuf,
+        /// A test.
+        first: String,
+        /// One with another law.
+        second: String,
+        /// In what they differ.
+        what: String,
+    },
     /// A law that refuses its values.
     #[error(transparent)]
     Law(#[from] LawError),

@@ -15,7 +15,7 @@ use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweig
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
 use super::unknowns::Unknowns;
-use super::verdict::{Grounds, Verdict};
+use super::verdict::{Grounds, LARGEST_STD, Verdict};
 use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
@@ -281,8 +281,10 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     };
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
+    let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
+    let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h, noise, LARGEST_STD) } else { None };
     let verdict = match &of_noise {
-        None => Verdict::singular(&parameters, unfinished),
+        None => Verdict::singular(&parameters, unfinished, missing.as_ref()),
         Some(correlation) => {
             let prescribed =
                 released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
@@ -295,6 +297,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
                 noise_ratio: problem.noise.ratio,
                 given: problem.given(),
                 unfinished,
+                missing,
             };
             Verdict::new(&parameters, &grounds)
         }
@@ -350,13 +353,13 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
     Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
 }
 
-fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
+pub(super) fn describe(unknowns: &Unknowns, x: &[f64]) -> String {
     let named = |(unknown, x): (&super::unknowns::Unknown, &f64)| format!("{} = {x}", unknown.parameter.name);
     unknowns.list().iter().zip(x).map(named).collect::<Vec<_>>().join(", ")
 }
 
 /// The end to go on from: the lowest objective, converged ones first; and how the others compare with it.
-fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Vec<StartEnd>) {
+pub(super) fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Vec<StartEnd>) {
     let omega = |end: &End| end.local.as_ref().map_or(f64::INFINITY, |local| local.omega);
     let better = |a: usize, b: usize| {
         let key = |k: usize| (ends[k].status != FitStatus::Converged, omega(&ends[k]));
@@ -378,7 +381,7 @@ fn compare(unknowns: &Unknowns, starts: &[Vec<f64>], ends: &[End]) -> (usize, Ve
 }
 
 /// Correlation of the parameters. Without any noise (no variance at all) that which noise would give.
-fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense {
+pub(super) fn correlation_of(covariance: &Dense, statistics: Option<&Statistics>) -> Dense {
     let n = covariance.n_rows();
     let silent = (0..n).any(|k| covariance[(k, k)] <= 0.0 || covariance[(k, k)].is_nan());
     let matrix = match statistics {

@@ -16,7 +16,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 /// that (rounding, interpolation, texture), whatever the number of pixels.
 pub const NOISE_LEVEL_STD: f64 = 0.02;
 /// The share of right models that a test may reject.
-const FALSE_REJECTIONS: f64 = 0.01;
+pub(super) const FALSE_REJECTIONS: f64 = 0.01;
 /// A group whose residual is above its expectation by less than this is not worth a rejection, however well it is known.
 const LEAST_RATIO: f64 = 1.1;
 /// Most groups that are named in words.
@@ -102,14 +102,26 @@ impl Misfit {
     }
 }
 
+/// What a fit leaves unexplained, in units of the noise's variance.
+pub(super) struct Unexplained {
+    /// The objective under the inverse covariance.
+    pub omega: f64,
+    /// What noise alone leaves of it on the average.
+    pub freedom: f64,
+    /// What the size of the elements adds, and the change of the rows that is left of it.
+    pub floor: Option<(f64, Vec<Dense>)>,
+    /// The same of each constant, off by its standard uncertainty.
+    pub constants: Vec<(f64, Vec<Dense>)>,
+}
+
 /// The value that a standard normal variable exceeds with probability `tail`.
-fn normal_tail(tail: f64) -> f64 {
+pub(super) fn normal_tail(tail: f64) -> f64 {
     Normal::standard().inverse_cdf(1.0 - tail)
 }
 
 /// The normal deviate of a sum of squares that is `ratio` times its expectation, as of a chi-square of `freedom` degrees (Wilson
 /// and Hilferty 1931): a sum over few numbers is far from normal.
-fn as_normal(ratio: f64, freedom: f64) -> f64 {
+pub(super) fn as_normal(ratio: f64, freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
     (ratio.cbrt() - (1.0 - spread)) / spread.sqrt()
 }
@@ -149,10 +161,24 @@ impl Problem<'_> {
         let jacobian = evaluation.jacobian();
         let inverse = factor.inverse();
         let left = refined.map(|change| self.not_absorbed(whitening, &jacobian, &inverse, change));
-        let floor = left.as_ref().map(|(floor, _)| unit * floor);
-        let of_constants: Vec<(f64, Vec<Dense>)> =
-            effects.par_iter().map(|effect| self.not_absorbed(whitening, &jacobian, &inverse, &effect.rows)).collect();
-        let squares: Vec<f64> = of_constants.iter().map(|(square, _)| unit * square).collect();
+        let floor = left.map(|(floor, left)| (unit * floor, left));
+        let of_constants = effects.par_iter().map(|effect| {
+            let (square, left) = self.not_absorbed(whitening, &jacobian, &inverse, &effect.rows);
+            (unit * square, left)
+        });
+        let constants = of_constants.collect();
+        Ok(self.judged(evaluation, statistics, Unexplained { omega, freedom, floor, constants }))
+    }
+
+    /// The misfit of what was left unexplained at `evaluation`.
+    pub(super) fn judged(
+        &self,
+        evaluation: &Evaluation,
+        statistics: &Statistics,
+        Unexplained { omega, freedom, floor: left, constants: of_constants }: Unexplained,
+    ) -> Misfit {
+        let floor = left.as_ref().map(|(floor, _)| *floor);
+        let squares: Vec<f64> = of_constants.iter().map(|(square, _)| *square).collect();
         // Without any constant the sum is -0, which nobody wants to read.
         let constants = squares.iter().sum::<f64>() + 0.0;
         let moved = floor.unwrap_or(0.0) + constants;
@@ -169,7 +195,7 @@ impl Problem<'_> {
             n_groups = lists.0.len() + lists.1.len() + lists.2.len();
             lists
         };
-        Ok(Misfit {
+        Misfit {
             omega,
             freedom,
             floor,
@@ -177,13 +203,13 @@ impl Problem<'_> {
             std,
             z: (omega - expected) / std,
             excess: omega / expected - 1.0,
-            tested: noise.sigma.is_some(),
+            tested: self.noise.sigma.is_some(),
             limit: normal_tail(FALSE_REJECTIONS),
             by_instant,
             by_region,
             by_both,
             group_limit: normal_tail(FALSE_REJECTIONS / n_groups.max(1) as f64),
-        })
+        }
     }
 
     /// `d^T Q d` of a change `d` of the rows, `Q = W - W J (J^T W J)^-1 J^T W`, and the part of `d` that other parameters do not

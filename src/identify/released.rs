@@ -11,11 +11,16 @@ use crate::mechanics::BoundaryHistory;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Scaled step at which the trial ends: its objective is then good to far below one.
-const STEP: f64 = 1e-4;
+pub(super) const STEP: f64 = 1e-4;
 /// Evaluations after which it is given up where it is.
-const EVALUATIONS: usize = 20;
+pub(super) const EVALUATIONS: usize = 20;
 /// The share of right prescriptions for which the fall of the objective is called significant.
 const FALSE_ALARMS: f64 = 1e-3;
+
+/// Fall of the objective that `freedom` right prescriptions exceed in one of a thousand cases.
+pub(super) fn limit(freedom: usize) -> f64 {
+    ChiSquared::new(freedom as f64).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARMS))
+}
 
 /// What becomes of the objective when the prescribed parameters of the law are unknowns too, all together, under the weights
 /// of the fit.
@@ -124,11 +129,8 @@ impl Problem<'_> {
             // In units of what one number compared leaves of the objective.
             _ => fall / (statistics.expected_omega / self.observation.n_data() as f64).max(f64::MIN_POSITIVE),
         };
-        let quantile = |freedom: usize| {
-            ChiSquared::new(freedom as f64).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - FALSE_ALARMS))
-        };
         Ok(Some(Released {
-            limit: quantile(prescribed.len()),
+            limit: limit(prescribed.len()),
             parameters,
             gain,
             converged: end.status == FitStatus::Converged,

@@ -40,50 +40,22 @@ impl Statistics {
         let local = evaluation.local(weights, noise);
         let Ok(factor) = local.h.cholesky() else { return Ok(None) };
         let a = factor.inverse();
-        let jacobian = evaluation.jacobian();
-        let by_boundary = problem.by_boundary(evaluation)?;
-        let mut v = weights.times(noise, &jacobian);
+        let Led { v, by_boundary, of_diagonal } = Led::new(problem, evaluation, weights)?;
         let n = observation.n_data() as f64;
         let p = problem.unknowns.n() as f64;
-        let unit = match weights {
-            Weights::Inverse(_) => {
-                // v holds 1/sigma^2 where sigma is known.
-                let given = noise.sigma.map_or(1.0, |sigma| sigma * sigma);
-                let unknown = noise.sigma.is_none();
-                let sigma2 = if unknown { local.omega / (n - p).max(1.0) } else { given };
-                let mut covariance = a.clone();
-                if unknown {
-                    scale(&mut covariance, sigma2);
-                }
-                let expected_omega = if unknown { local.omega } else { n - p };
-                return Ok(Some(Self {
-                    a,
-                    v,
-                    by_boundary,
-                    covariance,
-                    sigma: sigma2.sqrt(),
-                    sigma_estimated: unknown,
-                    expected_omega,
-                }));
+        let Some((unit, spread)) = of_diagonal else {
+            // v holds 1/sigma^2 where sigma is known.
+            let given = noise.sigma.map_or(1.0, |sigma| sigma * sigma);
+            let unknown = noise.sigma.is_none();
+            let sigma2 = if unknown { local.omega / (n - p).max(1.0) } else { given };
+            let mut covariance = a.clone();
+            if unknown {
+                scale(&mut covariance, sigma2);
             }
-            Weights::Diagonal(diagonal) => {
-                // The residual is (I, -S) e: what is prescribed wrongly comes back through the model.
-                for (v, t) in v.iter_mut().zip(&by_boundary) {
-                    let back = t.transposed_times(v);
-                    for (k, &node) in observation.prescribed.iter().enumerate() {
-                        for c in 0..2 {
-                            (0..v.n_columns()).for_each(|j| v[(2 * node + c, j)] -= back[(2 * k + c, j)]);
-                        }
-                    }
-                }
-                let traces: Vec<f64> = (0..diagonal.len())
-                    .into_par_iter()
-                    .map(|i| problem.trace(&diagonal[i], by_boundary.get(i)))
-                    .collect();
-                (1.0 + noise.common) * traces.iter().sum::<f64>()
-            }
+            let expected_omega = if unknown { local.omega } else { n - p };
+            let (sigma, sigma_estimated) = (sigma2.sqrt(), unknown);
+            return Ok(Some(Self { a, v, by_boundary, covariance, sigma, sigma_estimated, expected_omega }));
         };
-        let spread = problem.spread(&v);
         let covariance = a.times(&spread).times(&a);
         let taken: f64 =
             (0..a.n_rows()).map(|k| (0..a.n_rows()).map(|j| a[(k, j)] * spread[(j, k)]).sum::<f64>()).sum();
@@ -100,6 +72,44 @@ impl Statistics {
             sigma_estimated: noise.sigma.is_none(),
             expected_omega: sigma2 * left,
         }))
+    }
+}
+
+/// How the noise of a measurement leads to the gradient of its objective: what does not depend on what else is fitted.
+pub(super) struct Led {
+    /// `v_i`, of which `sum_i v_i^T e_i` is the gradient that the noise `e` makes.
+    pub v: Vec<Dense>,
+    /// Derivatives of the rows by the prescribed displacements at each instant; empty where those have no noise.
+    pub by_boundary: Vec<Dense>,
+    /// Under diagonal weights the objective that noise of sigma 1 has before anything is fitted, and the covariance of the gradient
+    /// that it makes; under the inverse covariance both follow from the normal matrix.
+    pub of_diagonal: Option<(f64, Dense)>,
+}
+
+impl Led {
+    /// That of `evaluation` under `weights`.
+    ///
+    /// # Errors
+    /// A tangent without inverse.
+    pub(super) fn new(problem: &Problem<'_>, evaluation: &Evaluation, weights: &Weights) -> Result<Self, FitError> {
+        let (noise, observation) = (&problem.noise, &problem.observation);
+        let by_boundary = problem.by_boundary(evaluation)?;
+        let mut v = weights.times(noise, &evaluation.jacobian());
+        let Weights::Diagonal(diagonal) = weights else { return Ok(Self { v, by_boundary, of_diagonal: None }) };
+        // The residual is (I, -S) e: what is prescribed wrongly comes back through the model.
+        for (v, t) in v.iter_mut().zip(&by_boundary) {
+            let back = t.transposed_times(v);
+            for (k, &node) in observation.prescribed.iter().enumerate() {
+                for c in 0..2 {
+                    (0..v.n_columns()).for_each(|j| v[(2 * node + c, j)] -= back[(2 * k + c, j)]);
+                }
+            }
+        }
+        let trace = |i: usize| problem.trace(&diagonal[i], by_boundary.get(i));
+        let traces: Vec<f64> = (0..diagonal.len()).into_par_iter().map(trace).collect();
+        let unit = (1.0 + noise.common) * traces.iter().sum::<f64>();
+        let spread = problem.spread(&v);
+        Ok(Self { v, by_boundary, of_diagonal: Some((unit, spread)) })
     }
 }
 

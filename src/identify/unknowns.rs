@@ -19,7 +19,8 @@ impl Scale {
         }
     }
 
-    fn unscaled(self, z: f64) -> f64 {
+    /// `x` at `z`.
+    pub fn unscaled(self, z: f64) -> f64 {
         match self {
             Self::Logarithm => z.exp(),
             Self::Reference(reference) => z * reference,

@@ -3,6 +3,7 @@
 use super::fitted::FittedParameter;
 use super::intervals::IntervalBasis;
 use super::misfit::Misfit;
+use super::missing_mode::MissingMode;
 use super::released::Released;
 use crate::linalg::Dense;
 
@@ -71,6 +72,8 @@ pub struct Grounds<'a> {
     pub given: Vec<String>,
     /// Why the fit is not at its end, a sentence each; empty where it is.
     pub unfinished: Vec<String>,
+    /// What kind of test would tell what these data leave open.
+    pub missing: Option<MissingMode>,
 }
 
 impl Verdict {
@@ -80,15 +83,18 @@ impl Verdict {
     }
 
     /// The verdict where the data say nothing of some combination of the unknowns.
-    /// `unfinished` says why the fit is not at its end, where it is not.
-    pub fn singular(parameters: &[FittedParameter], unfinished: Vec<String>) -> Self {
+    /// `unfinished` says why the fit is not at its end, where it is not; `missing` what kind of test would tell more.
+    pub fn singular(parameters: &[FittedParameter], unfinished: Vec<String>, missing: Option<&MissingMode>) -> Self {
         let singular = format!(
             "these data do not determine {}: they say nothing of some combination of them",
             list_of(parameters)
         );
         Self {
             outcome: Outcome::NotDetermined,
-            sentences: std::iter::once(singular).chain(unfinished).collect(),
+            sentences: std::iter::once(singular)
+                .chain(missing.and_then(MissingMode::sentence))
+                .chain(unfinished)
+                .collect(),
             given: Vec::new(),
             thresholds: thresholds(),
         }
@@ -98,7 +104,11 @@ impl Verdict {
     pub fn new(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Self {
         let against = contradictions(grounds);
         let mut open = grounds.unfinished.clone();
-        open.extend(undetermined(parameters, grounds));
+        let undetermined = undetermined(parameters, grounds);
+        // Another kind of test helps against what the data leave open, not against a wrong model or noise.
+        let missing = grounds.missing.as_ref().filter(|_| !undetermined.is_empty() && against.is_empty());
+        open.extend(undetermined);
+        open.extend(missing.and_then(MissingMode::sentence));
         if let Some(ratio) = grounds.noise_ratio
             && !(1.0 / LARGEST_NOISE_RATIO..=LARGEST_NOISE_RATIO).contains(&ratio)
         {
@@ -153,7 +163,7 @@ impl Verdict {
     }
 }
 
-fn thresholds() -> String {
+pub(super) fn thresholds() -> String {
     format!(
         "not determined: a fit that did not come to its end, standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
          the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
@@ -162,12 +172,12 @@ fn thresholds() -> String {
     )
 }
 
-fn list_of(parameters: &[FittedParameter]) -> String {
+pub(super) fn list_of(parameters: &[FittedParameter]) -> String {
     parameters.iter().map(|p| p.parameter.name).collect::<Vec<_>>().join(", ")
 }
 
 /// What speaks against the model.
-fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
+pub(super) fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     if let Some(misfit) = grounds.misfit
         && misfit.rejected()
@@ -206,7 +216,7 @@ fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
 }
 
 /// The parameters that the data leave open.
-fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
+pub(super) fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>) -> Vec<String> {
     let correlation = grounds.correlation;
     let mut sentences = Vec::new();
     let relative: Vec<f64> = parameters.iter().map(FittedParameter::relative_std).collect();
@@ -283,7 +293,7 @@ fn percent(share: f64) -> String {
 }
 
 /// What the released parameters tell when they do not contradict.
-fn advice(grounds: &Grounds<'_>) -> Option<String> {
+pub(super) fn advice(grounds: &Grounds<'_>) -> Option<String> {
     let released = grounds.released?;
     let names: Vec<&str> = released.parameters.iter().map(|p| p.name).collect();
     let found: Vec<String> = (released.parameters.iter())

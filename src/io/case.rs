@@ -20,7 +20,7 @@ pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
 pub use guard::CaseGuard;
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
-    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, CaseRigidMotion, CaseWeights,
+    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
 };
 pub use law::{
     CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
@@ -87,6 +87,10 @@ pub struct Case {
     pub substrate: Option<CaseSubstrate>,
     /// The law of the adhesive (docs/mechanics.md). Parameters that are not fitted keep these values.
     pub cohesive: Option<CaseCohesive>,
+    /// Several tests of one adhesive that are fitted together (docs/identification.md): one law, each with its own images or table,
+    /// mesh, border, noise and constants. Beside them the file has `[fit]` and, over those of the tests, `[cohesive]`.
+    #[serde(rename = "test", default, skip_serializing_if = "Vec::is_empty")]
+    pub tests: Vec<CaseTest>,
     /// What is written of a computed joint.
     pub output: Option<CaseJointOutput>,
     /// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there

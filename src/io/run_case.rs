@@ -3,7 +3,7 @@
 //! It holds the sections of a correlation ([`CaseFile`]), and those of a joint (as in
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
-use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, CaseText, read_document};
+use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, CaseText, Reader, read_document};
 use super::joint::LAW;
 use facing::{Faces, face_each_other};
 use std::path::{Path, PathBuf};
@@ -74,6 +74,7 @@ impl CaseDocument {
     /// # Errors
     /// Zones that do not face each other, no pixel size, a section that is missing, a key for what is measured here.
     pub fn run(self) -> Result<RunCase, RunCaseError> {
+        self.taken_by(Reader::Run)?;
         let text = &self.text.clone();
         let (mut correlation, mut joint) = self.into_correlation();
         let wrong = |what: String| RunCaseError::Wrong { path: text.path().to_owned(), what };

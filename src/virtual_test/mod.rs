@@ -1,13 +1,13 @@
 //! The virtual test: a bonded joint that is pulled apart in the computer, and photographed.
 //!
-//! A joint larger than the image is solved under remote mixed-mode opening, on a mesh twice as fine as that of an
+//! A joint larger than the image is solved under remote mixed-mode opening (or mostly opening, or mostly sliding: [`Mixity`]), on a mesh twice as fine as that of an
 //! identification with elements of 16 px; the images are textures moved by the computed displacements. All that an
 //! experiment hides is known here: displacements, tractions, parameters. No image is interpolated.
 
 mod case;
 mod options;
 
-pub use options::{VirtualError, VirtualOptions};
+pub use options::{Mixity, VirtualError, VirtualOptions};
 
 use crate::field::RigidMotion;
 use crate::imaging::Image;
@@ -47,13 +47,29 @@ pub const ALUMINIUM: [f64; 5] = [72_000.0, 0.33, 180.0, 0.06, 7.0];
 /// `theta lambda [ln(1 + e^s) - dip exp(-(s + 2)^2/2)]`, `s = (x - a)/lambda`: closed, and pressed together a little, ahead
 /// of `a`; turned against each other by `theta` behind it. They slide by `slide` and drift together.
 mod remote {
-    /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant.
-    pub const THETA: [f64; 2] = [0.028, 0.036];
+    use super::Mixity;
+
+    /// Angle between the strips behind the front, rad: each turns by half of it. First and last instant. Of a sliding test it opens
+    /// the joint by a fifth of what its largest traction takes, so that the data know something of that too.
+    pub const fn theta(mixity: Mixity) -> [f64; 2] {
+        match mixity {
+            Mixity::Opening | Mixity::Mixed => [0.028, 0.036],
+            Mixity::Sliding => [0.0014, 0.0018],
+        }
+    }
+    /// Sliding of the grips, mm. First and last instant. The whole joint of a sliding test passes its largest traction at about a
+    /// third of it, and has hardly any left at the end.
+    pub const fn slide_mm(mixity: Mixity) -> [f64; 2] {
+        match mixity {
+            Mixity::Opening => [0.001, 0.006],
+            Mixity::Mixed => [0.006, 0.036],
+            Mixity::Sliding => [0.02, 0.12],
+        }
+    }
     /// Place of `a` along the image, px.
     pub const FRONT_PX: [f64; 2] = [330.0, -10.0];
     pub const LAMBDA_PX: f64 = 64.0;
     pub const DIP: f64 = 0.6;
-    pub const SLIDE_MM: [f64; 2] = [0.006, 0.036];
     /// Of the last instant, px.
     pub const DRIFT_PX: [f64; 2] = [1.7, 2.6];
 }
@@ -79,7 +95,7 @@ impl VirtualTest {
         let [phi_n, delta_n, delta_t, r] = options.law;
         let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?;
         let mesh = joint_mesh()?;
-        let boundary = remote_boundary(&mesh, options.instants);
+        let boundary = remote_boundary(&mesh, options.instants, options.mixity);
         let aluminium: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress)?);
         let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
         let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
@@ -271,7 +287,7 @@ fn joint_mesh() -> Result<JointMesh, MeshFault> {
 }
 
 /// What the grips do to the outermost rows of the joint.
-fn remote_boundary(mesh: &JointMesh, n_instants: usize) -> BoundaryHistory {
+fn remote_boundary(mesh: &JointMesh, n_instants: usize, mixity: Mixity) -> BoundaryHistory {
     let [columns, rows] = JOINT;
     let per_row = columns as u32 + 1;
     let top_row = per_row * (2 * rows as u32 + 1);
@@ -282,8 +298,8 @@ fn remote_boundary(mesh: &JointMesh, n_instants: usize) -> BoundaryHistory {
             let begin = (instant as f64 - 1.0) / (n_instants as f64 - 1.0).max(1.0);
             let between = |[first, last]: [f64; 2]| first + begin * (last - first);
             let lambda = remote::LAMBDA_PX * PIXEL_MM;
-            let (theta, front) = (between(remote::THETA), between(remote::FRONT_PX) * PIXEL_MM);
-            let slide = between(remote::SLIDE_MM);
+            let (theta, front) = (between(remote::theta(mixity)), between(remote::FRONT_PX) * PIXEL_MM);
+            let slide = between(remote::slide_mm(mixity));
             let [drift_x, drift_y] = remote::DRIFT_PX.map(|px| share * px * PIXEL_MM);
             let displacement = |&node: &u32| {
                 let s = (mesh.nodes()[node as usize][0] - front) / lambda;

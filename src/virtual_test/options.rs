@@ -6,6 +6,29 @@ use crate::mechanics::{MeshFault, ModelError};
 use crate::synth::{Depth, SynthError};
 use thiserror::Error;
 
+/// How the grips load the joint of a virtual test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mixity {
+    /// They open it from the right, and slide it a little.
+    Opening,
+    /// They open it from the right and slide it.
+    #[default]
+    Mixed,
+    /// They slide it, and open it a little.
+    Sliding,
+}
+
+impl Mixity {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Opening => "opening",
+            Self::Mixed => "mixed",
+            Self::Sliding => "sliding",
+        }
+    }
+}
+
 /// How a virtual test is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VirtualOptions {
@@ -21,12 +44,15 @@ pub struct VirtualOptions {
     pub instants: usize,
     /// The adhesive: `phi_n` (N/mm), `delta_n`, `delta_t` (mm), `r`.
     pub law: [f64; 4],
+    /// How it is loaded.
+    pub mixity: Mixity,
 }
 
 impl Default for VirtualOptions {
     /// 19 instants of a joint with the parameters of Table 1 of Fedele et al. (2009) and r = 4, 8 bit, noise of 2 grey levels.
     fn default() -> Self {
-        Self { seed: 1, depth: Depth::U8, noise_grey: 2.0, speckle_px: 4.5, instants: 19, law: [1.0, 0.005, 0.05, 4.0] }
+        let (law, mixity) = ([1.0, 0.005, 0.05, 4.0], Mixity::Mixed);
+        Self { seed: 1, depth: Depth::U8, noise_grey: 2.0, speckle_px: 4.5, instants: 19, law, mixity }
     }
 }
 

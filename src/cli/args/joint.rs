@@ -52,6 +52,17 @@ pub enum VirtualDepth {
     Sixteen,
 }
 
+/// How a virtual test is loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum VirtualMixity {
+    /// Opened, with a little sliding.
+    Opening,
+    /// Opened and slid.
+    Mixed,
+    /// Slid, with a little opening.
+    Sliding,
+}
+
 /// Arguments of `quadrille virtual`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
@@ -74,6 +85,9 @@ pub struct VirtualArgs {
     /// Standard deviation of the noise, grey levels of 255.
     #[arg(long, value_name = "S", default_value_t = 2.0, allow_negative_numbers = true)]
     pub noise: f32,
+    /// How the joint is loaded: an opening and a sliding test tell together what neither tells alone.
+    #[arg(long, value_enum, default_value = "mixed")]
+    pub mixity: VirtualMixity,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -139,8 +153,8 @@ pub struct SimulateArgs {
 \
     SIGTERM, the best point is in DIR/fit.json.")]
 pub struct IdentifyArgs {
-    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]. Names of files in it are
-    /// relative to its folder.
+    /// The case file (TOML): the tables of `quadrille simulate` with [measurement] and [fit]; or [[test]] tables, each with
+    /// the case of one test, beside the [fit] that all share. Names of files in it are relative to its folder.
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
     #[command(flatten)]

@@ -16,6 +16,8 @@ pub enum Reader {
     Joint,
     /// From the images to the parameters.
     Run,
+    /// The parameters of one law from several tests.
+    Tests,
 }
 
 impl Reader {
@@ -27,6 +29,7 @@ impl Reader {
             Self::Correlation => "correlate, watch, slurm, probe",
             Self::Joint => "simulate, identify, sweep",
             Self::Run => "run",
+            Self::Tests => "identify",
         }
     }
 
@@ -38,11 +41,15 @@ impl Reader {
             Self::Correlation => of_correlation(),
             Self::Joint => of_joint(),
             Self::Run => of_correlation() || section == INTERFACE || of_joint(),
+            Self::Tests => section == TESTS || OF_TESTS.contains(&section),
         }
     }
 
     /// The commands that take `section`.
     pub(super) fn of(section: &str) -> String {
+        if section == TESTS {
+            return Self::Tests.commands().to_owned();
+        }
         let commands = Self::ALL.into_iter().filter(|reader| reader.takes(section)).map(Self::commands);
         commands.collect::<Vec<_>>().join(", ")
     }
@@ -63,12 +70,15 @@ const OF_CORRELATION: [&str; 11] = [
 ];
 const INTERFACE: &str = "interface";
 const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+const TESTS: &str = "test";
+/// What a case of several tests has beside them.
+const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
 /// Of a finished run.
 const RECORD: &str = "run";
 
 /// Every section, as a run goes.
 pub(super) fn sections() -> impl Iterator<Item = &'static str> {
-    OF_CORRELATION.into_iter().chain([INTERFACE]).chain(OF_JOINT).chain([RECORD])
+    OF_CORRELATION.into_iter().chain([INTERFACE]).chain(OF_JOINT).chain([TESTS]).chain([RECORD])
 }
 
 /// A case file as it was read.
@@ -99,6 +109,15 @@ impl CaseDocument {
     pub(in crate::io) fn taken_by(&self, reader: Reader) -> Result<(), CaseError> {
         match self.sections.iter().find(|section| !reader.takes(section)) {
             None => Ok(()),
+            Some(section) if section == TESTS => {
+                let message = "[[test]] names several tests, which quadrille identify fits together; simulate, sweep and run take one";
+                Err(self.text.refuse(section, None, message))
+            }
+            Some(section) if reader == Reader::Tests && OF_JOINT.contains(&section.as_str()) => {
+                let message =
+                    format!("[{section}] is each test's own: it stands in the case files that [[test]] names");
+                Err(self.text.refuse(section, None, message))
+            }
             Some(section) => {
                 let (takers, commands) = (Reader::of(section), reader.commands());
                 let message = format!("[{section}] is for quadrille {takers}; it is not taken by: {commands}");
@@ -137,6 +156,7 @@ impl CaseDocument {
             boundary,
             substrate,
             cohesive,
+            tests,
             output,
             measurement,
             fit,
@@ -157,7 +177,7 @@ impl CaseDocument {
             run,
         };
         let joint =
-            Case { interface, mesh, boundary, substrate, cohesive, output, measurement, fit, ..Case::default() };
+            Case { interface, mesh, boundary, substrate, cohesive, tests, output, measurement, fit, ..Case::default() };
         (of_correlation, joint)
     }
 }

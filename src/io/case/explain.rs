@@ -240,7 +240,8 @@ fn plain(message: &str) -> String {
         | "struct CaseLine"
         | "struct CaseExtensometer"
         | "struct CaseOpening"
-        | "struct CaseCrack" => "a section in double brackets [[..]]",
+        | "struct CaseCrack"
+        | "struct CaseTest" => "a section in double brackets [[..]]",
         "a map" => "a section",
         section if section.starts_with("struct Case") => "a section",
         other => other,
@@ -257,7 +258,7 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
 }
 
 /// Sections that may be there several times.
-const LISTS: [&str; 6] = ["zone", "probe", "line", "extensometer", "opening", "crack"];
+const LISTS: [&str; 7] = ["zone", "probe", "line", "extensometer", "opening", "crack", "test"];
 
 /// A key of the file and the sections above it.
 struct Located {

@@ -208,6 +208,17 @@ pub enum CaseBoundaryNoise {
     Exact,
 }
 
+/// One of several tests that are fitted together.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaseTest {
+    /// What it is called in results. Without it the folder of its case file.
+    pub name: Option<String>,
+    /// Its case file, with which `quadrille identify` fits it alone, or the folder of a `quadrille run`. Its `[fit]` says only what
+    /// is stated of the errors of its set-up (`thickness_mm_std`, `exact`, ...).
+    pub case: String,
+}
+
 /// What is fitted, from where, and what is stated of its error.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -260,6 +271,9 @@ pub struct CaseFit {
     /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
+    /// Of several tests (`[[test]]`): constants whose error is the same in all tests that have them, as `"E"` or `"pixel_size"`. Without
+    /// it those of the strips that agree in value and uncertainty.
+    pub shared: Option<Vec<String>>,
     /// Of `quadrille sweep`: a parameter that is not fitted, and the values at which it is prescribed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sweep: BTreeMap<String, Vec<f64>>,

@@ -13,6 +13,7 @@ mod run;
 #[cfg(not(feature = "store"))]
 #[path = "no_run.rs"]
 mod run;
+mod several;
 mod table;
 
 pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes};
@@ -23,6 +24,7 @@ pub use correlated::{JointRun, RunMatrix};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
+pub use several::{IdentifyInput, TestInput, TestsInput, read_identify};
 pub use table::{read_table, write_table};
 
 use super::case::{CaseError, CasePlace};
@@ -241,6 +243,30 @@ pub enum JointFileError {
         place: CasePlace,
         /// What.
         error: Box<JointFileError>,
+    },
+    /// Something about one of several tests.
+    #[error("{place}: test \"{name}\": {error}")]
+    InTest {
+        /// Where the tests stand.
+        place: CasePlace,
+        /// The test.
+        name: String,
+        /// What.
+        error: Box<JointFileError>,
+    },
+    /// Two tests of one name.
+    #[error("another test has the same name; give each [[test]] a name = \"..\" of its own")]
+    SameName,
+    /// A name that no folder can have.
+    #[error(
+        "its results get a folder of its name; give it a name = \"..\" of letters, digits, - and _, other than figures"
+    )]
+    TestName,
+    /// A test that begins with images.
+    #[error("{}: is a case of quadrille run, whose images are not measured yet; run it, and give the folder of its results: case = \"RUN\"", path.display())]
+    NotMeasuredYet {
+        /// Its case file.
+        path: PathBuf,
     },
     /// The case file itself.
     #[error(transparent)]

@@ -51,7 +51,7 @@ pub fn defaults_used(fit: &FitRecord) -> Vec<String> {
     }
     if !unknown.is_empty() {
         said.push(format!(
-            "not stated, and without a scale uncertainty the images not part uncertainty the intervals: the uncertainty uncertainty {unknown}"
+            "not stated, and without a scale of the images not part of the intervals: the uncertainty of {unknown}"
         ));
     }
     said

@@ -90,6 +90,13 @@ pub struct FitRecord {
     /// The profile likelihood, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileRecord>,
+    /// The tests of a fit of several, in the order of the case: what each tells. Parameters, budget and verdict are those of all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tests: Vec<TestRecord>,
+    /// Whether several tests want the same parameters; missing for one test, where the noise is not known, and where no two tests tell
+    /// the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<ConsistencyRecord>,
     /// What a user should look at.
     pub warnings: Vec<String>,
     /// Values that no metal, polymer or wood has, and tests that hardly load the adhesive; their texts are among the warnings.
@@ -113,6 +120,56 @@ pub struct MeasurementRecord {
     pub boundary: Name,
     /// Where the noise comes from.
     pub noise: String,
+}
+
+/// One of several tests.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct TestRecord {
+    /// Its name: also that of the folder of its tables and figures.
+    pub name: String,
+    /// What was compared.
+    pub measurement: MeasurementRecord,
+    /// Its part of the objective, in units of its noise.
+    #[serde(deserialize_with = "number")]
+    pub omega: f64,
+    /// Standard deviation of the noise of one displacement, in the mean, mm.
+    pub noise_mm: Option<f64>,
+    /// Whether it was estimated from the residual.
+    pub noise_estimated: bool,
+    /// Size of a pixel, mm, where it is known.
+    pub pixel_size_mm: Option<f64>,
+    /// Share of opening in the work of separation.
+    pub opening_share: Option<f64>,
+    /// Whether without it every standard uncertainty is the same to 1 %.
+    pub adds_nothing: bool,
+    /// What it tells of each parameter.
+    pub parameters: BTreeMap<Name, TestParameterRecord>,
+    /// Whether it contradicts the model with the parameters that all share.
+    pub misfit: Option<MisfitRecord>,
+}
+
+/// What one of several tests tells of a parameter.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct TestParameterRecord {
+    /// Standard uncertainty by the noise if the test were alone; null where it says nothing of the parameter.
+    pub std_alone: Option<f64>,
+    /// The same of all other tests together.
+    pub std_without: Option<f64>,
+}
+
+/// Whether several tests want the same parameters.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ConsistencyRecord {
+    /// Whether they contradict each other.
+    pub contradicted: bool,
+    /// What omega would fall by with parameters of its own in each test, to first order.
+    pub omega_falls_by: f64,
+    /// What noise, constants and element size make of that on the average.
+    pub expected: f64,
+    /// Its normal deviate.
+    pub z: f64,
+    /// That above which they contradict each other.
+    pub z_limit: f64,
 }
 
 /// One parameter.
@@ -309,7 +366,7 @@ impl GroupRecord {
 }
 
 impl MisfitRecord {
-    fn of(misfit: &Misfit) -> Self {
+    pub(super) fn of(misfit: &Misfit) -> Self {
         Self {
             rejected: misfit.rejected(),
             tested: misfit.tested,
@@ -676,6 +733,8 @@ impl FitReport<'_> {
                 rise: p.rise.clone(),
                 interval95: p.interval95,
             }),
+            tests: Vec::new(),
+            consistency: None,
             warnings,
             implausible,
         }

@@ -3,13 +3,17 @@
 mod budget;
 mod figures;
 mod json;
+mod several;
+mod several_page;
 mod tables;
 
 pub use budget::{budget_lines, defaults_used};
 pub use json::{
-    BudgetRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord, QuantityRecord, StartRecord,
-    SweepRecord, VerdictRecord,
+    BudgetRecord, ConsistencyRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord,
+    QuantityRecord, StartRecord, SweepRecord, TestParameterRecord, TestRecord, VerdictRecord,
 };
+pub use several::{several_json, write_tests};
+pub use several_page::several_page;
 pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};

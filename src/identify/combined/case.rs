@@ -1,0 +1,208 @@
+//! Several tests as their case files describe them.
+
+use super::super::case::Case;
+use super::super::error::{FitError, wrong};
+use super::super::objective::Problem;
+use super::sources::{CombinedConstant, combined_constants};
+use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
+use crate::mechanics::Joint;
+
+/// Share by which the thickness of the adhesive may differ between tests before it is named: a law may depend on it.
+pub const SAME_GAP: f64 = 0.1;
+/// Factor between the same lengths or moduli of two tests from which another unit is the likely reason.
+const OTHER_UNIT: f64 = 30.0;
+/// Share by which two scales of one test may differ.
+const SAME_SCALE: f64 = 1e-6;
+
+/// What case files say about the identification of one law from several tests.
+#[derive(Debug)]
+pub struct CombinedCase<'a> {
+    /// The tests.
+    pub tests: Vec<TestCase<'a>>,
+    /// What is possible, but hardly meant.
+    pub doubts: Vec<String>,
+    /// Time after which the fit ends at the best point so far, s.
+    pub max_seconds: Option<f64>,
+    /// The constants of all tests.
+    pub(super) constants: Vec<CombinedConstant>,
+}
+
+/// One of several tests.
+#[derive(Debug)]
+pub struct TestCase<'a> {
+    /// What it is called.
+    pub name: String,
+    /// Its case, with the unknowns that all share.
+    pub case: Case<'a>,
+}
+
+impl<'a> CombinedCase<'a> {
+    /// The joints of the tests, in their order.
+    ///
+    /// # Errors
+    /// See [`crate::mechanics::JointError`]; the test is named.
+    pub fn joints(input: &TestsInput) -> Result<Vec<Joint>, FitError> {
+        let joint = |test: &TestInput| Case::joint(&test.input).map_err(|error| in_test(&test.name, error));
+        input.tests.iter().map(joint).collect()
+    }
+
+    /// What is to be identified of `joints`, which [`CombinedCase::joints`] made of the same `input`.
+    ///
+    /// # Errors
+    /// See [`FitError`]: laws that differ, what a single test refuses, what several tests cannot have.
+    pub fn new(joints: &'a [Joint], input: &TestsInput) -> Result<Self, FitError> {
+        let refused = |key: &str, what: String| Err(wrong("fit", key, what).in_case(&input.text));
+        if input.fit.profile.is_some() {
+            return refused("profile", "profile: that of several tests is not computed; take it out".into());
+        }
+        if input.fit.intervals == Some(crate::io::case::CaseIntervals::Profile) {
+            return refused("intervals", "intervals = \"profile\": those of several tests are linear".into());
+        }
+        if !input.fit.sweep.is_empty() {
+            return refused("sweep", "sweep is for quadrille sweep, which takes one test".into());
+        }
+        same_law(joints, input)?;
+        let mut tests = Vec::with_capacity(joints.len());
+        for (joint, TestInput { name, path, input: of_test }) in joints.iter().zip(&input.tests) {
+            let made = Case::new(joint, of_test, path).map_err(|error| about_fit(input, in_test(name, error)))?;
+            if made.options.estimate_boundary {
+                let what = "boundary = \"estimated\" is for a test by itself; give \"measured\"";
+                let error = wrong("measurement", "boundary", what).in_case(&of_test.case.text);
+                return Err(in_test(name, error));
+            }
+            tests.push(TestCase { name: name.clone(), case: made });
+        }
+        let mut doubts = input.notes.clone();
+        for (test, joint) in tests.iter().zip(joints) {
+            let named = |doubt: &String| format!("test \"{}\": {doubt}", test.name);
+            doubts.extend(joint.doubts.iter().chain(&test.case.doubts).map(named));
+        }
+        doubts.extend(input.tests.iter().filter_map(two_scales));
+        doubts.extend(between(&tests));
+        let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
+        let constants: Vec<&[_]> = tests.iter().map(|test| test.case.options.constants.as_slice()).collect();
+        let constants = combined_constants(&names, &constants, input.fit.shared.as_deref(), &mut doubts)
+            .map_err(|error| error.in_case(&input.text))?;
+        let max_seconds = tests.first().and_then(|test| test.case.max_seconds);
+        Ok(Self { tests, doubts, max_seconds, constants })
+    }
+}
+
+fn in_test(name: &str, error: FitError) -> FitError {
+    FitError::InTest { name: name.to_owned(), error: Box::new(error) }
+}
+
+/// What is wrong with a key of `[fit]` stands in the case of all tests, not in that of the first one.
+fn about_fit(input: &TestsInput, error: FitError) -> FitError {
+    let FitError::InTest { name, error } = error else { return error };
+    match *error {
+        FitError::InCase { error: inner, .. }
+            if matches!(*inner, FitError::Key { section: "fit", .. } | FitError::StartOutside { .. }) =>
+        {
+            inner.in_case(&input.text)
+        }
+        other => in_test(&name, other),
+    }
+}
+
+/// Whether all tests have one law, but for the values that are fitted.
+fn same_law(joints: &[Joint], input: &TestsInput) -> Result<(), FitError> {
+    let Some((first, rest)) = joints.split_first() else { return Ok(()) };
+    for (joint, test) in rest.iter().zip(&input.tests[1..]) {
+        let differ = |what: String| FitError::LawsDiffer {
+            path: input.text.path().to_owned(),
+            first: input.tests[0].name.clone(),
+            second: test.name.clone(),
+            what,
+        };
+        let (a, b) = (&first.law, &joint.law);
+        if a.name() != b.name() {
+            return Err(differ(format!("{} and {}", a.name(), b.name())));
+        }
+        let (of_a, of_b) = (first.model.options(), joint.model.options());
+        if of_a.kinematics != of_b.kinematics {
+            return Err(differ(format!(
+                "kinematics = \"{}\" and \"{}\"",
+                of_a.kinematics.name(),
+                of_b.kinematics.name()
+            )));
+        }
+        for (p, (x, y)) in a.parameters().iter().zip(a.values().into_iter().zip(b.values())) {
+            let fitted = input.fit.parameters.iter().any(|name| name == p.name);
+            if !fitted && x != y {
+                return Err(differ(format!("{} = {x} and {y}, which is not fitted", p.name)));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Two scales of the same images.
+fn two_scales(test: &TestInput) -> Option<String> {
+    let of_mesh = match &test.input.mesh {
+        MeshInput::File(JointMeshFile { mm_per_px, .. }) | MeshInput::Run(JointMeshFile { mm_per_px, .. }) => {
+            *mm_per_px
+        }
+        MeshInput::Rectangle { .. } => None,
+    }?;
+    let of_table = test.input.case.measurement.as_ref()?.pixel_size_mm?;
+    ((of_mesh - of_table).abs() > SAME_SCALE * of_mesh).then(|| {
+        format!(
+            "test \"{}\": its mesh was made with {of_mesh} mm per pixel, its [measurement] says {of_table}; one of them is wrong, and \
+             all lengths with it",
+            test.name
+        )
+    })
+}
+
+/// What two tests say that hardly goes together.
+fn between(tests: &[TestCase<'_>]) -> Vec<String> {
+    let mut doubts = Vec::new();
+    for (k, b) in tests.iter().enumerate() {
+        for a in &tests[..k] {
+            doubts.extend(same_data(a, b));
+            doubts.extend(other_gap(a, b));
+            doubts.extend(other_stiffness(a, b));
+        }
+    }
+    doubts
+}
+
+fn same_data(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+    let data = |test: &TestCase<'_>| {
+        let instants = &test.case.problem.observation.instants;
+        instants.iter().map(|instant| instant.displacement.clone()).collect::<Vec<_>>()
+    };
+    (data(a) == data(b)).then(|| {
+        format!(
+            "tests \"{}\" and \"{}\" hold the same displacements: one measurement counts twice, and what it tells has an uncertainty \
+             that is too small by a factor of up to 1.4; take one away",
+            a.name, b.name
+        )
+    })
+}
+
+fn other_gap(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+    let gap = |problem: &Problem<'_>| problem.joint.model.mesh().gap();
+    let [x, y] = [gap(&a.case.problem), gap(&b.case.problem)];
+    let ratio = (x / y).max(y / x);
+    let said = format!("the adhesive is {x:.4} mm thick in test \"{}\" and {y:.4} mm in test \"{}\"", a.name, b.name);
+    match ratio {
+        ratio if ratio.is_finite() && ratio > OTHER_UNIT => Some(format!("{said}: lengths in another unit?")),
+        ratio if ratio > 1.0 + SAME_GAP => {
+            Some(format!("{said}: one law is fitted to both, although it may depend on the thickness"))
+        }
+        _ => None,
+    }
+}
+
+fn other_stiffness(a: &TestCase<'_>, b: &TestCase<'_>) -> Option<String> {
+    let young = |test: &TestCase<'_>| test.case.problem.joint.model.materials().first().map(|law| law.young());
+    let (x, y) = (young(a)?, young(b)?);
+    ((x / y).max(y / x) > OTHER_UNIT).then(|| {
+        format!(
+            "the strips have E = {x} MPa in test \"{}\" and {y} MPa in test \"{}\": a modulus in another unit?",
+            a.name, b.name
+        )
+    })
+}

@@ -1,0 +1,258 @@
+//! The fit of several tests: search, what noise and constants do, what each test tells.
+
+use super::super::FitError;
+use super::super::discretisation::Refined;
+use super::super::fit::{CutShort, Fit, compare, correlation_of, describe};
+use super::super::misfit::Misfit;
+use super::super::missing_mode::MissingMode;
+use super::super::objective::{Evaluation, Problem};
+use super::super::options::Discretisation;
+use super::super::plausibility::implausible_result;
+use super::super::released::Released;
+use super::super::statistics::Statistics;
+use super::super::trust_region::FitStatus;
+use super::super::verdict::{Grounds, LARGEST_STD, Verdict};
+use super::case::CombinedCase;
+use super::consistency::Consistency;
+use super::known::{Known, LedTogether};
+use super::made::Made;
+use super::misfit::{Judged, misfits};
+use super::released::released;
+use super::search::{Found, Searched, search};
+use super::share::{TestShare, shares};
+use super::verdict::{OfTests, unfinished, verdict};
+
+/// One test in a fit of several.
+#[derive(Debug)]
+pub struct TestFit {
+    /// What it tells.
+    pub share: TestShare,
+    /// The fit as this test sees it: parameters, uncertainties, budget and verdict are those of all tests together; objective, misfit,
+    /// displacements and tractions its own.
+    pub fit: Fit,
+}
+
+/// A fit of several tests.
+#[derive(Debug)]
+pub struct CombinedFit {
+    /// The tests, in the order of the case.
+    pub tests: Vec<TestFit>,
+    /// The objective of all, each in units of its noise.
+    pub omega: f64,
+    /// Whether the data of all tests contradict the model; `None` without covariance.
+    pub misfit: Option<Misfit>,
+    /// Whether the tests want the same parameters; `None` where two of them do not tell the same, or their noise is not known.
+    pub consistency: Option<Consistency>,
+}
+
+impl CombinedFit {
+    /// Parameters, uncertainties and verdict, as the first test sees them.
+    pub fn fit(&self) -> &Fit {
+        &self.tests[0].fit
+    }
+}
+
+/// Whether the data contradict the model, as far as that was looked at.
+#[derive(Default)]
+struct Doubts {
+    misfits: Vec<Misfit>,
+    total: Option<Misfit>,
+    consistency: Option<Consistency>,
+    released: Option<Released>,
+}
+
+/// Fits the unknowns that the tests of `case` share.
+///
+/// # Errors
+/// See [`FitError`]. Not converging is an outcome.
+pub fn fit_combined(case: &CombinedCase<'_>) -> Result<CombinedFit, FitError> {
+    let tests: Vec<Searched<'_>> =
+        case.tests.iter().map(|test| Searched { problem: &test.case.problem, options: &test.case.options }).collect();
+    let first = tests[0].problem;
+    let (unknowns, options) = (&first.unknowns, tests[0].options);
+    let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+    let found = search(&tests, unknowns, &starts, &options.region, |ends| compare(unknowns, &starts, ends).0)?;
+    if found.ends[found.best].local.is_none() {
+        let (start, reason) = (describe(unknowns, &unknowns.start()), found.ends[found.best].reason.clone());
+        return Err(FitError::NoStart { start, reason });
+    }
+    let known = Known::at(&tests, &found.weights, &found.stage.z)?;
+    let mut missing = Vec::new();
+    first.watch.begins("element size");
+    let refined: Vec<Option<Refined>> = (tests.iter().zip(&known.evaluations))
+        .map(|(test, evaluation)| match test.options.discretisation {
+            Discretisation::Off => None,
+            _ => test.problem.refined(evaluation, &test.problem.joint.boundary),
+        })
+        .collect();
+    if first.watch.ended().is_some() && refined.iter().any(Option::is_none) {
+        missing.push("the effect of the element size");
+    }
+    let made = Made::new(&tests, &case.constants, &found.weights, &known, &refined);
+    let doubts = match &known.led {
+        Some(led) if !found.stage.status.cut_short() => {
+            let doubts = doubted(case, &tests, &found, &known, led, &made, &refined)?;
+            if first.watch.ended().is_some() {
+                missing.push("what the prescribed parameters would be as unknowns");
+            }
+            doubts
+        }
+        Some(_) => {
+            missing.push("the misfit test");
+            Doubts::default()
+        }
+        None => Doubts::default(),
+    };
+    let cut_short = first.watch.ended().map(|ended| CutShort { ended, missing });
+    let names: Vec<&str> = case.tests.iter().map(|test| test.name.as_str()).collect();
+    let problems: Vec<&Problem<'_>> = tests.iter().map(|test| test.problem).collect();
+    let shares = shares(&names, &problems, &known);
+    let verdict = judged(&problems, &shares, &found, &known, &made, &doubts, cut_short.as_ref());
+    put_together(&tests, &starts, found, known, made, &refined, doubts, (shares, verdict, cut_short))
+}
+
+/// The misfit of each test and of all, whether they agree, and what the prescribed parameters would be.
+fn doubted(
+    case: &CombinedCase<'_>,
+    tests: &[Searched<'_>],
+    found: &Found,
+    known: &Known,
+    led: &LedTogether,
+    made: &Made,
+    refined: &[Option<Refined>],
+) -> Result<Doubts, FitError> {
+    let watch = &tests[0].problem.watch;
+    watch.begins("misfit");
+    let of_test = |k: usize| Judged {
+        name: &case.tests[k].name,
+        problem: tests[k].problem,
+        evaluation: &known.evaluations[k],
+        weights: &found.weights[k].weights,
+        statistics: &led.statistics[k],
+        refined: refined[k].as_ref().map(|refined| refined.change.as_slice()),
+        effects: &made.effects[k],
+    };
+    let (misfits, total, consistency) = misfits(&(0..tests.len()).map(of_test).collect::<Vec<_>>())?;
+    watch.begins("prescribed parameters as unknowns");
+    let released = released(tests, &found.weights, &known.evaluations[0], known.sum.omega)?;
+    let released = released.filter(|_| watch.ended().is_none());
+    Ok(Doubts { misfits, total: Some(total), consistency, released })
+}
+
+/// What it all comes to.
+fn judged(
+    problems: &[&Problem<'_>],
+    shares: &[TestShare],
+    found: &Found,
+    known: &Known,
+    made: &Made,
+    doubts: &Doubts,
+    cut_short: Option<&CutShort>,
+) -> Verdict {
+    let first = problems[0];
+    let unfinished = unfinished(found.stage.status, cut_short);
+    let statistics: Option<&Statistics> = known.led.as_ref().map(|led| &led.statistics[0]);
+    let correlation = statistics.map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
+    let prescribed =
+        doubts.released.as_ref().map_or(Vec::new(), |released| first.prescribed_std(released, &made.constants));
+    let mut given: Vec<String> = Vec::new();
+    for line in problems.iter().flat_map(|problem| problem.given()) {
+        if !given.contains(&line) {
+            given.push(line);
+        }
+    }
+    // The one that is furthest off.
+    let ratios = problems.iter().filter_map(|problem| problem.noise.ratio);
+    let ratio = ratios.max_by(|a, b| a.ln().abs().total_cmp(&b.ln().abs()));
+    let grounds = correlation.as_ref().map(|correlation| Grounds {
+        correlation,
+        intervals: made.intervals.as_ref(),
+        misfit: doubts.total.as_ref(),
+        released: doubts.released.as_ref(),
+        released_std: &prescribed,
+        noise_ratio: ratio,
+        given,
+        unfinished: unfinished.clone(),
+        missing: missing_mode(problems, known),
+    });
+    let of = OfTests {
+        parameters: &made.parameters,
+        shares,
+        misfits: &doubts.misfits,
+        consistency: doubts.consistency.as_ref(),
+    };
+    verdict(&of, grounds.as_ref(), unfinished)
+}
+
+/// The mode that none of the tests has, and that would tell what all of them together tell worst.
+fn missing_mode(problems: &[&Problem<'_>], known: &Known) -> Option<MissingMode> {
+    let noise = known.led.as_ref().map(|led| &led.statistics[0].covariance);
+    let of_test = |(problem, evaluation): (&&Problem<'_>, &Evaluation)| {
+        problem.missing_mode(evaluation, &known.sum.h, noise, LARGEST_STD)
+    };
+    let modes: Vec<MissingMode> = problems.iter().zip(&known.evaluations).map(of_test).collect::<Option<_>>()?;
+    let missing = modes.iter().all(|mode| mode.missing.is_some()).then_some(modes[0].missing)?;
+    // The share of one test would tell nothing of all.
+    Some(MissingMode { opening_share: None, missing })
+}
+
+/// The fit as each test sees it.
+#[expect(clippy::too_many_arguments, reason = "every part of the result once")]
+fn put_together(
+    tests: &[Searched<'_>],
+    starts: &[Vec<f64>],
+    found: Found,
+    known: Known,
+    made: Made,
+    refined: &[Option<Refined>],
+    doubts: Doubts,
+    (shares, verdict, cut_short): (Vec<TestShare>, Verdict, Option<CutShort>),
+) -> Result<CombinedFit, FitError> {
+    let unknowns = &tests[0].problem.unknowns;
+    let starts = compare(unknowns, starts, &found.ends).1;
+    let status: FitStatus = found.stage.status;
+    let mut history = found.stage.history;
+    history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
+    let eigen = known.sum.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
+    let singular_values: Vec<f64> = eigen.0.iter().rev().map(|value| value.max(0.0).sqrt()).collect();
+    let law = unknowns.law_at(&known.evaluations[0].x)?;
+    let mut statistics: Vec<Option<Statistics>> = match known.led {
+        Some(led) => led.statistics.into_iter().map(Some).collect(),
+        None => tests.iter().map(|_| None).collect(),
+    };
+    let mut list = Vec::with_capacity(tests.len());
+    for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {
+        let statistics = statistics[k].take();
+        let fit = Fit {
+            parameters: made.parameters.clone(),
+            values: law.values(),
+            derived: made.derived.clone(),
+            covariance: made.covariance.clone(),
+            correlation: made.covariance.as_ref().map(|c| correlation_of(c, statistics.as_ref())),
+            singular_values: singular_values.clone(),
+            omega: share.omega,
+            status,
+            reason: found.stage.reason.clone(),
+            evaluations: found.stage.evaluations,
+            rescued: found.stage.rescued,
+            history: history.clone(),
+            starts: starts.clone(),
+            misfit: doubts.misfits.get(k).cloned(),
+            released: doubts.released.clone(),
+            verdict: verdict.clone(),
+            statistics,
+            constants: made.effects[k].clone(),
+            budget: made.budget.clone(),
+            implausible: implausible_result(tests[k].problem, &*law),
+            intervals: made.intervals.clone(),
+            refinement: made.refinement(refined[k].as_ref()),
+            evaluation,
+            boundary: tests[k].problem.joint.boundary.clone(),
+            largest_correction: None,
+            cut_short: cut_short.clone(),
+        };
+        list.push(TestFit { share, fit });
+    }
+    let Doubts { total: misfit, consistency, .. } = doubts;
+    Ok(CombinedFit { tests: list, omega: known.sum.omega, misfit, consistency })
+}

@@ -1,0 +1,125 @@
+//! `fit.json` and `tests.csv` of a fit of several tests.
+
+use super::FitReport;
+use super::json::{ConsistencyRecord, FitRecord, MisfitRecord, TestParameterRecord, TestRecord};
+use crate::identify::{CombinedCase, CombinedFit, Consistency, TestFit};
+use crate::io::joint::write_table;
+use crate::report::Name;
+use std::io::{self, Write};
+
+/// What `fit.json` holds of a fit of several tests, whose `reports` are those of each; the fit of the case file `path` took `seconds`.
+///
+/// # Panics
+/// When there is no report.
+pub fn several_json(
+    case: &CombinedCase<'_>,
+    fit: &CombinedFit,
+    reports: &[FitReport<'_>],
+    path: &str,
+    seconds: f64,
+) -> FitRecord {
+    let mut records: Vec<FitRecord> = reports.iter().map(|report| report.json(path.to_owned(), seconds)).collect();
+    let mut warnings = case.doubts.clone();
+    for ((record, report), test) in records.iter_mut().zip(reports).zip(&fit.tests) {
+        // Those of the case are there already, with the name of the test.
+        for warning in record.warnings.iter().filter(|warning| !report.case.doubts.contains(warning)) {
+            let of_test = record.implausible.iter().any(|value| value.text == **warning);
+            let line = if of_test { format!("test \"{}\": {warning}", test.share.name) } else { warning.clone() };
+            if !warnings.contains(&line) {
+                warnings.push(line);
+            }
+        }
+    }
+    let implausible = records.iter().flat_map(|record| record.implausible.iter().cloned()).collect();
+    let tests: Vec<TestRecord> =
+        (fit.tests.iter().zip(&records).zip(reports)).map(|((t, r), p)| test(t, r, p)).collect();
+    let mut record = records.swap_remove(0);
+    let sum = |of: fn(&TestRecord) -> usize| tests.iter().map(of).sum::<usize>();
+    let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
+    record.measurement.about = format!("{} tests: {}", names.len(), names.join(", "));
+    record.measurement.nodes = sum(|test| test.measurement.nodes);
+    record.measurement.data = sum(|test| test.measurement.data);
+    record.measurement.instants = Vec::new();
+    for (of_all, of_test) in [
+        (&mut record.measurement.noise, (|test| test.measurement.noise.clone()) as fn(&TestRecord) -> String),
+        (&mut record.measurement.about, |test| test.measurement.about.clone()),
+    ] {
+        let each: Vec<String> = tests.iter().map(|test| format!("{}: {}", test.name, of_test(test))).collect();
+        *of_all = each.join("; ");
+    }
+    let mixed = |of: fn(&TestRecord) -> &Name| -> Name {
+        let first = of(&tests[0]);
+        if tests.iter().all(|test| of(test) == first) { first.clone() } else { "of each test".into() }
+    };
+    record.measurement.weights = mixed(|test| &test.measurement.weights);
+    record.measurement.boundary = mixed(|test| &test.measurement.boundary);
+    record.omega = fit.omega;
+    record.omega_expected = fit.tests.iter().map(|t| t.fit.statistics.as_ref().map(|s| s.expected_omega)).sum();
+    record.noise_mm = None;
+    record.noise_estimated = tests.iter().any(|test| test.noise_estimated);
+    record.misfit = fit.misfit.as_ref().map(MisfitRecord::of);
+    record.consistency = fit.consistency.as_ref().map(ConsistencyRecord::of);
+    (record.tests, record.warnings, record.implausible) = (tests, warnings, implausible);
+    record
+}
+
+fn test(test: &TestFit, record: &FitRecord, report: &FitReport<'_>) -> TestRecord {
+    let share = &test.share;
+    let stds = share.std_alone.iter().zip(&share.std_without);
+    let parameters = (record.parameter_order.iter().cloned().zip(stds))
+        .map(|(name, (&std_alone, &std_without))| (name, TestParameterRecord { std_alone, std_without }))
+        .collect();
+    TestRecord {
+        name: share.name.clone(),
+        measurement: record.measurement.clone(),
+        omega: share.omega,
+        noise_mm: record.noise_mm,
+        noise_estimated: record.noise_estimated,
+        pixel_size_mm: report.case.problem.observation.pixel_size_mm,
+        opening_share: share.opening_share,
+        adds_nothing: share.adds_nothing,
+        parameters,
+        misfit: record.misfit.clone(),
+    }
+}
+
+impl ConsistencyRecord {
+    fn of(consistency: &Consistency) -> Self {
+        Self {
+            contradicted: consistency.contradicted(),
+            omega_falls_by: consistency.gain,
+            expected: consistency.expected,
+            z: consistency.z,
+            z_limit: consistency.limit,
+        }
+    }
+}
+
+/// Writes `tests.csv`: of each test what it tells; NaN where it says nothing.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_tests<W: Write>(out: W, fit: &CombinedFit) -> io::Result<()> {
+    let names: Vec<String> =
+        (1..).zip(&fit.tests).map(|(k, test): (usize, _)| format!("{k} = {}", test.share.name)).collect();
+    let notes = [
+        format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+        format!("several tests, one law: {}", names.join(", ")),
+        "standard uncertainties by the noise: of all tests, of one alone, of all others without it".to_owned(),
+    ];
+    let mut columns: Vec<String> =
+        ["test", "data", "adds_nothing", "omega", "misfit_z", "opening_share"].map(str::to_owned).into();
+    for p in &fit.fit().parameters {
+        let key = p.parameter.key();
+        columns.extend(["std", "std_alone", "std_without"].map(|what| format!("{key}_{what}")));
+    }
+    let rows = (1u64..).zip(&fit.tests).map(|(k, TestFit { share, fit })| {
+        let z = fit.misfit.as_ref().map_or(f64::NAN, |misfit| misfit.z);
+        let mut values = vec![share.omega, z, share.opening_share.unwrap_or(f64::NAN)];
+        for ((p, alone), without) in fit.parameters.iter().zip(&share.std_alone).zip(&share.std_without) {
+            values.extend([p.std_noise, *alone, *without].map(|std| std.unwrap_or(f64::NAN)));
+        }
+        (vec![k, share.n_data as u64, u64::from(share.adds_nothing)], values)
+    });
+    write_table(out, &notes, &columns, rows)
+}
