@@ -33,6 +33,7 @@ study: ## Uncertainty and identification over many seeds and draws, for the tabl
 	scripts/study.py --output out/study
 	scripts/bands.py --output out/study/bands
 	scripts/doubt.py --output out/study/doubt
+	scripts/tournament.py --output out/study/tournament
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

@@ -75,9 +75,8 @@ fn alike(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
         2.0_f64.powf(k) * (stiffness[0] * stiffness[1]).sqrt().max(strong(t_n, g_n)).max(strong(t_t, g_t))
     };
     // Between the pure modes the falling branch may vanish although it does in neither: a stiffer rise leaves more of it.
-    let stiffer = |values: &dyn Fn(f64) -> Vec<f64>| {
-        (0..8).find_map(|k| law_by_name(name, &values(stiff(f64::from(k)))).ok())
-    };
+    let stiffer =
+        |values: &dyn Fn(f64) -> Vec<f64>| (0..8).find_map(|k| law_by_name(name, &values(stiff(f64::from(k)))).ok());
     let delta_t = (2.0 / E).sqrt() * g_t / t_t;
     match name {
         ExtendedXuNeedleman::NAME => law_by_name(name, &[g_n, g_n / (E * t_n), delta_t, g_t / g_n]).ok(),
@@ -86,16 +85,12 @@ fn alike(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
             law_by_name(name, &[g_n, g_n / (E * t_n), delta_t, g_t / g_n, r_star]).ok()
         }
         SmithFerrante::NAME => law_by_name(name, &[g_n, g_n / (E * t_n), t_t / t_n]).ok(),
-        Bilinear::BENZEGGAGH_KENANE | Bilinear::POWER => {
-            stiffer(&|k| vec![k, t_n, t_t, g_n, g_t, exponent()])
-        }
+        Bilinear::BENZEGGAGH_KENANE | Bilinear::POWER => stiffer(&|k| vec![k, t_n, t_t, g_n, g_t, exponent()]),
         Trapezoidal::BENZEGGAGH_KENANE | Trapezoidal::POWER => {
             let plateau = value_of(like, "plateau").unwrap_or(PLATEAU);
             stiffer(&|k| vec![k, t_n, t_t, g_n, g_t, exponent(), plateau])
         }
-        ParkPaulinoRoesler::NAME => {
-            law_by_name(name, &[g_n, g_t, t_n, t_t, SHAPE, SHAPE, RISE, RISE]).ok()
-        }
+        ParkPaulinoRoesler::NAME => law_by_name(name, &[g_n, g_t, t_n, t_t, SHAPE, SHAPE, RISE, RISE]).ok(),
         _ => None,
     }
 }

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// Parts that the instants are divided into, every fifth into one: each is left out once.
 const PARTS: usize = 5;
+/// Shares of the step that are tried one after the other.
+const SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
 
 /// What is left of instants that were left out of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,8 +36,8 @@ impl Problem<'_> {
         Ok(Self { observation, ..self.with_unknowns(unknowns) })
     }
 
-    /// The instants left out of `fit` part by part: every part is foretold by one Gauss-Newton step from `fit` on the others and
-    /// a forward run there; `None` where there are fewer than two instants or no derivatives to step with.
+    /// The instants left out of `fit` part by part: every part is foretold by one Gauss-Newton step from `fit` on the others,
+    /// shortened until it lowers their objective, and a forward run there; `None` where there are fewer than two instants or no derivatives to step with.
     ///
     /// # Errors
     /// A covariance without inverse.
@@ -67,20 +69,23 @@ impl Problem<'_> {
             let local = seen.local(&weights, &self.noise);
             let Ok(factor) = local.h.cholesky() else { return Ok(None) };
             let step = factor.solve(&Dense::from_fn(z.len(), 1, |k, _| local.b[k]));
-            let there: Vec<f64> =
-                (0..z.len()).map(|k| (z[k] + step[(k, 0)]).clamp(lower[k], upper[k])).collect();
-            let at = self.evaluate(&self.unknowns.unscaled(&there), &fit.boundary)?;
-            let residual: Vec<Dense> = match &at {
-                Some(at) => at.residual(),
-                // No solution there: what the derivatives say.
-                None => fit.evaluation.residual_after(step.column(0)),
-            };
+            // The objective is no parabola where little is known: a step that does not lower it on what is kept is too long.
+            let mut residual = fit.evaluation.residual();
+            for share in SHARES {
+                let there: Vec<f64> =
+                    (0..z.len()).map(|k| (z[k] + share * step[(k, 0)]).clamp(lower[k], upper[k])).collect();
+                let Some(at) = self.evaluate(&self.unknowns.unscaled(&there), &fit.boundary)? else { continue };
+                let trial = Evaluation { blocks: blocks(&kept, &at), ..seen.clone() };
+                if trial.local(&weights, &self.noise).omega <= local.omega {
+                    residual = at.residual();
+                    break;
+                }
+            }
             let residual: Vec<Dense> = left.iter().map(|&i| residual[i].clone()).collect();
             let weighted = covariance(&left)?.times(&self.noise, &residual);
             Ok(Some(residual.iter().zip(&weighted).map(|(r, wr)| r.transposed_times(wr)[(0, 0)]).sum()))
         };
-        let of_parts: Vec<Option<f64>> =
-            (0..parts).into_par_iter().map(of_part).collect::<Result<_, FitError>>()?;
+        let of_parts: Vec<Option<f64>> = (0..parts).into_par_iter().map(of_part).collect::<Result<_, FitError>>()?;
         let sum: Option<f64> = of_parts.into_iter().sum();
         Ok(sum.map(|omega| LeftOut { omega, parts }))
     }

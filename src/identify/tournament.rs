@@ -16,7 +16,7 @@ use super::options::{FitOptions, Intervals};
 use super::trust_region::FitStatus;
 use super::unknowns::Unknowns;
 use super::weights::WeightKind;
-use crate::mechanics::cohesive::{CohesiveLaw, Parameter, parameters_by_name};
+use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
 
 /// Difference of `omega + 2 p` up to which two laws cannot be told apart: the worse one is then at least exp(-3) = 5 % as likely.
@@ -111,7 +111,10 @@ impl LawFit<'_> {
 pub fn laws_of(names: &[String]) -> Result<Vec<&str>, FitError> {
     let mut laws: Vec<&str> = Vec::with_capacity(names.len());
     for name in names.iter().map(|name| name.trim()) {
-        parameters_by_name(name)?;
+        if parameters_by_name(name).is_err() {
+            let what = format!("laws: there is no law '{name}'; give some of {}", LAW_NAMES.join(", "));
+            return Err(wrong("fit", "laws", what));
+        }
         if laws.contains(&name) {
             return Err(wrong("fit", "laws", format!("laws: '{name}' stands there twice")));
         }
@@ -121,6 +124,25 @@ pub fn laws_of(names: &[String]) -> Result<Vec<&str>, FitError> {
         0 | 1 => Err(wrong("fit", "laws", "laws: give two laws or more to be compared")),
         _ => Ok(laws),
     }
+}
+
+/// The laws that [`laws_of`] gives, each of which can be started from `own`, the law of the case, and has enough data.
+///
+/// # Errors
+/// What [`laws_of`] refuses; a law that cannot be started; fewer data than parameters.
+pub(super) fn check_laws<'n>(
+    names: &'n [String],
+    own: &dyn CohesiveLaw,
+    n_data: usize,
+) -> Result<Vec<&'n str>, FitError> {
+    let names = laws_of(names)?;
+    for name in names.iter().filter(|name| **name != own.name()) {
+        let n_parameters = started(name, own)?.n();
+        if n_data < n_parameters {
+            return Err(FitError::FewData { n_data, n_parameters });
+        }
+    }
+    Ok(names)
 }
 
 /// Fits every law called in `names` to the data of `problem`, whose own law is the one that the case starts; it is fitted as the
@@ -134,17 +156,10 @@ pub fn tournament<'a>(
     options: &FitOptions,
     names: &[String],
 ) -> Result<Tournament<'a>, FitError> {
-    let names = laws_of(names)?;
     let own_law = problem.unknowns.law();
-    let own = names.iter().position(|name| *name == own_law.name());
     // Whether a law can be started from this one is known at once, and is said before hours of fits.
-    for name in names.iter().filter(|name| **name != own_law.name()) {
-        let unknowns = started(name, own_law)?;
-        let (n_data, n_parameters) = (problem.observation.n_data(), unknowns.n());
-        if n_data < n_parameters {
-            return Err(FitError::FewData { n_data, n_parameters });
-        }
-    }
+    let names = check_laws(names, own_law, problem.observation.n_data())?;
+    let own = names.iter().position(|name| *name == own_law.name());
     let options = &of_tournament(options);
     let same = |unknowns: &Unknowns| unknowns.starting_at(&unknowns.start());
     let first = own.map(|_| fit(problem, options));
@@ -193,7 +208,8 @@ pub fn tournament<'a>(
     })?;
     let alike = weigh(&mut laws, best);
     let average = average_of(&laws);
-    let mut found = Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
+    let mut found =
+        Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
     found.sentences = found.said();
     Ok(found)
 }
@@ -310,7 +326,9 @@ fn best_of(laws: &[LawFit<'_>]) -> Option<usize> {
         let places = (0..laws.len()).filter(|&k| laws[k].score.is_some() && chosen(&laws[k]));
         places.min_by(|a, b| aic(a).total_cmp(&aic(b)))
     };
-    least(&|law| law.converged() && !law.rejected).or_else(|| least(&|law| law.converged())).or_else(|| least(&|_| true))
+    least(&|law| law.converged() && !law.rejected)
+        .or_else(|| least(&|law| law.converged()))
+        .or_else(|| least(&|_| true))
 }
 
 /// Gives every law its weight, and the laws that cannot be told from the best.
@@ -318,8 +336,7 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
     let Some(best) = best.filter(|&best| laws[best].counts()) else { return Vec::new() };
     let least = laws[best].score.map_or(0.0, |score| score.aic);
     let above = |law: &LawFit<'_>| law.score.filter(|_| law.counts()).map(|score| score.aic - least);
-    let likelihoods: Vec<f64> =
-        laws.iter().map(|law| above(law).map_or(0.0, |above| (-0.5 * above).exp())).collect();
+    let likelihoods: Vec<f64> = laws.iter().map(|law| above(law).map_or(0.0, |above| (-0.5 * above).exp())).collect();
     let sum: f64 = likelihoods.iter().sum();
     laws.iter_mut().zip(&likelihoods).for_each(|(law, likelihood)| law.weight = likelihood / sum);
     (0..laws.len()).filter(|&k| above(&laws[k]).is_some_and(|above| above <= ALIKE)).collect()
@@ -357,7 +374,8 @@ impl Tournament<'_> {
                 aic(best)
             ),
             (Some(best), [_]) => {
-                let next = all(&|law| law.counts()).into_iter().filter(|&k| k != best).map(aic).fold(f64::INFINITY, f64::min);
+                let next =
+                    all(&|law| law.counts()).into_iter().filter(|&k| k != best).map(aic).fold(f64::INFINITY, f64::min);
                 let behind = match next.is_finite() {
                     true => format!("the next has omega + 2 p higher by {:.1}", next - aic(best)),
                     false => "no other is left".to_owned(),
@@ -391,7 +409,11 @@ impl Tournament<'_> {
             match &law.fit {
                 Err(reason) => said.push(format!("{} could not be fitted: {reason}", law.name())),
                 Ok(fit) if fit.status != FitStatus::Converged => {
-                    said.push(format!("the fit of {} did not converge ({}) and is not averaged", law.name(), fit.reason));
+                    said.push(format!(
+                        "the fit of {} did not converge ({}) and is not averaged",
+                        law.name(),
+                        fit.reason
+                    ));
                 }
                 Ok(_) if law.score.is_none() => said.push(format!(
                     "{} is not compared: the data say nothing of some combination of its parameters, or time was over",
@@ -401,7 +423,10 @@ impl Tournament<'_> {
             }
         }
         if self.laws.iter().all(|law| law.problem.noise.sigma.is_none()) {
-            said.push("the noise was estimated from the residual of each law: the misfit test as a whole tests nothing".to_owned());
+            said.push(
+                "the noise was estimated from the residual of each law: the misfit test as a whole tests nothing"
+                    .to_owned(),
+            );
         }
         said
     }

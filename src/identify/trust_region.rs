@@ -228,13 +228,17 @@ pub(super) fn minimise_unless(
             let left = (LEFT_OF_DISTANCE * distance).max(ON_LIMIT).min(distance);
             HalfSpace { by, least: left - distance }
         };
-        let beside: Vec<HalfSpace> = limits(&z).into_iter().map(half_space).collect();
+        let near = limits(&z);
+        // Along a curved limit the last digits are those of the way there.
+        let on_limit = near.iter().any(|(distance, _)| *distance < 2.0 * ON_LIMIT);
+        let step_tolerance = if on_limit { options.step_tolerance.max(ON_LIMIT) } else { options.step_tolerance };
+        let beside: Vec<HalfSpace> = near.into_iter().map(half_space).collect();
         let region = StepRegion { lower: &below, upper: &above, radius };
         let Some(step) = cone_step_beside(&h, &local.b, &region, &beside) else {
             break (FitStatus::Stalled, "the derivatives are not finite".to_owned());
         };
         let size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-        if size < options.step_tolerance {
+        if size < step_tolerance {
             let by_radius = length(&step) > 0.5 * radius;
             if !by_radius {
                 // Worth no evaluation, but it takes off what is left of the error.

@@ -171,7 +171,8 @@ impl CohesiveLaw for ParkPaulinoRoesler {
             (by[shape], by[share]) = (-1.0 / self.values[shape], -2.0 / self.values[share]);
             LawLimit { distance: -self.values[shape].ln() - 2.0 * self.values[share].ln(), by, what }
         };
-        let what = ["in opening the largest traction is at separation", "in sliding the largest traction is at separation"];
+        let what =
+            ["in opening the largest traction is at separation", "in sliding the largest traction is at separation"];
         [(4, 6, what[0]), (5, 7, what[1])].map(limit).to_vec()
     }
 
