@@ -49,7 +49,8 @@ pub(super) struct HalfSpace {
 
 impl HalfSpace {
     fn holds(&self, step: &[f64]) -> bool {
-        self.at(step) >= self.least - 1e-9 * self.least.abs()
+        // Nothing but rounding may be beyond it.
+        self.at(step) >= self.least - 1e-9 * self.least.abs() - 1e-12 * length(&self.by) * length(step)
     }
 
     fn at(&self, step: &[f64]) -> f64 {
@@ -189,4 +190,38 @@ fn along(h: &Dense, b: &[f64], fixed: &[Option<f64>], limits: &[&HalfSpace]) -> 
         return Some(step);
     }
     Some(without)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The least of `x^2 + y^2 - 4 x - 2 y` beside a line, by hand: the foot of the perpendicular from (2, 1), or the corner of two.
+    #[test]
+    fn a_step_beside_limits_ends_on_them_and_leaves_those_that_do_not_hold_it_back() {
+        let h = Dense::from_fn(2, 2, |r, c| f64::from(u8::from(r == c)));
+        let far = [[-10.0; 2], [10.0; 2]];
+        let region = StepRegion { lower: &far[0], upper: &far[1], radius: 5.0 };
+        let step = |limits: &[([f64; 2], f64)]| {
+            let limits: Vec<HalfSpace> =
+                limits.iter().map(|(by, least)| HalfSpace { by: by.to_vec(), least: *least }).collect();
+            cone_step_beside(&h, &[2.0, 1.0], &region, &limits).unwrap()
+        };
+        let x_below = |x: f64| ([-1.0, 0.0], -x);
+        for (limits, wanted) in [
+            (vec![], [2.0, 1.0]),
+            (vec![x_below(3.0)], [2.0, 1.0]),
+            (vec![x_below(0.5)], [0.5, 1.0]),
+            (vec![x_below(0.0)], [0.0, 1.0]),
+            // x + y below 1: the foot from (2, 1) is (1, 0).
+            (vec![([-1.0, -1.0], -1.0)], [1.0, 0.0]),
+            // Both: the foot (1, 0) has too large an x, and the corner is (0.5, 0.5).
+            (vec![([-1.0, -1.0], -1.0), x_below(0.5)], [0.5, 0.5]),
+            // The second only touches where the first ends the step, and would hold nothing back.
+            (vec![x_below(0.5), ([0.0, 1.0], 0.0)], [0.5, 1.0]),
+        ] {
+            let found = step(&limits);
+            assert!((0..2).all(|k| (found[k] - wanted[k]).abs() < 1e-10), "{found:?} for {wanted:?} beside {limits:?}");
+        }
+    }
 }
