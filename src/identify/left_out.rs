@@ -5,7 +5,8 @@ use super::fit::Fit;
 use super::objective::{Evaluation, Problem};
 use super::observation::Observation;
 use super::options::FitOptions;
-use super::stage::no_texture;
+use super::stage::{COARSE, no_texture, run};
+use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use crate::linalg::Dense;
 use rayon::prelude::*;
@@ -13,8 +14,8 @@ use std::sync::Arc;
 
 /// Parts that the instants are divided into, every fifth into one: each is left out once.
 const PARTS: usize = 5;
-/// Shares of the step that are tried one after the other.
-const SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
+/// Forward runs that the fit to the others may take, from the fit to all on.
+const EVALUATIONS: usize = 8;
 
 /// What is left of instants that were left out of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,8 +37,8 @@ impl Problem<'_> {
         Ok(Self { observation, ..self.with_unknowns(unknowns) })
     }
 
-    /// The instants left out of `fit` part by part: every part is foretold by one Gauss-Newton step from `fit` on the others,
-    /// shortened until it lowers their objective, and a forward run there; `None` where there are fewer than two instants or no derivatives to step with.
+    /// The instants left out of `fit` part by part: every part is foretold by a fit to the others that goes on from there; `None`
+    /// where there are fewer than two instants, or such a fit has no solution or no time.
     ///
     /// # Errors
     /// A covariance without inverse.
@@ -53,8 +54,7 @@ impl Problem<'_> {
             let inverse = InverseCovariance::new(&self.noise, instants.len(), by_boundary).map_err(no_texture)?;
             Ok(Weights::Inverse(inverse))
         };
-        let z = self.unknowns.scaled(&fit.evaluation.x);
-        let [lower, upper] = self.unknowns.scaled_bounds();
+        let region = TrustRegionOptions { step_tolerance: COARSE, max_evaluations: EVALUATIONS, ..options.region };
         let of_part = |part: usize| -> Result<Option<f64>, FitError> {
             let (left, kept): (Vec<usize>, Vec<usize>) = (0..n).partition(|i| i % parts == part);
             let problem = self.at_instants(&kept)?;
@@ -66,21 +66,14 @@ impl Problem<'_> {
                 instants.iter().map(|&i| of.blocks[i].clone()).collect()
             };
             let seen = Evaluation { blocks: blocks(&kept, &fit.evaluation), ..fit.evaluation.clone() };
-            let local = seen.local(&weights, &self.noise);
-            let Ok(factor) = local.h.cholesky() else { return Ok(None) };
-            let step = factor.solve(&Dense::from_fn(z.len(), 1, |k, _| local.b[k]));
-            // The objective is no parabola where little is known: a step that does not lower it on what is kept is too long.
-            let mut residual = fit.evaluation.residual();
-            for share in SHARES {
-                let there: Vec<f64> =
-                    (0..z.len()).map(|k| (z[k] + share * step[(k, 0)]).clamp(lower[k], upper[k])).collect();
-                let Some(at) = self.evaluate(&self.unknowns.unscaled(&there), &fit.boundary)? else { continue };
-                let trial = Evaluation { blocks: blocks(&kept, &at), ..seen.clone() };
-                if trial.local(&weights, &self.noise).omega <= local.omega {
-                    residual = at.residual();
-                    break;
-                }
-            }
+            let end = run(&problem, &fit.boundary, &weights, &fit.evaluation.x, Some(seen), &region);
+            // Whose residual is not that of a fit to the others would be foretold too well.
+            let at = match end.status {
+                FitStatus::TimeLimit | FitStatus::Stopped | FitStatus::NoStart => None,
+                _ => self.evaluate(&self.unknowns.unscaled(&end.z), &fit.boundary)?,
+            };
+            let Some(at) = at else { return Ok(None) };
+            let residual = at.residual();
             let residual: Vec<Dense> = left.iter().map(|&i| residual[i].clone()).collect();
             let weighted = covariance(&left)?.times(&self.noise, &residual);
             Ok(Some(residual.iter().zip(&weighted).map(|(r, wr)| r.transposed_times(wr)[(0, 0)]).sum()))
