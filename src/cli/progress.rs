@@ -159,7 +159,7 @@ impl Progress {
                 let said = &tournament.sentences;
                 eprintln!("{}", json!({ "laws": { "best": best, "alike": alike, "said": said, "folder": folder } }));
             }
-            _ => super::tournament::print(tournament, folder),
+            _ => results::of_laws(tournament, folder),
         }
     }
 
