@@ -36,6 +36,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/bands.py --output out/study/bands
 	scripts/doubt.py --output out/study/doubt
 	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
+	scripts/tournament.py --output out/study/tournament
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

@@ -261,20 +261,58 @@ fn the_peaks_and_works_of_separation_are_those_asked_for() {
     }
 }
 
+/// Straight pieces written down once more, plainly: K up to the onset of Camanho and Davila, a plateau over the share s of what
+/// follows, and a fall to the end at which the area is the toughness of the mix.
 #[test]
-fn a_trapezoid_without_a_plateau_is_the_bilinear_law() {
+fn bilinear_and_trapezoidal_tractions_are_straight_lines_between_their_corners() {
     let values = [4e5, 60.0, 90.0, 0.4, 1.1, 1.7];
-    let with_none: [f64; 7] = std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0));
-    for criterion in [MixedModeCriterion::BenzeggaghKenane, MixedModeCriterion::Power] {
-        let (bilinear, none) =
-            (Bilinear::new(criterion, values).unwrap(), Trapezoidal::new(criterion, with_none).unwrap());
-        for jump in JUMPS {
-            let (wanted, found) = (bilinear.response(jump), none.response(jump));
-            // The same sums in another order, of terms as large as the elastic traction.
-            let elastic = 4e5 * jump.vector().norm();
-            let apart = (wanted.traction.vector() - found.traction.vector()).norm();
-            assert!(apart <= 1e-14 * elastic, "{found:?} for {wanted:?} at {jump:?}");
-            assert!((wanted.tangent - found.tangent).norm() <= 1e-12 * 4e5, "{found:?} for {wanted:?} at {jump:?}");
+    let [k, t_n0, t_t0, g_ic, g_iic, eta] = values;
+    for (criterion, s) in [
+        (MixedModeCriterion::BenzeggaghKenane, 0.0),
+        (MixedModeCriterion::Power, 0.0),
+        (MixedModeCriterion::BenzeggaghKenane, 0.4),
+        (MixedModeCriterion::Power, 0.7),
+    ] {
+        let with_plateau: [f64; 7] = std::array::from_fn(|j| values.get(j).copied().unwrap_or(s));
+        let mut laws: Vec<Box<dyn CohesiveLaw>> = vec![Box::new(Trapezoidal::new(criterion, with_plateau).unwrap())];
+        if s == 0.0 {
+            laws.push(Box::new(Bilinear::new(criterion, values).unwrap()));
+        }
+        for (law, angle) in laws.iter().flat_map(|law| [0.0, 0.3, 0.8, 1.2].map(|angle: f64| (law, angle))) {
+            let (c, d) = (angle.cos(), angle.sin());
+            let strength = 1.0 / ((c / t_n0).powi(2) + (d / t_t0).powi(2)).sqrt();
+            let mix = d * d;
+            let toughness = match criterion {
+                MixedModeCriterion::BenzeggaghKenane => g_ic + (g_iic - g_ic) * mix.powf(eta),
+                MixedModeCriterion::Power => {
+                    (((1.0 - mix) / g_ic).powf(eta) + (mix / g_iic).powf(eta)).powf(-1.0 / eta)
+                }
+            };
+            let onset = strength / k;
+            // Area of rise, plateau and fall: strength/2 (onset + (end - onset)(2 s + 1 - s)) = toughness.
+            let end = onset + (2.0 * toughness / strength - onset) / (1.0 + s);
+            let plateau = onset + s * (end - onset);
+            let fall = strength / (end - plateau);
+            let width_end = 0.1 * onset * (k / fall + 1.0).sqrt();
+            for step in 1..400 {
+                let length = 1.3 * end * f64::from(step) / 400.0;
+                let corners = [(onset, 0.1 * onset), (plateau, 0.1 * onset), (end, width_end)];
+                if corners.iter().any(|(at, width)| (length - at).abs() < 1.01 * width) {
+                    continue;
+                }
+                let wanted = match length {
+                    _ if length < onset => k * length,
+                    _ if length < plateau => strength,
+                    _ if length < end => strength - fall * (length - plateau),
+                    _ => 0.0,
+                };
+                let found = law.response(Jump { normal: c * length, tangential: d * length }).traction;
+                // Differences of numbers as large as the elastic traction.
+                let tolerance = 1e-13 * k * length;
+                let what = format!("{} at {angle}, {length} of {end} mm", law.name());
+                assert_close(found.normal, c * wanted, tolerance, &what);
+                assert_close(found.tangential, d * wanted, tolerance, &what);
+            }
         }
     }
 }

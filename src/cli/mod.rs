@@ -28,6 +28,7 @@ mod slurm;
 mod status;
 mod synth;
 mod talk;
+mod tournament;
 mod virtual_test;
 mod watch;
 mod wrong_words;
@@ -84,6 +85,7 @@ pub fn main() -> ExitCode {
         args::Command::Simulate(args) => simulate::run(&args, paint),
         args::Command::Identify(args) => identify::run(&args, paint),
         args::Command::Sweep(args) => identify::run_sweep(&args),
+        args::Command::Tournament(args) => tournament::run(&args, paint),
         args::Command::Virtual(args) => virtual_test::run(&args),
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),

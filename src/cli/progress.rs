@@ -9,6 +9,7 @@ use super::talk::Talk;
 use crate::field::Status;
 use crate::report::fit::FitRecord;
 use crate::report::summary::FrameSummary;
+use crate::report::tournament::TournamentRecord;
 use crate::run::{Busy, Event};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value, json};
@@ -73,6 +74,7 @@ impl Progress {
                     results::of_joint(summary, folder);
                 }
             }
+            Event::Compared { tournament, folder } => self.compared(tournament, folder),
             Event::Reported { .. } => {}
         }
     }
@@ -144,6 +146,20 @@ impl Progress {
                 new.for_each(|warning| self.print(&format!("warning: {warning}")));
                 results::of_fit(fit, folder, self.paint);
             }
+        }
+    }
+
+    /// Laws were compared.
+    fn compared(&self, tournament: &TournamentRecord, folder: &Path) {
+        self.fitting.done();
+        match self.talk {
+            Talk::Quiet => {}
+            Talk::Json => {
+                let (best, alike) = (&tournament.best, &tournament.alike);
+                let said = &tournament.sentences;
+                eprintln!("{}", json!({ "laws": { "best": best, "alike": alike, "said": said, "folder": folder } }));
+            }
+            _ => results::of_laws(tournament, folder),
         }
     }
 

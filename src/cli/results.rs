@@ -1,9 +1,11 @@
 //! What came of a fit or of a computed joint, in a few lines on stderr.
 
+use super::lines::wrapped;
 use super::paint::Paint;
 use super::plural;
 use crate::report::fit::{FitRecord, budget_lines, defaults_used};
 use crate::report::joint::JointSummary;
+use crate::report::tournament::TournamentRecord;
 use std::path::Path;
 
 /// What a user has to know at once beside the warnings.
@@ -88,4 +90,21 @@ pub(super) fn of_joint(summary: &JointSummary, output: &Path) {
     let n = summary.instants.iter().filter(|instant| instant.message.is_none()).count();
     let total = plural(summary.instants.len(), "instant");
     eprintln!("{n} of {total} converged in {:.3} s, results in {}", summary.seconds, output.display());
+}
+
+/// Prints what a comparison came to.
+pub(super) fn of_laws(tournament: &TournamentRecord, folder: &Path) {
+    let digits = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.1}"));
+    let columns = ["law", "omega", "p", "AIC", "left out", "z", "weight"];
+    let row = |[law, omega, p, aic, left_out, z, weight]: [&str; 7]| {
+        eprintln!("{law:<29} {omega:>8} {p:>2} {aic:>8} {left_out:>8} {z:>6} {weight:>8}");
+    };
+    row(columns);
+    for law in &tournament.laws {
+        let weight = if law.rejected { "rejected".to_owned() } else { format!("{:.3}", law.weight) };
+        let [omega, aic, left_out, z] = [law.omega, law.aic, law.left_out_omega, law.z].map(digits);
+        row([&law.law, &omega, &law.parameters.len().to_string(), &aic, &left_out, &z, &weight]);
+    }
+    tournament.sentences.iter().for_each(|sentence| eprintln!("{}", wrapped(sentence, 2)));
+    eprintln!("compared in {:.3} s, results in {}", tournament.seconds, folder.display());
 }

@@ -366,8 +366,11 @@ fn jump_errors(
 /// # Errors
 /// Values that the law does not allow.
 pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], FitError> {
-    let x = &fit.evaluation.x;
-    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
+    curve_bands_up_to(problem, fit, reach_of(&*problem.unknowns.law_at(&fit.evaluation.x)?))
+}
+
+/// Largest jumps of interest in opening and in sliding, mm: where nearly no traction is left.
+pub(super) fn reach_of(law: &dyn CohesiveLaw) -> [f64; 2] {
     let opening = law.front_opening();
     // Sliding goes on until its traction is a hundredth of the peak.
     let peak = law.peak().tangential;
@@ -379,6 +382,17 @@ pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], F
         }
         sliding *= 1.3;
     }
+    [opening, sliding]
+}
+
+/// The same up to these jumps in opening and in sliding, mm.
+pub(super) fn curve_bands_up_to(
+    problem: &Problem<'_>,
+    fit: &Fit,
+    [opening, sliding]: [f64; 2],
+) -> Result<[CurveBand; 2], FitError> {
+    let x = &fit.evaluation.x;
+    let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
     let list = problem.unknowns.list();
     let slopes = problem.unknowns.slopes(x);
     let covariance = fit.statistics.as_ref().map(|statistics| by_noise(statistics, fit));

@@ -7,6 +7,7 @@ use super::observation::{Observation, ObservedInstant, largest_without_rigid_mot
 use super::options::{Discretisation, FitOptions, Intervals};
 use super::plausibility::{Implausible, implausible_joint};
 use super::starts::latin_hypercube;
+use super::tournament::check_laws;
 use super::trust_region::TrustRegionOptions;
 use super::uncertainties;
 use super::unknowns::{Unknown, Unknowns};
@@ -36,6 +37,8 @@ pub struct Case<'a> {
     pub profile: Option<usize>,
     /// The parameter that `sweep` prescribes, and its values.
     pub sweep: Option<(usize, Vec<f64>)>,
+    /// The laws that are compared on the same data; none where that is not asked for.
+    pub laws: Vec<String>,
     /// What is compared, for people.
     pub about: String,
     /// What is known of the boundary: `measured`, `estimated` or `exact`.
@@ -82,6 +85,9 @@ impl<'a> Case<'a> {
             materials_of_case(substrate, &case.interface.zones)?;
             if let Some(fit) = &case.joint.fit {
                 starts(&unknowns(&*law, fit)?, fit)?;
+                if !fit.laws.is_empty() {
+                    check_laws(&fit.laws, &*law, usize::MAX)?;
+                }
             }
             Ok(())
         };
@@ -198,6 +204,9 @@ impl<'a> Case<'a> {
             }
             _ => return Err(wrong("fit", "sweep", "sweep: give the values of one parameter")),
         };
+        if !table.laws.is_empty() {
+            check_laws(&table.laws, unknowns.law(), n_data)?;
+        }
         let n_compared = observation.compared.iter().filter(|c| **c).count();
         let about = format!(
             "{n_compared} nodes at {} instants, {} weights, {boundary} boundary; noise: {}",
@@ -209,7 +218,18 @@ impl<'a> Case<'a> {
         let problem = Problem { joint, observation, noise, unknowns, watch };
         let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
         let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
-        Ok(Self { problem, options, profile, sweep, about, boundary, doubts, implausible, max_seconds })
+        Ok(Self {
+            problem,
+            options,
+            profile,
+            sweep,
+            laws: table.laws.clone(),
+            about,
+            boundary,
+            doubts,
+            implausible,
+            max_seconds,
+        })
     }
 }
 

@@ -20,8 +20,12 @@ use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::Dense;
+use crate::mechanics::cohesive::LawLimit;
 use crate::mechanics::{BoundaryHistory, Solution};
 use rayon::prelude::*;
+
+/// Distance of a limit of the law below which the fit has run against it.
+const NEAR_LIMIT: f64 = 1e-4;
 
 /// The result.
 #[derive(Debug)]
@@ -279,6 +283,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             vec![format!("the fit did not converge ({}): the values are the best so far", status.name())]
         }
     };
+    let unfinished: Vec<String> = unfinished.into_iter().chain(at_limits(unknowns, &x)).collect();
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
@@ -351,6 +356,20 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
     let step = factor.solve(&Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]));
     let z = problem.unknowns.scaled(x);
     Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
+}
+
+/// What the law does not allow beyond `x`, where the fit has run against it, a sentence each.
+fn at_limits(unknowns: &Unknowns, x: &[f64]) -> Vec<String> {
+    let near = |limit: &LawLimit| limit.distance < NEAR_LIMIT;
+    let in_words = |limit: LawLimit| {
+        format!(
+            "the fit ran against the end of what the law '{}' can be ({}), where its intervals mean little; prescribe a parameter \
+             or take another law",
+            unknowns.law().name(),
+            limit.what
+        )
+    };
+    unknowns.limits(x).into_iter().filter(near).map(in_words).collect()
 }
 
 pub(super) fn describe(unknowns: &Unknowns, x: &[f64]) -> String {

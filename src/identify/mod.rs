@@ -4,6 +4,7 @@
 //! weights are in `objective`, `noise` and `weights`, the iteration in `trust_region` and `cone_step`, what the noise does to
 //! the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
+mod averages;
 mod bands;
 mod bootstrap;
 mod budget;
@@ -19,6 +20,8 @@ mod fit;
 mod fitted;
 mod given;
 mod intervals;
+mod law_starts;
+mod left_out;
 mod misfit;
 mod missing_mode;
 mod noise;
@@ -33,6 +36,7 @@ mod stage;
 mod starts;
 mod statistics;
 mod sweep;
+mod tournament;
 mod trust_region;
 mod uncertainties;
 mod unknowns;
@@ -40,6 +44,7 @@ mod verdict;
 mod watch;
 mod weights;
 
+pub use averages::{Spread, average, average_curve};
 pub use bands::{Band, CurveBand, bands, curve_bands};
 pub use bootstrap::Bootstrap;
 pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, NOISE_LEVEL, Parts, interval95};
@@ -55,6 +60,7 @@ pub use error::FitError;
 pub use fit::{CutShort, Fit, first_order, fit};
 pub use fitted::{FittedParameter, FittedQuantity, StartEnd};
 pub use intervals::{DRAWS, IntervalBasis, IntervalKind, LINEAR_PROBE, LINEAR_STD, Linearity, doubts};
+pub use left_out::LeftOut;
 pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
 pub use missing_mode::{MissingMode, Mode, opening_share};
 pub use noise::{Noise, Precision};
@@ -67,6 +73,7 @@ pub use released::{Released, ReleasedParameter};
 pub use starts::latin_hypercube;
 pub use statistics::{NORMAL_95, Statistics};
 pub use sweep::{SweepRow, sweep};
+pub use tournament::{ALIKE, Average, LawFit, Score, Tournament, laws_of, tournament};
 pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
 pub use uncertainties::{
     DEFAULT_ALPHA, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU, DEFAULT_PIXEL_SIZE,

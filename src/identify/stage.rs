@@ -63,7 +63,10 @@ pub(super) fn run(
         local
     };
     let ended = || problem.watch.ended().map(|ended| (ended.status(), ended.reason()));
-    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, ended)
+    let limits = |z: &[f64]| {
+        unknowns.limits(&unknowns.unscaled(z)).into_iter().map(|limit| (limit.distance, limit.by)).collect()
+    };
+    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
 }
 
 /// Fits under the inverse covariance made at the end of the fit before, until the parameters stand still; gives the weights.

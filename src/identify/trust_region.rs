@@ -1,6 +1,6 @@
 //! Gauss-Newton in a trust region with bounds (THEORY 6), on scaled unknowns.
 
-use super::cone_step::{StepRegion, cone_step, length, room};
+use super::cone_step::{HalfSpace, StepRegion, cone_step_beside, length, room};
 use crate::linalg::Dense;
 
 /// What the objective is about a point, in scaled unknowns `z`: `omega(z + s) ~ omega - 2 b^T s + s^T H s`.
@@ -181,15 +181,22 @@ pub fn minimise(
     options: &TrustRegionOptions,
     evaluate: impl FnMut(&[f64]) -> Option<Local>,
 ) -> End {
-    minimise_unless(start, [lower, upper], options, evaluate, || None)
+    minimise_unless(start, [lower, upper], options, evaluate, |_| Vec::new(), || None)
 }
 
-/// The same; where `ended` says how, it ends at the best point so far.
+/// Distance of a limit of the law at which a fit is on it; no step leads nearer.
+pub(super) const ON_LIMIT: f64 = 1e-6;
+/// Share of the distance of a limit that a step leaves: limits are curved, and a step onto one would end beyond it.
+const LEFT_OF_DISTANCE: f64 = 0.01;
+
+/// The same; `limits` gives the distances of what ends the range of the unknowns beside their bounds, with their derivatives by
+/// the unknowns; where `ended` says how, it ends at the best point so far.
 pub(super) fn minimise_unless(
     start: &[f64],
     [lower, upper]: [&[f64]; 2],
     options: &TrustRegionOptions,
     mut evaluate: impl FnMut(&[f64]) -> Option<Local>,
+    limits: impl Fn(&[f64]) -> Vec<(f64, Vec<f64>)>,
     ended: impl Fn() -> Option<(FitStatus, String)>,
 ) -> End {
     let mut radius = options.first_radius;
@@ -216,11 +223,22 @@ pub(super) fn minimise_unless(
     let (status, reason) = loop {
         let [below, above] = room([lower, upper], &z);
         let h = secant.model(&local.h);
-        let Some(step) = cone_step(&h, &local.b, &StepRegion { lower: &below, upper: &above, radius }) else {
+        // A step that fails at a limit would only be shortened until nothing is left of it: it has to lead along the limit.
+        let half_space = |(distance, by): (f64, Vec<f64>)| {
+            let left = (LEFT_OF_DISTANCE * distance).max(ON_LIMIT).min(distance);
+            HalfSpace { by, least: left - distance }
+        };
+        let near = limits(&z);
+        // Along a curved limit the last digits are those of the way there.
+        let on_limit = near.iter().any(|(distance, _)| *distance < 2.0 * ON_LIMIT);
+        let step_tolerance = if on_limit { options.step_tolerance.max(ON_LIMIT) } else { options.step_tolerance };
+        let beside: Vec<HalfSpace> = near.into_iter().map(half_space).collect();
+        let region = StepRegion { lower: &below, upper: &above, radius };
+        let Some(step) = cone_step_beside(&h, &local.b, &region, &beside) else {
             break (FitStatus::Stalled, "the derivatives are not finite".to_owned());
         };
         let size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-        if size < options.step_tolerance {
+        if size < step_tolerance {
             let by_radius = length(&step) > 0.5 * radius;
             if !by_radius {
                 // Worth no evaluation, but it takes off what is left of the error.

@@ -1,6 +1,6 @@
 //! The parameters that are fitted, their bounds, and their scale.
 
-use crate::mechanics::cohesive::{CohesiveLaw, LawError, Parameter};
+use crate::mechanics::cohesive::{CohesiveLaw, LawError, LawLimit, Parameter};
 
 /// How a parameter is scaled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +63,7 @@ pub const WIDE: f64 = 1e3;
 
 impl Unknowns {
     /// The unknowns `(index in the law, start, lower, upper)`; where there is no bound, the start times or over
-    /// [`WIDE`].
+    /// [`WIDE`]. No bound lies outside the range of the law.
     ///
     /// # Errors
     /// A start that the law does not allow.
@@ -82,7 +82,8 @@ impl Unknowns {
                 Scale::Logarithm => [start / WIDE, start * WIDE],
                 Scale::Reference(_) => [0.0, start.abs().max(0.1) * WIDE],
             };
-            let bounds = [lower.unwrap_or(wide[0]), upper.unwrap_or(wide[1])];
+            let [least, most] = law.range(index);
+            let bounds = [lower.unwrap_or(wide[0]).max(least), upper.unwrap_or(wide[1]).min(most)];
             Unknown { parameter: law.parameters()[index], index, start, bounds, scale }
         };
         Ok(Self { list: list.iter().map(unknown).collect(), law })
@@ -156,6 +157,17 @@ impl Unknowns {
     /// `dx/dz` of each.
     pub fn slopes(&self, x: &[f64]) -> Vec<f64> {
         self.list.iter().zip(x).map(|(unknown, &x)| unknown.scale.slope(x)).collect()
+    }
+
+    /// Where the law ends near `x`, with the derivatives by the scaled unknowns; only what they can change.
+    pub fn limits(&self, x: &[f64]) -> Vec<LawLimit> {
+        let Ok(law) = self.law_at(x) else { return Vec::new() };
+        let slopes = self.slopes(x);
+        let of_unknowns = |limit: LawLimit| LawLimit {
+            by: self.list.iter().zip(&slopes).map(|(unknown, slope)| slope * limit.by[unknown.index]).collect(),
+            ..limit
+        };
+        law.limits().into_iter().map(of_unknowns).filter(|limit| limit.by.iter().any(|by| *by != 0.0)).collect()
     }
 
     /// The starts.

@@ -22,6 +22,7 @@ mod raster;
 mod scale;
 mod scene;
 pub mod summary;
+pub mod tournament;
 mod words;
 
 pub use backdrop::Backdrop;

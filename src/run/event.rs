@@ -5,6 +5,7 @@ use crate::identify::FitProgress;
 use crate::report::fit::FitRecord;
 use crate::report::joint::JointSummary;
 use crate::report::summary::FrameSummary;
+use crate::report::tournament::TournamentRecord;
 use std::path::Path;
 
 /// What happens in a run. Events come on the thread that carries it out, one after the other.
@@ -47,6 +48,13 @@ pub enum Event<'a> {
     Identified {
         /// What `fit.json` holds.
         fit: &'a FitRecord,
+        /// Where the results are.
+        folder: &'a Path,
+    },
+    /// Laws were compared and the results are written.
+    Compared {
+        /// What `tournament.json` holds.
+        tournament: &'a TournamentRecord,
         /// Where the results are.
         folder: &'a Path,
     },

@@ -15,8 +15,13 @@ const CASE: &str = "run.toml";
 pub(super) const CORRELATION: &str = "correlation";
 /// What the parameters are when the rigid motion is treated the other way.
 pub(super) const RIGID_MOTION: &str = "rigid-motion.json";
-/// Results of an identification, and of a sweep.
-const FITS: [&str; 2] = ["fit.json", "sweep.json"];
+/// Results of an identification, of a sweep, and of a comparison of laws.
+const FITS: [&str; 3] = ["fit.json", "sweep.json", TOURNAMENT];
+/// What a comparison of laws came to.
+pub(super) const TOURNAMENT: &str = "tournament.json";
+/// Its page, and its table of tractions.
+pub(super) const TOURNAMENT_PAGE: &str = "tournament.html";
+pub(super) const TOURNAMENT_TRACTIONS: &str = "tournament-tractions.csv";
 /// Folder of the pictures in that of a run.
 pub(crate) const FIGURES: &str = "figures";
 /// Folder of what a later start of the same run needs: locks, and a record of every frame.
@@ -96,7 +101,8 @@ impl RunFolder {
     /// Removes the results of an earlier run (and nothing else), and makes the folders of this one.
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
-        for name in [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY].into_iter().chain(FITS) {
+        let shown = [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS];
+        for name in shown.into_iter().chain(FITS) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;

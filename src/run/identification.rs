@@ -8,6 +8,7 @@ use super::session::Outcome;
 use super::simulation::{save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
+use super::tournament::compared;
 use crate::identify::{Case, CutShort, Ended, FitStatus, fit, profile};
 use crate::io::joint::JointInput;
 use crate::report::Picture;
@@ -72,6 +73,9 @@ pub fn identify(
     let asked = input.case.output.figures.as_deref();
     let chosen = JointReport { joint: &joint, solution: found.solution() }.chosen(asked);
     report.draw(&chosen, save)?;
+    if !of_case.laws.is_empty() && found.cut_short.is_none() {
+        compared(&mut of_case, &folder, absolute(case), json.warnings.clone(), pool, stop, watcher)?;
+    }
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
     joint.law = law;

@@ -43,6 +43,7 @@ mod stop;
 mod store_of_run;
 mod tally;
 pub(crate) mod text;
+mod tournament;
 mod wanted;
 mod watching;
 mod which_reference;
@@ -62,6 +63,7 @@ pub use several::identify_several;
 pub use shard::Shard;
 pub use simulation::simulate;
 pub use stop::Stop;
+pub use tournament::compare_laws;
 pub use watching::{Watching, watch};
 
 pub(crate) use error::shell_word;

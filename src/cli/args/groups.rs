@@ -60,7 +60,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "cutoff",
         ],
     ),
-    ("Fit", &["max_seconds", "max_evaluations"]),
+    ("Fit", &["laws", "max_seconds", "max_evaluations"]),
     ("Quantities", &["point", "line", "step", "extensometer", "width", "opening", "remove_rigid", "curves"]),
     (
         "Output",

@@ -170,6 +170,33 @@ pub struct IdentifyArgs {
     pub progress: ProgressKind,
 }
 
+/// Arguments of `quadrille tournament`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille tournament joint.toml --laws extended-xu-needleman,bilinear-power,trapezoidal-power --output out/laws\n\n\
+    Written are tournament.json, tournament-tractions.csv, tournament.html and figures.\n\n\
+    Exit status: 0 all fits converged and a law is left; 1 one did not, or the data reject all laws; 2 it could not run;\n\
+    130 Ctrl-C or SIGTERM.")]
+pub struct TournamentArgs {
+    /// The case file of `quadrille identify`; its law starts the others.
+    #[arg(value_name = "CASE.toml")]
+    pub case: PathBuf,
+    /// The laws, by the names that [cohesive] model takes. Default: [fit] laws of the case.
+    #[arg(long, value_name = "LAW,LAW,...", value_delimiter = ',')]
+    pub laws: Vec<String>,
+    #[command(flatten)]
+    pub results: Results,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub limits: FitLimits,
+    #[command(flatten)]
+    pub talk: Quiet,
+    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    #[arg(long, value_name = "text|json", default_value = "text")]
+    pub progress: ProgressKind,
+}
+
 /// Arguments of `quadrille sweep`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \

@@ -78,6 +78,8 @@ pub enum Command {
     Identify(IdentifyArgs),
     /// The same with one parameter prescribed at several values.
     Sweep(SweepArgs),
+    /// The same with several laws: which of them the data choose, and what they have in common.
+    Tournament(TournamentArgs),
     /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
     Virtual(VirtualArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.

@@ -251,6 +251,11 @@ pub struct CaseFit {
     pub max_seconds: Option<f64>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
+    /// Also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
+    /// `[cohesive]` does not start begin with its strengths and works of separation.
+    #[schemars(extend("x-flag" = "--laws"))]
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub laws: Vec<String>,
     /// The effect of the element size on the 95 % intervals; without it `included` for a store and `stated` for a table.
     pub discretisation: Option<CaseDiscretisation>,
     /// What the 95 % intervals are made of.

@@ -2,9 +2,10 @@
 //! corners.
 
 use super::dual::Dual;
-use super::mixed_mode::{MixedModeCriterion, ROUNDING, check, onset_and_toughness, rounded_ramp, table};
-use super::secants::{Secants, opening_and_sliding};
-use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction};
+use super::mixed_mode;
+use super::mixed_mode::{Corners, MixedModeCriterion, ROUNDING, check, onset_and_toughness, rise_and_fall, table};
+use super::secants::{Secants, answer_by_secants};
+use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction};
 
 static BENZEGGAGH_KENANE_TABLE: [Parameter; 6] = table(MixedModeCriterion::BenzeggaghKenane);
 static POWER_TABLE: [Parameter; 6] = table(MixedModeCriterion::Power);
@@ -38,18 +39,12 @@ impl Bilinear {
 
     /// Its name with a criterion.
     pub(super) const fn name_with(criterion: MixedModeCriterion) -> &'static str {
-        match criterion {
-            MixedModeCriterion::BenzeggaghKenane => Self::BENZEGGAGH_KENANE,
-            MixedModeCriterion::Power => Self::POWER,
-        }
+        criterion.of([Self::BENZEGGAGH_KENANE, Self::POWER])
     }
 
     /// Its parameters with a criterion.
-    pub(super) fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
-        match criterion {
-            MixedModeCriterion::BenzeggaghKenane => &BENZEGGAGH_KENANE_TABLE,
-            MixedModeCriterion::Power => &POWER_TABLE,
-        }
+    pub(super) const fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
+        criterion.of([&BENZEGGAGH_KENANE_TABLE, &POWER_TABLE])
     }
 
     /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, and `eta`, 1 or more.
@@ -73,35 +68,12 @@ impl Bilinear {
         (onset.value, end.value)
     }
 
-    /// The stiffness `tau(lambda)/lambda` of the effective traction, with all derivatives.
-    fn stiffness(&self, jump: Jump) -> Number {
-        let numbers: [Number; 6] = super::variables(self.values);
-        let [normal2, tangential2] = opening_and_sliding(jump).map(Number::squared);
-        let length2 = normal2 + tangential2;
-        let stiffness = numbers[0];
-        if length2.value < f64::MIN_POSITIVE {
-            return stiffness;
-        }
-        let length = length2.sqrt();
-        let (onset, end) = onset_and_end(self.criterion, numbers, [normal2 / length2, tangential2 / length2]);
-        // Slope of the falling branch, and the two corners rounded such that the area stays.
-        let falling = stiffness * onset / (end - onset);
-        let width = Self::ROUNDING * onset;
-        let width_end = width * (end / onset).sqrt();
-        let cut = (stiffness + falling) * rounded_ramp(length - onset, width);
-        let tail = falling * rounded_ramp(length - end, width_end);
-        if cut.value == 0.0 {
-            return stiffness;
-        }
-        if length.value >= end.value + width_end.value {
-            return Number::constant(0.0);
-        }
-        stiffness - (cut - tail) / length
-    }
-
     fn secants(&self, jump: Jump) -> Secants<8> {
-        let stiffness = self.stiffness(jump);
-        Secants { normal: stiffness, tangential: stiffness, compression: Number::variable(self.values[0], 2) }
+        let numbers: [Number; 6] = super::variables(self.values);
+        rise_and_fall(jump, numbers[0], |shares| {
+            let (onset, end) = onset_and_end(self.criterion, numbers, shares);
+            Corners { onset, plateau: None, end }
+        })
     }
 }
 
@@ -128,20 +100,18 @@ impl CohesiveLaw for Bilinear {
         Ok(Box::new(Self::new(self.criterion, super::exactly(self.name(), values)?)?))
     }
 
-    fn response(&self, jump: Jump) -> CohesiveResponse {
-        self.secants(jump).response(jump)
-    }
-
-    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
-        self.secants(jump).by_parameters(jump, derivatives);
-    }
-
-    fn secant(&self, jump: Jump) -> CohesiveStiffness {
-        self.secants(jump).matrix(jump)
-    }
+    answer_by_secants!();
 
     fn peak(&self) -> Traction {
         Traction { normal: self.values[1], tangential: self.values[2] }
+    }
+
+    fn range(&self, index: usize) -> [f64; 2] {
+        [if index == 5 { 1.0 } else { 0.0 }, f64::INFINITY]
+    }
+
+    fn limits(&self) -> Vec<LawLimit> {
+        mixed_mode::limits::<8>(self.criterion, super::variables(self.values), None)
     }
 
     fn front_opening(&self) -> f64 {

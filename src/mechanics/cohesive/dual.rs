@@ -41,6 +41,11 @@ impl<const N: usize> Dual<N> {
         self.chain(-(-self.value).exp_m1(), (-self.value).exp())
     }
 
+    /// The natural logarithm of a positive number.
+    pub fn ln(self) -> Self {
+        self.chain(self.value.ln(), 1.0 / self.value)
+    }
+
     /// The square root of a positive number.
     pub fn sqrt(self) -> Self {
         let value = self.value.sqrt();
@@ -117,10 +122,11 @@ mod tests {
     #[test]
     fn every_operation_has_the_slope_of_its_central_difference() {
         type D = Dual<1>;
-        let operations: [fn(D) -> D; 9] = [
+        let operations: [fn(D) -> D; 10] = [
             |x| x.exp(),
             |x| x.one_minus_exp_minus(),
             |x| x.sqrt(),
+            |x| x.ln(),
             |x| x.squared(),
             |x| x.pow(D::constant(2.3)),
             |x| D::constant(2.3).pow(x),

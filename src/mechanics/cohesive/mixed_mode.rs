@@ -1,7 +1,8 @@
 //! Laws whose traction points along the jump and whose onset and toughness follow the mix of the modes (Camanho and Davila 2002).
 
 use super::dual::Dual;
-use super::{LawError, Parameter, all_positive};
+use super::secants::{Secants, opening_and_sliding};
+use super::{Jump, LawError, LawLimit, Parameter, all_positive};
 
 /// How the toughness depends on the mix of the modes, `B = G_II/(G_I + G_II)`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -19,12 +20,17 @@ impl MixedModeCriterion {
         if name.ends_with("power") { Self::Power } else { Self::BenzeggaghKenane }
     }
 
-    /// What its exponent is.
-    pub(super) const fn exponent(self) -> &'static str {
+    /// What goes with it: of Benzeggagh and Kenane the first, of the power criterion the second.
+    pub(super) const fn of<T: Copy>(self, [benzeggagh_kenane, power]: [T; 2]) -> T {
         match self {
-            Self::BenzeggaghKenane => "exponent of the Benzeggagh-Kenane criterion",
-            Self::Power => "exponent of the power criterion",
+            Self::BenzeggaghKenane => benzeggagh_kenane,
+            Self::Power => power,
         }
+    }
+
+    /// What its exponent is.
+    const fn exponent(self) -> &'static str {
+        self.of(["exponent of the Benzeggagh-Kenane criterion", "exponent of the power criterion"])
     }
 }
 
@@ -67,6 +73,38 @@ pub fn check(parameters: &[Parameter], values: &[f64], ends: impl Fn(f64, f64) -
     Ok(())
 }
 
+/// Where the falling branch of such a law vanishes, as [`check`] has it: in the pure modes and at the mix that is nearest to it.
+/// `plateau` is its share where the law has one. With `q = 2 G_c/(K lambda_0^2)` that is where `q = 1 + (1 + s)/(1 - s)/2`.
+pub fn limits<const N: usize>(
+    criterion: MixedModeCriterion,
+    values: [Dual<N>; 6],
+    plateau: Option<Dual<N>>,
+) -> Vec<LawLimit> {
+    let one = Dual::constant(1.0);
+    let least = match plateau {
+        None => Dual::constant(1.5),
+        Some(s) => one + 0.5 * ((one + s) / (one - s)),
+    };
+    let distance = |step: u32| {
+        let angle = f64::from(step) / 64.0 * std::f64::consts::FRAC_PI_2;
+        let shares = [angle.cos(), angle.sin()].map(|c| Dual::constant(c * c));
+        let [onset, toughness] = onset_and_toughness(criterion, values, shares);
+        (2.0 * toughness / (values[0] * onset.squared()) / least).ln()
+    };
+    let mixed = (1..64).map(distance).min_by(|a, b| a.value.total_cmp(&b.value));
+    let what = [
+        "in opening nothing is left of the falling branch",
+        "in sliding nothing is left of the falling branch",
+        "at some mix of the modes nothing is left of the falling branch",
+    ];
+    let limit = |(distance, what): (Dual<N>, &'static str)| LawLimit {
+        distance: distance.value,
+        by: distance.by[2..].to_vec(),
+        what,
+    };
+    [distance(0), distance(64)].into_iter().chain(mixed).zip(what).map(limit).collect()
+}
+
 /// Onset of the softening and toughness for the squared shares `c_n^2`, `c_t^2` of the modes, mm and N/mm.
 pub fn onset_and_toughness<const N: usize>(
     criterion: MixedModeCriterion,
@@ -86,8 +124,54 @@ pub fn onset_and_toughness<const N: usize>(
     [onset, toughness]
 }
 
+/// Where the straight pieces of the traction meet, mm.
+pub struct Corners<const N: usize> {
+    /// End of the rise.
+    pub onset: Dual<N>,
+    /// End of the plateau; `None` for a law that has none.
+    pub plateau: Option<Dual<N>>,
+    /// Where nothing is left.
+    pub end: Dual<N>,
+}
+
+/// A traction along the jump that rises with `stiffness`, stays up to the end of the plateau and falls linearly to zero, with
+/// corners rounded such that the work stays; `corners` gives them for the squared shares `c_n^2`, `c_t^2` of the modes. In
+/// compression the stiffness is that of the rise.
+pub fn rise_and_fall<const N: usize>(
+    jump: Jump,
+    stiffness: Dual<N>,
+    corners: impl FnOnce([Dual<N>; 2]) -> Corners<N>,
+) -> Secants<N> {
+    let along = |stiffness_here| Secants { normal: stiffness_here, tangential: stiffness_here, compression: stiffness };
+    let [normal2, tangential2] = opening_and_sliding(jump).map(Dual::squared);
+    let length2 = normal2 + tangential2;
+    if length2.value < f64::MIN_POSITIVE {
+        return along(stiffness);
+    }
+    let length = length2.sqrt();
+    let Corners { onset, plateau, end } = corners([normal2 / length2, tangential2 / length2]);
+    let falling = stiffness * onset / (end - plateau.unwrap_or(onset));
+    let width = ROUNDING * onset;
+    // What the roundings of a corner add to the work grows with its change of slope and its width squared.
+    let (cut, width_end) = match plateau {
+        None => ((stiffness + falling) * rounded_ramp(length - onset, width), width * (end / onset).sqrt()),
+        Some(plateau) => (
+            stiffness * rounded_ramp(length - onset, width) + falling * rounded_ramp(length - plateau, width),
+            width * (stiffness / falling + Dual::constant(1.0)).sqrt(),
+        ),
+    };
+    let tail = falling * rounded_ramp(length - end, width_end);
+    if cut.value == 0.0 {
+        return along(stiffness);
+    }
+    if length.value >= end.value + width_end.value {
+        return along(Dual::constant(0.0));
+    }
+    along(stiffness - (cut - tail) / length)
+}
+
 /// `max(x, 0)`, rounded by a parabola over `-width..width`.
-pub fn rounded_ramp<const N: usize>(x: Dual<N>, width: Dual<N>) -> Dual<N> {
+fn rounded_ramp<const N: usize>(x: Dual<N>, width: Dual<N>) -> Dual<N> {
     if x.value <= -width.value {
         Dual::constant(0.0)
     } else if x.value >= width.value {

@@ -136,8 +136,29 @@ pub trait CohesiveLaw: Debug + Send + Sync {
         None
     }
 
+    /// The values that the law allows parameter `index`, whatever the others are.
+    fn range(&self, _index: usize) -> [f64; 2] {
+        [0.0, f64::INFINITY]
+    }
+
+    /// What else ends the range of the parameters: where they restrict each other.
+    fn limits(&self) -> Vec<LawLimit> {
+        Vec::new()
+    }
+
     /// Normal jump at which the joint counts as cracked, mm: the crack front lies where it is reached.
     fn front_opening(&self) -> f64;
+}
+
+/// A place where a law ends because its parameters restrict each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LawLimit {
+    /// How far the values are from there: a logarithm that is positive where the law exists.
+    pub distance: f64,
+    /// Its derivative by each parameter of the law.
+    pub by: Vec<f64>,
+    /// What ends there, in words.
+    pub what: &'static str,
 }
 
 /// Why there is no such law.

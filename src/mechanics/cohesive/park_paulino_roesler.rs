@@ -1,9 +1,10 @@
 //! The potential of Park, Paulino and Roesler (2009), with works, strengths, shapes and slopes of both modes.
 
 use super::dual::Dual;
-use super::secants::{Secants, opening_and_sliding};
+use super::secants::{Secants, answer_by_secants, opening_and_sliding};
 use super::{
-    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction, all_positive,
+    exactly,
 };
 
 /// The law called PPR. With `x = D_n/delta_n`, `y = |D_t|/delta_t` and the shape
@@ -154,20 +155,25 @@ impl CohesiveLaw for ParkPaulinoRoesler {
         Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
     }
 
-    fn response(&self, jump: Jump) -> CohesiveResponse {
-        self.secants(jump).response(jump)
-    }
-
-    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
-        self.secants(jump).by_parameters(jump, derivatives);
-    }
-
-    fn secant(&self, jump: Jump) -> CohesiveStiffness {
-        self.secants(jump).matrix(jump)
-    }
+    answer_by_secants!();
 
     fn peak(&self) -> Traction {
         Traction { normal: self.values[2], tangential: self.values[3] }
+    }
+
+    fn range(&self, index: usize) -> [f64; 2] {
+        [if index == 4 || index == 5 { 2.0 } else { 0.0 }, f64::INFINITY]
+    }
+
+    fn limits(&self) -> Vec<LawLimit> {
+        let limit = |(shape, share, what): (usize, usize, &'static str)| {
+            let mut by = vec![0.0; self.values.len()];
+            (by[shape], by[share]) = (-1.0 / self.values[shape], -2.0 / self.values[share]);
+            LawLimit { distance: -self.values[shape].ln() - 2.0 * self.values[share].ln(), by, what }
+        };
+        let what =
+            ["in opening the largest traction is at separation", "in sliding the largest traction is at separation"];
+        [(4, 6, what[0]), (5, 7, what[1])].map(limit).to_vec()
     }
 
     fn front_opening(&self) -> f64 {

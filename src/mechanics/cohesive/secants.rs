@@ -4,6 +4,25 @@ use super::dual::Dual;
 use super::{CohesiveResponse, CohesiveStiffness, Jump, Traction};
 use nalgebra::Matrix2;
 
+/// The methods of [`super::CohesiveLaw`] that follow from a method `secants` of the law: traction, tangent, derivatives by the
+/// parameters and the secant matrix.
+macro_rules! answer_by_secants {
+    () => {
+        fn response(&self, jump: Jump) -> CohesiveResponse {
+            self.secants(jump).response(jump)
+        }
+
+        fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
+            self.secants(jump).by_parameters(jump, derivatives);
+        }
+
+        fn secant(&self, jump: Jump) -> CohesiveStiffness {
+            self.secants(jump).matrix(jump)
+        }
+    };
+}
+pub(super) use answer_by_secants;
+
 /// The stiffnesses at a jump, MPa/mm, with their derivatives by `D_n`, `D_t` and the parameters, in this order.
 pub struct Secants<const N: usize> {
     /// `S_n = T_n/D_n` in opening.

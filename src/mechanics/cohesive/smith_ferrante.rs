@@ -1,6 +1,6 @@
 //! The exponential law of Smith and Ferrante in the mixed-mode form of Ortiz and Pandolfi (1999).
 
-use super::secants::{Secants, opening_and_sliding};
+use super::secants::{Secants, answer_by_secants, opening_and_sliding};
 use super::{
     CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
 };
@@ -69,17 +69,7 @@ impl CohesiveLaw for SmithFerrante {
         Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
     }
 
-    fn response(&self, jump: Jump) -> CohesiveResponse {
-        self.secants(jump).response(jump)
-    }
-
-    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
-        self.secants(jump).by_parameters(jump, derivatives);
-    }
-
-    fn secant(&self, jump: Jump) -> CohesiveStiffness {
-        self.secants(jump).matrix(jump)
-    }
+    answer_by_secants!();
 
     fn peak(&self) -> Traction {
         let [g_c, delta_c, beta] = self.values;

@@ -2,9 +2,10 @@
 //! Camanho and Davila (2002), holonomic and with rounded corners.
 
 use super::dual::Dual;
-use super::mixed_mode::{MixedModeCriterion, ROUNDING, check, onset_and_toughness, rounded_ramp, table};
-use super::secants::{Secants, opening_and_sliding};
-use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction};
+use super::mixed_mode;
+use super::mixed_mode::{Corners, MixedModeCriterion, check, onset_and_toughness, rise_and_fall, table};
+use super::secants::{Secants, answer_by_secants};
+use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, LawLimit, Parameter, Traction};
 
 const fn with_plateau(criterion: MixedModeCriterion) -> [Parameter; 7] {
     let [a, b, c, d, e, f] = table(criterion);
@@ -44,18 +45,12 @@ impl Trapezoidal {
 
     /// Its name with a criterion.
     pub(super) const fn name_with(criterion: MixedModeCriterion) -> &'static str {
-        match criterion {
-            MixedModeCriterion::BenzeggaghKenane => Self::BENZEGGAGH_KENANE,
-            MixedModeCriterion::Power => Self::POWER,
-        }
+        criterion.of([Self::BENZEGGAGH_KENANE, Self::POWER])
     }
 
     /// Its parameters with a criterion.
-    pub(super) fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
-        match criterion {
-            MixedModeCriterion::BenzeggaghKenane => &BENZEGGAGH_KENANE_TABLE,
-            MixedModeCriterion::Power => &POWER_TABLE,
-        }
+    pub(super) const fn parameters_with(criterion: MixedModeCriterion) -> &'static [Parameter] {
+        criterion.of([&BENZEGGAGH_KENANE_TABLE, &POWER_TABLE])
     }
 
     /// The law with `K` (MPa/mm), `T_n0`, `T_t0` (MPa), `G_Ic`, `G_IIc` (N/mm), all positive, `eta`, 1 or more, and the share
@@ -80,34 +75,12 @@ impl Trapezoidal {
         corners(self.criterion, self.values.map(Number::constant), shares).map(|corner| corner.value)
     }
 
-    /// The stiffness `tau(lambda)/lambda` of the effective traction, with all derivatives.
-    fn stiffness(&self, jump: Jump) -> Number {
-        let numbers: [Number; 7] = super::variables(self.values);
-        let [normal2, tangential2] = opening_and_sliding(jump).map(Number::squared);
-        let (length2, stiffness) = (normal2 + tangential2, numbers[0]);
-        if length2.value < f64::MIN_POSITIVE {
-            return stiffness;
-        }
-        let length = length2.sqrt();
-        let shares = [normal2 / length2, tangential2 / length2];
-        let [onset, plateau, end] = corners(self.criterion, numbers, shares);
-        let falling = stiffness * onset / (end - plateau);
-        let width = ROUNDING * onset;
-        // What the roundings of a corner add to the work grows with its change of slope and its width squared.
-        let width_end = width * (stiffness / falling + Number::constant(1.0)).sqrt();
-        if length.value <= onset.value - width.value {
-            return stiffness;
-        }
-        if length.value >= end.value + width_end.value {
-            return Number::constant(0.0);
-        }
-        let cut = stiffness * rounded_ramp(length - onset, width) + falling * rounded_ramp(length - plateau, width);
-        stiffness - (cut - falling * rounded_ramp(length - end, width_end)) / length
-    }
-
     fn secants(&self, jump: Jump) -> Secants<9> {
-        let stiffness = self.stiffness(jump);
-        Secants { normal: stiffness, tangential: stiffness, compression: Number::variable(self.values[0], 2) }
+        let numbers: [Number; 7] = super::variables(self.values);
+        rise_and_fall(jump, numbers[0], |shares| {
+            let [onset, plateau, end] = corners(self.criterion, numbers, shares);
+            Corners { onset, plateau: Some(plateau), end }
+        })
     }
 }
 
@@ -136,20 +109,23 @@ impl CohesiveLaw for Trapezoidal {
         Ok(Box::new(Self::new(self.criterion, super::exactly(self.name(), values)?)?))
     }
 
-    fn response(&self, jump: Jump) -> CohesiveResponse {
-        self.secants(jump).response(jump)
-    }
-
-    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
-        self.secants(jump).by_parameters(jump, derivatives);
-    }
-
-    fn secant(&self, jump: Jump) -> CohesiveStiffness {
-        self.secants(jump).matrix(jump)
-    }
+    answer_by_secants!();
 
     fn peak(&self) -> Traction {
         Traction { normal: self.values[1], tangential: self.values[2] }
+    }
+
+    fn range(&self, index: usize) -> [f64; 2] {
+        match index {
+            5 => [1.0, f64::INFINITY],
+            6 => [0.0, 1.0],
+            _ => [0.0, f64::INFINITY],
+        }
+    }
+
+    fn limits(&self) -> Vec<LawLimit> {
+        let [stiffness, t_n0, t_t0, g_ic, g_iic, eta, plateau] = super::variables::<7, 9>(self.values);
+        mixed_mode::limits(self.criterion, [stiffness, t_n0, t_t0, g_ic, g_iic, eta], Some(plateau))
     }
 
     fn front_opening(&self) -> f64 {

@@ -1,0 +1,30 @@
+//! `quadrille tournament`: several laws on the same data.
+
+use super::args::TournamentArgs;
+use super::paint::Paint;
+use super::progress::Progress;
+use super::run::or_stopped;
+use super::talk::Talk;
+use super::{Outcome, Result, signals};
+use crate::io::joint::read_joint;
+use crate::run::{Event, compare_laws};
+
+/// Runs the command.
+pub(super) fn run(args: &TournamentArgs, paint: Paint) -> Result<Outcome> {
+    let mut input = read_joint(&args.case)?;
+    if let Some(fit) = &mut input.case.fit {
+        args.limits.over(fit);
+        if !args.laws.is_empty() {
+            fit.laws.clone_from(&args.laws);
+        }
+        if fit.laws.is_empty() {
+            let laws = crate::mechanics::cohesive::LAW_NAMES.join(", ");
+            return Err(format!("nothing to compare: give --laws A,B, or laws in [fit]; there are {laws}").into());
+        }
+    }
+    let mut progress = Progress::new(Talk::of(args.progress, args.talk.quiet), paint);
+    let (output, pool, stop) = (&args.results.output, args.threads.pool()?, signals::listen()?);
+    let mut watcher = |event: Event<'_>| progress.take(event);
+    let ran = compare_laws(&input, &args.case, output, args.results.overwrite, &pool, &stop, &mut watcher);
+    or_stopped(ran.map(|(_, outcome)| outcome), &stop)
+}

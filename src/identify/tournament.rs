@@ -1,0 +1,443 @@
+//! Law against law: several laws fitted to the same data and compared (THEORY 11).
+//!
+//! A wrong law can hide under noise in the misfit test, and a comparison still finds it: by `omega + 2 p` (Akaike), by
+//! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
+//! that the data do not reject, with Akaike's weights.
+
+use super::averages::{Spread, average, average_curve};
+use super::bands::{CurveBand, curve_bands_up_to, reach_of};
+use super::constants::{Constant, ConstantKind};
+use super::error::{FitError, wrong};
+use super::fit::{Fit, fit};
+use super::law_starts::started;
+use super::left_out::LeftOut;
+use super::objective::Problem;
+use super::options::{FitOptions, Intervals};
+use super::trust_region::FitStatus;
+use super::unknowns::Unknowns;
+use super::weights::WeightKind;
+use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
+use rayon::prelude::*;
+
+/// Difference of `omega + 2 p` up to which two laws cannot be told apart: the worse one is then at least exp(-3) = 5 % as likely.
+pub const ALIKE: f64 = 6.0;
+/// The reach of the curves beyond that of the best law.
+const BEYOND: f64 = 1.2;
+
+/// Several laws on the same data.
+#[derive(Debug)]
+pub struct Tournament<'a> {
+    /// The laws, in the order that was asked for.
+    pub laws: Vec<LawFit<'a>>,
+    /// The law with the least `omega + 2 p` among those that are not rejected, or among all when all are; `None` where none can
+    /// be compared.
+    pub best: Option<usize>,
+    /// The laws that the data cannot tell from the best one, itself among them; empty when all are rejected.
+    pub alike: Vec<usize>,
+    /// What is left when the law is not known; `None` when all are rejected.
+    pub average: Option<Average>,
+    /// What it all comes to, a sentence each.
+    pub sentences: Vec<String>,
+    /// Numbers compared.
+    pub n_data: usize,
+}
+
+/// One law and its fit.
+#[derive(Debug)]
+pub struct LawFit<'a> {
+    /// The data with the unknowns of this law.
+    pub problem: Problem<'a>,
+    /// Where its start comes from, in words.
+    pub start: String,
+    /// The fit, or why there is none.
+    pub fit: Result<Fit, String>,
+    /// How it compares; `None` where the fit has no whitened residual.
+    pub score: Option<Score>,
+    /// The instants left out.
+    pub left_out: Option<LeftOut>,
+    /// Traction in pure opening and in pure sliding, over the same jumps for all laws; `None` without a fit.
+    pub curves: Option<[CurveBand; 2]>,
+    /// Work of separation in pure opening and in pure sliding, N/mm; `None` without a fit.
+    pub works: Option<[Spread; 2]>,
+    /// Whether the misfit test rejects it.
+    pub rejected: bool,
+    /// Its weight in the average, 0 to 1.
+    pub weight: f64,
+}
+
+/// By what laws are compared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// The whitened residual: the objective under the inverse covariance.
+    pub omega: f64,
+    /// Parameters fitted.
+    pub n_parameters: usize,
+    /// Akaike's criterion: `omega + 2 p`; with an unknown noise `n ln(omega/n) + 2 p`.
+    pub aic: f64,
+    /// Schwarz's criterion: `p ln n` for `2 p`.
+    pub bic: f64,
+}
+
+/// What is asked for, averaged over the laws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Average {
+    /// Traction in pure opening and in pure sliding.
+    pub curves: [CurveBand; 2],
+    /// Work of separation in pure opening and in pure sliding, N/mm.
+    pub works: [Spread; 2],
+}
+
+impl LawFit<'_> {
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        self.problem.unknowns.law().name()
+    }
+
+    /// Whether its values are what the data want: the fit came to its end.
+    pub fn converged(&self) -> bool {
+        self.fit.as_ref().is_ok_and(|fit| fit.status == FitStatus::Converged)
+    }
+
+    /// Whether it counts in the average.
+    fn counts(&self) -> bool {
+        self.converged() && !self.rejected && self.score.is_some() && self.curves.is_some()
+    }
+}
+
+/// The laws of a tournament, checked: names that there are, each once, two or more.
+///
+/// # Errors
+/// A key error that names the law.
+pub fn laws_of(names: &[String]) -> Result<Vec<&str>, FitError> {
+    let mut laws: Vec<&str> = Vec::with_capacity(names.len());
+    for name in names.iter().map(|name| name.trim()) {
+        if parameters_by_name(name).is_err() {
+            let what = format!("laws: there is no law '{name}'; give some of {}", LAW_NAMES.join(", "));
+            return Err(wrong("fit", "laws", what));
+        }
+        if laws.contains(&name) {
+            return Err(wrong("fit", "laws", format!("laws: '{name}' stands there twice")));
+        }
+        laws.push(name);
+    }
+    match laws.len() {
+        0 | 1 => Err(wrong("fit", "laws", "laws: give two laws or more to be compared")),
+        _ => Ok(laws),
+    }
+}
+
+/// The laws that [`laws_of`] gives, each of which can be started from `own`, the law of the case, and has enough data.
+///
+/// # Errors
+/// What [`laws_of`] refuses; a law that cannot be started; fewer data than parameters.
+pub(super) fn check_laws<'n>(
+    names: &'n [String],
+    own: &dyn CohesiveLaw,
+    n_data: usize,
+) -> Result<Vec<&'n str>, FitError> {
+    let names = laws_of(names)?;
+    for name in names.iter().filter(|name| **name != own.name()) {
+        let n_parameters = started(name, own)?.n();
+        if n_data < n_parameters {
+            return Err(FitError::FewData { n_data, n_parameters });
+        }
+    }
+    Ok(names)
+}
+
+/// Fits every law called in `names` to the data of `problem`, whose own law is the one that the case starts; it is fitted as the
+/// case says where it is among them. The others start from it. All in parallel; the result does not depend on the threads.
+///
+/// # Errors
+/// Names that [`laws_of`] refuses, a law that cannot be started, fewer data than parameters; a covariance without inverse. A
+/// law whose fit fails is a result.
+pub fn tournament<'a>(
+    problem: &Problem<'a>,
+    options: &FitOptions,
+    names: &[String],
+) -> Result<Tournament<'a>, FitError> {
+    let own_law = problem.unknowns.law();
+    // Whether a law can be started from this one is known at once, and is said before hours of fits.
+    let names = check_laws(names, own_law, problem.observation.n_data())?;
+    let own = names.iter().position(|name| *name == own_law.name());
+    let options = &of_tournament(options);
+    let same = |unknowns: &Unknowns| unknowns.starting_at(&unknowns.start());
+    let first = own.map(|_| fit(problem, options));
+    let like = match &first {
+        Some(Ok(found)) if found.status == FitStatus::Converged => problem.unknowns.law_at(&found.evaluation.x)?,
+        _ => own_law.with_values(&own_law.values())?,
+    };
+    let others: Vec<&str> = names.iter().copied().filter(|name| *name != own_law.name()).collect();
+    let mut fitted: Vec<(Unknowns, String, Result<Fit, FitError>)> = others
+        .par_iter()
+        .map(|name| {
+            let (unknowns, start, fit) = fit_of(problem, options, name, [&*like, own_law])?;
+            Ok((unknowns, start, fit))
+        })
+        .collect::<Result<_, FitError>>()?;
+    if let (Some(place), Some(first)) = (own, first) {
+        fitted.insert(place, (same(&problem.unknowns)?, "as the case says".to_owned(), first));
+    }
+    let mut laws: Vec<LawFit<'a>> = fitted
+        .into_iter()
+        .map(|(unknowns, start, fit)| LawFit {
+            start,
+            score: fit.as_ref().ok().and_then(|fit| score(problem, fit, options)),
+            rejected: fit.as_ref().is_ok_and(|fit| fit.misfit.as_ref().is_some_and(super::Misfit::rejected)),
+            works: fit.as_ref().ok().map(|fit| works_of(unknowns.law().parameters(), fit)),
+            fit: fit.map_err(in_words),
+            problem: problem.with_unknowns(unknowns),
+            left_out: None,
+            curves: None,
+            weight: 0.0,
+        })
+        .collect();
+    let best = best_of(&laws);
+    let reach = match best.and_then(|best| laws[best].fit.as_ref().ok().map(|fit| (best, fit))) {
+        Some((best, fit)) => {
+            reach_of(&*laws[best].problem.unknowns.law_at(&fit.evaluation.x)?).map(|reach| BEYOND * reach)
+        }
+        None => reach_of(own_law),
+    };
+    let ended = problem.watch.ended().is_some();
+    laws.par_iter_mut().try_for_each(|law| -> Result<(), FitError> {
+        let Ok(fit) = &law.fit else { return Ok(()) };
+        law.curves = Some(curve_bands_up_to(&law.problem, fit, reach)?);
+        law.left_out = if ended { None } else { law.problem.left_out(fit, options)? };
+        Ok(())
+    })?;
+    let alike = weigh(&mut laws, best);
+    let average = average_of(&laws);
+    let mut found =
+        Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
+    found.sentences = found.said();
+    Ok(found)
+}
+
+/// How each law is fitted: with linear intervals, unless the case asks for others.
+fn of_tournament(options: &FitOptions) -> FitOptions {
+    let intervals = if options.intervals == Intervals::Auto { Intervals::Linear } else { options.intervals };
+    FitOptions { intervals, ..options.clone() }
+}
+
+/// A law started like the first of `likes`, and like the second where that leads nowhere.
+fn fit_of(
+    problem: &Problem<'_>,
+    options: &FitOptions,
+    name: &str,
+    likes: [&dyn CohesiveLaw; 2],
+) -> Result<(Unknowns, String, Result<Fit, FitError>), FitError> {
+    // Starts and prescribed parameters of the case are those of another law.
+    let is_other = |constant: &&Constant| !matches!(constant.kind, ConstantKind::Law { .. });
+    let constants = options.constants.iter().filter(is_other).cloned().collect();
+    let options = FitOptions { starts: Vec::new(), constants, ..options.clone() };
+    let mut ends: Vec<(Unknowns, String, Result<Fit, FitError>)> = Vec::new();
+    for (k, like) in likes.into_iter().enumerate() {
+        let Ok(unknowns) = started(name, like) else { continue };
+        let start = format!(
+            "strengths and works of separation of '{}' as {}",
+            like.name(),
+            ["it was fitted", "the case starts it"][k]
+        );
+        let of_law = problem.with_unknowns(unknowns.starting_at(&unknowns.start())?);
+        let found = fit(&of_law, &options);
+        let done = found.as_ref().is_ok_and(|fit| fit.status == FitStatus::Converged);
+        ends.push((unknowns, start, found));
+        if done || problem.watch.ended().is_some() {
+            break;
+        }
+    }
+    let rank = |end: &(Unknowns, String, Result<Fit, FitError>)| match &end.2 {
+        Ok(fit) => (fit.status != FitStatus::Converged, fit.omega),
+        Err(_) => (true, f64::INFINITY),
+    };
+    let best = ends.into_iter().min_by(|a, b| {
+        let (a, b) = (rank(a), rank(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    });
+    // The start of the case was tried before anything was fitted.
+    best.ok_or(FitError::Lost)
+}
+
+fn in_words(error: FitError) -> String {
+    let mut text = error.to_string();
+    let mut cause = std::error::Error::source(&error);
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}
+
+/// What a fit is compared by.
+fn score(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Option<Score> {
+    let n = problem.observation.n_data() as f64;
+    let p = fit.parameters.len();
+    let known = problem.noise.sigma.is_some();
+    let omega = match (&fit.misfit, options.weights) {
+        (Some(misfit), _) => misfit.omega,
+        (None, WeightKind::Covariance) if known => fit.omega,
+        _ => return None,
+    };
+    let deviance = match (known, &fit.statistics) {
+        (true, _) => omega,
+        // In units of its own noise every law would be as good as any other.
+        (false, Some(statistics)) => n * (omega * statistics.sigma * statistics.sigma / n).ln(),
+        (false, None) => return None,
+    };
+    let score = Score { omega, n_parameters: p, aic: deviance + 2.0 * p as f64, bic: deviance + p as f64 * n.ln() };
+    (score.aic.is_finite() && score.bic.is_finite()).then_some(score)
+}
+
+/// The works of separation: a parameter, or what follows from the parameters.
+fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
+    let (opening, sliding) = (["phi_n", "G_Ic", "G_c"], ["phi_t", "G_IIc"]);
+    let parameter = |names: &[&str]| {
+        fit.parameters.iter().find(|p| names.contains(&p.parameter.name)).map(|p| Spread {
+            value: p.value,
+            std: p.std,
+            ends95: p.ends95,
+        })
+    };
+    let follows = || {
+        fit.derived.iter().find(|d| d.quantity.name == "phi_t").map(|d| Spread {
+            value: d.quantity.value,
+            std: d.std,
+            ends95: d.ends95,
+        })
+    };
+    // A work that the case prescribes is exact here: its uncertainty is among the constants.
+    let law = |names: &[&str]| {
+        let place = parameters.iter().position(|p| names.contains(&p.name));
+        let value = place.map_or(f64::NAN, |place| fit.values[place]);
+        Spread { value, std: Some(0.0), ends95: [Some(value); 2] }
+    };
+    [
+        parameter(&opening).unwrap_or_else(|| law(&opening)),
+        parameter(&sliding).or_else(follows).unwrap_or_else(|| law(&sliding)),
+    ]
+}
+
+/// The law with the least criterion of Akaike: of those that converged and are not rejected, else of those that converged, else
+/// of all.
+fn best_of(laws: &[LawFit<'_>]) -> Option<usize> {
+    let least = |chosen: &dyn Fn(&LawFit<'_>) -> bool| {
+        let aic = |k: &usize| laws[*k].score.map_or(f64::INFINITY, |score| score.aic);
+        let places = (0..laws.len()).filter(|&k| laws[k].score.is_some() && chosen(&laws[k]));
+        places.min_by(|a, b| aic(a).total_cmp(&aic(b)))
+    };
+    least(&|law| law.converged() && !law.rejected)
+        .or_else(|| least(&|law| law.converged()))
+        .or_else(|| least(&|_| true))
+}
+
+/// Gives every law its weight, and the laws that cannot be told from the best.
+fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
+    let Some(best) = best.filter(|&best| laws[best].counts()) else { return Vec::new() };
+    let least = laws[best].score.map_or(0.0, |score| score.aic);
+    let above = |law: &LawFit<'_>| law.score.filter(|_| law.counts()).map(|score| score.aic - least);
+    let likelihoods: Vec<f64> = laws.iter().map(|law| above(law).map_or(0.0, |above| (-0.5 * above).exp())).collect();
+    let sum: f64 = likelihoods.iter().sum();
+    laws.iter_mut().zip(&likelihoods).for_each(|(law, likelihood)| law.weight = likelihood / sum);
+    (0..laws.len()).filter(|&k| above(&laws[k]).is_some_and(|above| above <= ALIKE)).collect()
+}
+
+fn average_of(laws: &[LawFit<'_>]) -> Option<Average> {
+    let counted: Vec<&LawFit<'_>> = laws.iter().filter(|law| law.weight > 0.0).collect();
+    if counted.is_empty() {
+        return None;
+    }
+    let mode = |mode: usize| {
+        let curves: Vec<(f64, &CurveBand)> =
+            counted.iter().filter_map(|law| Some((law.weight, &law.curves.as_ref()?[mode]))).collect();
+        let works: Vec<(f64, Spread)> =
+            counted.iter().filter_map(|law| Some((law.weight, law.works.as_ref()?[mode]))).collect();
+        (average_curve(&curves), average(&works))
+    };
+    let ((opening, work_n), (sliding, work_t)) = (mode(0), mode(1));
+    Some(Average { curves: [opening, sliding], works: [work_n, work_t] })
+}
+
+impl Tournament<'_> {
+    /// What the comparison comes to, a sentence each.
+    fn said(&self) -> Vec<String> {
+        let list = |places: &[usize]| places.iter().map(|&k| self.laws[k].name()).collect::<Vec<_>>().join(", ");
+        let all = |chosen: &dyn Fn(&LawFit<'_>) -> bool| -> Vec<usize> {
+            (0..self.laws.len()).filter(|&k| chosen(&self.laws[k])).collect()
+        };
+        let aic = |k: usize| self.laws[k].score.map_or(f64::NAN, |score| score.aic);
+        let mut said = vec![match (self.best, self.alike.as_slice()) {
+            (None, _) => "the laws cannot be compared: none has a fit with a whitened residual".to_owned(),
+            (Some(best), []) => format!(
+                "no law is left: the data reject every law that was fitted; the least bad is {} (omega + 2 p = {:.1})",
+                self.laws[best].name(),
+                aic(best)
+            ),
+            (Some(best), [_]) => {
+                let next =
+                    all(&|law| law.counts()).into_iter().filter(|&k| k != best).map(aic).fold(f64::INFINITY, f64::min);
+                let behind = match next.is_finite() {
+                    true => format!("the next has omega + 2 p higher by {:.1}", next - aic(best)),
+                    false => "no other is left".to_owned(),
+                };
+                format!("the data choose {}: {behind}", self.laws[best].name())
+            }
+            (Some(_), alike) => format!(
+                "these data cannot tell {} apart: their omega + 2 p differs by less than {ALIKE}; what is asked for is averaged over \
+                 them",
+                list(alike)
+            ),
+        }];
+        let rejected = all(&|law| law.rejected);
+        if !rejected.is_empty() && !self.alike.is_empty() {
+            said.push(format!("rejected by the misfit test: {}", list(&rejected)));
+        }
+        let behind: Vec<usize> = all(&|law| law.counts()).into_iter().filter(|k| !self.alike.contains(k)).collect();
+        if let (false, Some(best)) = (behind.is_empty(), self.best) {
+            let each: Vec<String> =
+                behind.iter().map(|&k| format!("{} (by {:.1})", self.laws[k].name(), aic(k) - aic(best))).collect();
+            said.push(format!("not rejected alone, but worse than the best: {}", each.join(", ")));
+        }
+        if let Some(best) = self.best
+            && let Some(better) = all(&|law| law.counts() && law.score.is_some_and(|score| score.aic > aic(best)))
+                .into_iter()
+                .find(|&k| self.laws[k].foretells_better_than(&self.laws[best]))
+        {
+            said.push(format!("left-out instants are foretold better by {}", self.laws[better].name()));
+        }
+        for law in &self.laws {
+            match &law.fit {
+                Err(reason) => said.push(format!("{} could not be fitted: {reason}", law.name())),
+                Ok(fit) if fit.status != FitStatus::Converged => {
+                    said.push(format!(
+                        "the fit of {} did not converge ({}) and is not averaged",
+                        law.name(),
+                        fit.reason
+                    ));
+                }
+                Ok(_) if law.score.is_none() => said.push(format!(
+                    "{} is not compared: the data say nothing of some combination of its parameters, or time was over",
+                    law.name()
+                )),
+                Ok(_) => {}
+            }
+        }
+        if self.laws.iter().all(|law| law.problem.noise.sigma.is_none()) {
+            said.push(
+                "the noise was estimated from the residual of each law: the misfit test as a whole tests nothing"
+                    .to_owned(),
+            );
+        }
+        said
+    }
+}
+
+impl LawFit<'_> {
+    /// Whether it foretells the left-out instants better than `other`, by more than laws that are alike differ.
+    fn foretells_better_than(&self, other: &LawFit<'_>) -> bool {
+        match (&self.left_out, &other.left_out) {
+            (Some(own), Some(others)) => own.omega + ALIKE < others.omega,
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,427 @@
+//! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section of a page.
+
+use super::page::{Block, Curves, Page, Section};
+use super::words::{capital, plain, plain_or_dash, significant};
+use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
+use crate::identify::{ALIKE, CurveBand, LawFit, Spread, Tournament};
+use crate::io::joint::write_table;
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
+
+/// What `tournament.json` holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TournamentRecord {
+    /// Version of the program.
+    pub quadrille: Name,
+    /// The case file.
+    pub case: String,
+    /// Units and axes.
+    pub units: Name,
+    /// Time of all fits, s.
+    pub seconds: f64,
+    /// What was compared, in words.
+    pub about: String,
+    /// Numbers compared.
+    pub data: usize,
+    /// What it all comes to, a sentence each.
+    pub sentences: Vec<String>,
+    /// The law with the least Akaike criterion among those that are not rejected; among all where all are.
+    pub best: Option<Name>,
+    /// The laws that these data cannot tell from it, itself among them; empty when every law is rejected.
+    pub alike: Vec<Name>,
+    /// Difference of the criterion up to which laws are called alike.
+    pub alike_within: f64,
+    /// The laws, in the order that was asked for.
+    pub laws: Vec<LawRecord>,
+    /// What is asked for, averaged over the laws that are not rejected; null when all are.
+    pub average: Option<AverageRecord>,
+    /// What a user should look at.
+    pub warnings: Vec<String>,
+}
+
+/// One law.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LawRecord {
+    /// Its name.
+    pub law: Name,
+    /// Where its start comes from.
+    pub start: String,
+    /// `converged`, ... as of a fit; `failed` where there is none.
+    pub status: Name,
+    /// In words.
+    pub reason: String,
+    /// The verdict on its parameters: `determined`, `not determined`, `model rejected`; null without a fit.
+    pub verdict: Option<Name>,
+    /// Whether the misfit test rejects it.
+    pub rejected: bool,
+    /// Normal deviate of the misfit test.
+    pub z: Option<f64>,
+    /// The whitened residual.
+    pub omega: Option<f64>,
+    /// Akaike's criterion.
+    pub aic: Option<f64>,
+    /// Schwarz's criterion.
+    pub bic: Option<f64>,
+    /// The whitened residual of the instants left out, each foretold by a fit to others.
+    pub left_out_omega: Option<f64>,
+    /// Weight in the average.
+    #[serde(deserialize_with = "number")]
+    pub weight: f64,
+    /// Forward runs of the start that was taken.
+    pub evaluations: usize,
+    /// The parameters that were fitted.
+    pub parameters: Vec<FittedRecord>,
+    /// Those that were not: name and value.
+    pub prescribed: Vec<(Name, f64)>,
+    /// Work of separation in pure opening, N/mm.
+    pub opening_work: Option<SpreadRecord>,
+    /// Work of separation in pure sliding, N/mm.
+    pub sliding_work: Option<SpreadRecord>,
+}
+
+/// A parameter that was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FittedRecord {
+    /// Its symbol.
+    pub name: Name,
+    /// Its unit.
+    pub unit: Name,
+    /// Its value.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub std: Option<f64>,
+    /// Ends of its 95 % interval.
+    pub ends95: [Option<f64>; 2],
+}
+
+/// A value with its uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpreadRecord {
+    /// The value.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub std: Option<f64>,
+    /// Ends of its 95 % interval; null where it has none on that side.
+    pub ends95: [Option<f64>; 2],
+}
+
+/// What is asked for, over all laws that are left; the tractions stand in `tournament-tractions.csv`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AverageRecord {
+    /// Work of separation in pure opening, N/mm.
+    pub opening_work: SpreadRecord,
+    /// Work of separation in pure sliding, N/mm.
+    pub sliding_work: SpreadRecord,
+}
+
+impl From<&Spread> for SpreadRecord {
+    fn from(spread: &Spread) -> Self {
+        Self { value: spread.value, std: spread.std, ends95: spread.ends95 }
+    }
+}
+
+impl LawRecord {
+    fn of(law: &LawFit<'_>) -> Self {
+        let fit = law.fit.as_ref();
+        let (status, reason) = match &fit {
+            Ok(fit) => (fit.status.name(), fit.reason.clone()),
+            Err(reason) => ("failed", (*reason).clone()),
+        };
+        let parameters = fit.map_or(Vec::new(), |fit| {
+            let one = |p: &crate::identify::FittedParameter| FittedRecord {
+                name: p.parameter.name.into(),
+                unit: p.parameter.unit.into(),
+                value: p.value,
+                std: p.std,
+                ends95: p.ends95,
+            };
+            fit.parameters.iter().map(one).collect()
+        });
+        let all = law.problem.unknowns.law();
+        let values = fit.map_or_else(|_| all.values(), |fit| fit.values.clone());
+        let prescribed = (all.parameters().iter().zip(values))
+            .filter(|(p, _)| law.problem.unknowns.list().iter().all(|unknown| unknown.parameter.name != p.name))
+            .map(|(p, value)| (p.name.into(), value))
+            .collect();
+        let work = |mode: usize| law.works.as_ref().map(|works| SpreadRecord::from(&works[mode]));
+        Self {
+            law: law.name().into(),
+            start: law.start.clone(),
+            status: status.into(),
+            reason,
+            verdict: fit.ok().map(|fit| fit.verdict.outcome.name().into()),
+            rejected: law.rejected,
+            z: fit.ok().and_then(|fit| fit.misfit.as_ref()).map(|misfit| misfit.z),
+            omega: law.score.map(|score| score.omega),
+            aic: law.score.map(|score| score.aic),
+            bic: law.score.map(|score| score.bic),
+            left_out_omega: law.left_out.map(|left_out| left_out.omega),
+            weight: law.weight,
+            evaluations: fit.map_or(0, |fit| fit.evaluations),
+            parameters,
+            prescribed,
+            opening_work: work(0),
+            sliding_work: work(1),
+        }
+    }
+}
+
+/// A tournament with what is said of it.
+#[derive(Debug)]
+pub struct TournamentReport<'a> {
+    /// The laws and their fits.
+    pub tournament: &'a Tournament<'a>,
+    /// What `tournament.json` holds.
+    pub record: TournamentRecord,
+}
+
+const MODES: [(&str, &str, &str); 2] = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
+
+impl<'a> TournamentReport<'a> {
+    /// The report of `tournament` on the case file `case`, which took `seconds`.
+    pub fn new(
+        tournament: &'a Tournament<'a>,
+        case: String,
+        about: String,
+        seconds: f64,
+        warnings: Vec<String>,
+    ) -> Self {
+        let name = |k: usize| Name::from(tournament.laws[k].name());
+        let average = tournament.average.as_ref().map(|average| AverageRecord {
+            opening_work: (&average.works[0]).into(),
+            sliding_work: (&average.works[1]).into(),
+        });
+        let record = TournamentRecord {
+            quadrille: env!("CARGO_PKG_VERSION").into(),
+            case,
+            units: "mm, MPa, N/mm; y up; instants from 1".into(),
+            seconds,
+            about,
+            data: tournament.n_data,
+            sentences: tournament.sentences.clone(),
+            best: tournament.best.map(name),
+            alike: tournament.alike.iter().map(|&k| name(k)).collect(),
+            alike_within: ALIKE,
+            laws: tournament.laws.iter().map(LawRecord::of).collect(),
+            average,
+            warnings,
+        };
+        Self { tournament, record }
+    }
+
+    /// Writes `tournament-tractions.csv`: traction against separation of every law and of their average.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_tractions<W: Write>(&self, out: W) -> io::Result<()> {
+        let names: Vec<String> =
+            (1..).zip(&self.tournament.laws).map(|(k, law): (usize, _)| format!("{k} {}", law.name())).collect();
+        let notes = [
+            format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+            "tractions in pure opening (mode 1) and pure sliding (mode 2) with 95 % bands; mm, MPa".to_owned(),
+            format!("law 0: average over the laws that are not rejected; {}", names.join("; ")),
+        ];
+        let columns = ["law", "mode", "point", "jump_mm", "traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
+        let average = self.tournament.average.as_ref().map(|average| (0, &average.curves));
+        let laws = (1u64..).zip(&self.tournament.laws).filter_map(|(k, law)| Some((k, law.curves.as_ref()?)));
+        let rows = average.into_iter().chain(laws).flat_map(|(law, curves)| {
+            (1u64..).zip(curves).flat_map(move |(mode, curve)| {
+                (0..curve.jumps.len()).map(move |k| {
+                    let jump = curve.jumps[k].normal + curve.jumps[k].tangential;
+                    let values = vec![jump, curve.traction[k], curve.std[k], curve.low[k], curve.high[k]];
+                    (vec![law, mode, k as u64], values)
+                })
+            })
+        });
+        write_table(out, &notes, &columns.map(str::to_owned), rows)
+    }
+
+    /// Draws all laws over each other, in opening and in sliding; `save` is called with the name (without ending) of each picture.
+    ///
+    /// # Errors
+    /// A picture without a finite range, and what `save` refuses.
+    pub fn draw<E: From<ReportError>>(&self, mut save: impl FnMut(String, Picture) -> Result<(), E>) -> Result<(), E> {
+        for (mode, (name, ..)) in MODES.iter().enumerate() {
+            if let Some(plot) = self.together(mode) {
+                save(format!("tournament-{name}"), plot.draw()?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// All laws in one mode; `None` where no law has a fit.
+    fn together(&self, mode: usize) -> Option<Plot> {
+        let (name, jump, traction) = MODES[mode];
+        let mut series: Vec<PlotSeries> = Vec::new();
+        if let Some(average) = &self.tournament.average {
+            series.push(series_of("average", &average.curves[mode], Style::Line, true));
+        }
+        for law in &self.tournament.laws {
+            let Some(curves) = &law.curves else { continue };
+            let words = match (law.rejected, law.weight) {
+                (true, _) => "rejected".to_owned(),
+                (false, weight) => format!("weight {weight:.2}"),
+            };
+            let counts = law.weight > 1e-3;
+            let style = if counts { Style::Line } else { Style::Dashed };
+            series.push(series_of(&format!("{}, {words}", law.name()), &curves[mode], style, counts));
+        }
+        (!series.is_empty()).then(|| Plot {
+            title: format!("The laws in pure {name}, 95 % bands of those that are left"),
+            x: Axis::linear(format!("{jump} (\u{b5}m)")),
+            y: Axis::linear(format!("{traction} (MPa)")),
+            series,
+            notes: self.record.sentences.iter().take(1).cloned().collect(),
+        })
+    }
+
+    /// One law beside the average.
+    fn alone(&self, law: &LawFit<'_>, mode: usize) -> Option<Plot> {
+        let (name, jump, traction) = MODES[mode];
+        let mut series = vec![series_of(law.name(), &law.curves.as_ref()?[mode], Style::Line, true)];
+        if let Some(average) = &self.tournament.average {
+            let curve = &average.curves[mode];
+            series.push(series_of("average", curve, Style::Dashed, false));
+            // The bands of a law that the data hardly know would leave nothing to be seen of the others.
+            let largest = curve.high.iter().chain(&series[0].y).fold(0.0_f64, |most, v| most.max(*v));
+            return Some(Plot {
+                title: format!("{} in {name}", law.name()),
+                x: Axis::linear(format!("{jump} (\u{b5}m)")),
+                y: Axis::linear(format!("{traction} (MPa)")).with_range(-0.05 * largest, 1.2 * largest),
+                series,
+                notes: Vec::new(),
+            });
+        }
+        Some(Plot {
+            title: format!("{} in {name}", law.name()),
+            x: Axis::linear(format!("{jump} (\u{b5}m)")),
+            y: Axis::linear(format!("{traction} (MPa)")),
+            series,
+            notes: Vec::new(),
+        })
+    }
+
+    /// The comparison as a section of a page.
+    ///
+    /// # Errors
+    /// A picture that cannot be drawn.
+    pub fn section(&self) -> Result<Section, ReportError> {
+        let mut blocks = Vec::new();
+        if let Some((first, rest)) = self.record.sentences.split_first() {
+            let warning = self.record.alike.len() != 1;
+            blocks.push(Block::Lead { text: format!("{}.", capital(first)), warning });
+            blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
+        }
+        blocks.push(Block::Text(
+            "All laws are fitted to the same displacements with the same weights and the same noise. Omega is the whitened \
+             residual: of a right model it is about the number of data. AIC = omega + 2 p and BIC = omega + p ln n judge laws with \
+             different numbers p of parameters (with an unknown noise n ln(omega/n) stands for omega); left-out instants are \
+             foretold from the others. The weight is that of Akaike, zero for what the misfit test rejects."
+                .into(),
+        ));
+        blocks.push(self.table());
+        blocks.push(self.works());
+        let pictures = |plots: Vec<Option<Plot>>, caption: &str| -> Result<Vec<Block>, ReportError> {
+            let drawn = plots.into_iter().flatten().map(|plot| Ok(Block::Curves(Curves::new(&plot, caption)?)));
+            drawn.collect()
+        };
+        let both = pictures(vec![self.together(0), self.together(1)], "Bands: 95 %, of laws with a weight.")?;
+        blocks.push(Block::Grid(both));
+        blocks.push(Block::Heading("Side by side".into()));
+        let each = self.tournament.laws.iter().flat_map(|law| [self.alone(law, 0), self.alone(law, 1)]).collect();
+        blocks.push(Block::Grid(pictures(each, "With its 95 % band, if this law were true; dashed: the average.")?));
+        blocks.push(Block::Heading("Parameters".into()));
+        blocks.push(self.parameters());
+        Ok(Section { title: "Law against law".into(), blocks })
+    }
+
+    fn table(&self) -> Block {
+        let columns = ["law", "omega", "p", "AIC", "BIC", "left out", "z", "weight", "verdict"];
+        let rows = self.record.laws.iter().map(|law| {
+            let digits = |value: Option<f64>| value.map_or_else(|| "\u{2013}".to_owned(), |v| format!("{v:.1}"));
+            vec![
+                law.law.to_string(),
+                digits(law.omega),
+                law.parameters.len().to_string(),
+                digits(law.aic),
+                digits(law.bic),
+                digits(law.left_out_omega),
+                digits(law.z),
+                format!("{:.3}", law.weight),
+                match (&law.verdict, law.rejected, &*law.status) {
+                    (None, ..) => "failed".to_owned(),
+                    (_, true, _) => "rejected".to_owned(),
+                    (_, _, status) if status != "converged" => status.replace('_', " "),
+                    (Some(verdict), ..) => verdict.to_string(),
+                },
+            ]
+        });
+        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows: rows.collect() }
+    }
+
+    fn works(&self) -> Block {
+        let row = |name: &str, works: [Option<SpreadRecord>; 2]| {
+            let [opening, sliding] = works.map(|work| work.map_or_else(|| "\u{2013}".to_owned(), |work| said(&work)));
+            vec![name.to_owned(), opening, sliding]
+        };
+        let mut rows: Vec<Vec<String>> =
+            self.record.laws.iter().map(|law| row(&law.law, [law.opening_work, law.sliding_work])).collect();
+        if let Some(average) = self.record.average {
+            rows.push(row("average", [Some(average.opening_work), Some(average.sliding_work)]));
+        }
+        let columns = ["law", "work in opening (N/mm)", "work in sliding (N/mm)"];
+        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows }
+    }
+
+    fn parameters(&self) -> Block {
+        let rows = self.record.laws.iter().flat_map(|law| {
+            law.parameters.iter().map(|p| {
+                let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+                let ends = p.ends95.map(plain_or_dash);
+                vec![
+                    law.law.to_string(),
+                    p.name.to_string(),
+                    format!("{}{unit}", plain(p.value)),
+                    plain_or_dash(p.std),
+                    format!("{} to {}", ends[0], ends[1]),
+                ]
+            })
+        });
+        let columns = ["law", "parameter", "value", "std", "95 % interval, if this law were true"];
+        Block::Table { columns: columns.map(str::to_owned).to_vec(), rows: rows.collect() }
+    }
+
+    /// The comparison as a page of its own.
+    ///
+    /// # Errors
+    /// A picture that cannot be drawn.
+    pub fn page(&self) -> Result<Page, ReportError> {
+        let record = &self.record;
+        let mut facts = vec![
+            ("case file".to_owned(), record.case.clone()),
+            ("compared".to_owned(), record.about.clone()),
+            ("time of all fits".to_owned(), format!("{:.2} s", record.seconds)),
+        ];
+        facts.extend(record.laws.iter().map(|law| (format!("start of {}", law.law), law.start.clone())));
+        facts.extend(record.warnings.iter().map(|warning| ("warning".to_owned(), warning.clone())));
+        let about = Section { title: "What was compared".into(), blocks: vec![Block::Facts(facts)] };
+        Ok(Page {
+            title: "Laws of an adhesive, compared on the same test".into(),
+            subtitle: format!("quadrille {}; units mm, MPa, N/mm", record.quadrille),
+            sections: vec![self.section()?, about],
+        })
+    }
+}
+
+fn said(work: &SpreadRecord) -> String {
+    let ends = work.ends95.map(|end| end.map_or_else(|| "open".to_owned(), |end| significant(end, 3)));
+    format!("{} ({} to {})", significant(work.value, 3), ends[0], ends[1])
+}
+
+fn series_of(name: &str, curve: &CurveBand, style: Style, banded: bool) -> PlotSeries {
+    let um: Vec<f64> = curve.jumps.iter().map(|jump| 1e3 * (jump.normal + jump.tangential)).collect();
+    let series = PlotSeries::new(name, style, um, curve.traction.clone());
+    if banded { series.with_limits(&curve.low, &curve.high) } else { series }
+}

@@ -1,0 +1,73 @@
+//! Several laws on the same data: what `quadrille tournament` does, and a fit whose case names other laws.
+
+use super::error::Result;
+use super::event::{Event, Watcher};
+use super::folder::{FIGURES, RunFolder, TOURNAMENT, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS};
+use super::heard::Heard;
+use super::session::Outcome;
+use super::simulation::save;
+use super::stop::Stop;
+use super::text::absolute;
+use crate::identify::{Case, tournament};
+use crate::io::joint::JointInput;
+use crate::report::Picture;
+use crate::report::tournament::{TournamentRecord, TournamentReport};
+use rayon::ThreadPool;
+use std::path::Path;
+use std::time::Instant;
+
+/// Fits all laws that the case `input` of the file `case` names and writes what comes of it into `output`: what
+/// `tournament.json` holds, and whether a law is left and every fit converged.
+///
+/// # Errors
+/// See [`super::RunError`]. A law whose fit fails or that the data reject is a result.
+pub fn compare_laws(
+    input: &JointInput,
+    case: &Path,
+    output: &Path,
+    overwrite: bool,
+    pool: &ThreadPool,
+    stop: &Stop,
+    watcher: Watcher<'_>,
+) -> Result<(TournamentRecord, Outcome)> {
+    let joint = Case::joint(input)?;
+    let mut of_case = Case::new(&joint, input, case)?;
+    let doubts: Vec<String> = joint.doubts.iter().chain(&of_case.doubts).cloned().collect();
+    doubts.iter().chain(of_case.implausible.iter().map(|value| &value.text)).for_each(|doubt| {
+        watcher(Event::Note(&format!("warning: {doubt}")));
+    });
+    let folder = RunFolder::open(output, overwrite)?;
+    folder.clear(false, false)?;
+    compared(&mut of_case, &folder, absolute(case), doubts, pool, stop, watcher)
+}
+
+/// The same of a case that is made already, into a folder that is ready.
+pub(super) fn compared(
+    of_case: &mut Case<'_>,
+    folder: &RunFolder,
+    name: String,
+    doubts: Vec<String>,
+    pool: &ThreadPool,
+    stop: &Stop,
+    watcher: Watcher<'_>,
+) -> Result<(TournamentRecord, Outcome)> {
+    folder.make(FIGURES)?;
+    let begin = Instant::now();
+    let (heard, watch) = Heard::new(of_case.max_seconds, stop);
+    of_case.problem.watch = watch;
+    let found = heard.during(pool, watcher, || tournament(&of_case.problem, &of_case.options, &of_case.laws))?;
+    let report = TournamentReport::new(&found, name, of_case.about.clone(), begin.elapsed().as_secs_f64(), doubts);
+    folder.write_json(TOURNAMENT, &report.record)?;
+    folder.write(TOURNAMENT_TRACTIONS, |out| report.write_tractions(out))?;
+    report.draw(|name: String, picture: Picture| save(folder, &name, &picture))?;
+    let page = report.page()?.html();
+    folder.write(TOURNAMENT_PAGE, |out| std::io::Write::write_all(out, page.as_bytes()))?;
+    watcher(Event::Compared { tournament: &report.record, folder: folder.path() });
+    let converged = found.laws.iter().all(crate::identify::LawFit::converged);
+    let outcome = match (stop.is_asked(), converged && !found.alike.is_empty()) {
+        (true, _) => Outcome::Stopped,
+        (false, true) => Outcome::Fine,
+        (false, false) => Outcome::Incomplete,
+    };
+    Ok((report.record, outcome))
+}
