@@ -275,15 +275,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         _ => (None, None),
     };
     let cut_short = watch.ended().map(|ended| CutShort { ended, missing });
-    let unfinished: Vec<String> = match (stage.status, &cut_short) {
-        (FitStatus::Converged, None) => Vec::new(),
-        (FitStatus::Converged, Some(cut)) => vec![format!("the fit converged, but {}", cut.text())],
-        (_, Some(cut)) => vec![format!("the fit did not converge: {}; the values are the best so far", cut.text())],
-        (status, None) => {
-            vec![format!("the fit did not converge ({}): the values are the best so far", status.name())]
-        }
-    };
-    let unfinished: Vec<String> = unfinished.into_iter().chain(at_limits(unknowns, &x)).collect();
+    let unfinished = unfinished(stage.status, cut_short.as_ref(), unknowns, &x);
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
@@ -356,6 +348,25 @@ pub fn first_order(problem: &Problem<'_>, weights: WeightKind, x: &[f64]) -> Res
     let step = factor.solve(&Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]));
     let z = problem.unknowns.scaled(x);
     Ok(problem.unknowns.unscaled(&z.iter().zip(step.column(0)).map(|(z, s)| z + s).collect::<Vec<_>>()))
+}
+
+/// Why a fit is not at its end, a sentence each.
+pub(super) fn unfinished(
+    status: FitStatus,
+    cut_short: Option<&CutShort>,
+    unknowns: &Unknowns,
+    x: &[f64],
+) -> Vec<String> {
+    let mut reasons = match (status, cut_short) {
+        (FitStatus::Converged, None) => Vec::new(),
+        (FitStatus::Converged, Some(cut)) => vec![format!("the fit converged, but {}", cut.text())],
+        (_, Some(cut)) => vec![format!("the fit did not converge: {}; the values are the best so far", cut.text())],
+        (status, None) => {
+            vec![format!("the fit did not converge ({}): the values are the best so far", status.name())]
+        }
+    };
+    reasons.extend(at_limits(unknowns, x));
+    reasons
 }
 
 /// What the law does not allow beyond `x`, where the fit has run against it, a sentence each.

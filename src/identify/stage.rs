@@ -63,9 +63,7 @@ pub(super) fn run(
         local
     };
     let ended = || problem.watch.ended().map(|ended| (ended.status(), ended.reason()));
-    let limits = |z: &[f64]| {
-        unknowns.limits(&unknowns.unscaled(z)).into_iter().map(|limit| (limit.distance, limit.by)).collect()
-    };
+    let limits = |z: &[f64]| unknowns.scaled_limits(z);
     minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
 }
 

@@ -170,6 +170,11 @@ impl Unknowns {
         law.limits().into_iter().map(of_unknowns).filter(|limit| limit.by.iter().any(|by| *by != 0.0)).collect()
     }
 
+    /// The distances of [`Self::limits`] at scaled unknowns, with their derivatives.
+    pub fn scaled_limits(&self, z: &[f64]) -> Vec<(f64, Vec<f64>)> {
+        self.limits(&self.unscaled(z)).into_iter().map(|limit| (limit.distance, limit.by)).collect()
+    }
+
     /// The starts.
     pub fn start(&self) -> Vec<f64> {
         self.list.iter().map(|unknown| unknown.start).collect()

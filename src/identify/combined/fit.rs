@@ -2,7 +2,7 @@
 
 use super::super::FitError;
 use super::super::discretisation::Refined;
-use super::super::fit::{CutShort, Fit, compare, correlation_of, describe};
+use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, unfinished};
 use super::super::misfit::Misfit;
 use super::super::missing_mode::MissingMode;
 use super::super::objective::{Evaluation, Problem};
@@ -20,7 +20,7 @@ use super::misfit::{Judged, misfits};
 use super::released::released;
 use super::search::{Found, Searched, search};
 use super::share::{TestShare, shares};
-use super::verdict::{OfTests, unfinished, verdict};
+use super::verdict::{OfTests, verdict};
 
 /// One test in a fit of several.
 #[derive(Debug)]
@@ -150,7 +150,7 @@ fn judged(
     cut_short: Option<&CutShort>,
 ) -> Verdict {
     let first = problems[0];
-    let unfinished = unfinished(found.stage.status, cut_short);
+    let unfinished = unfinished(found.stage.status, cut_short, &first.unknowns, &known.evaluations[0].x);
     let statistics: Option<&Statistics> = known.led.as_ref().map(|led| &led.statistics[0]);
     let correlation = statistics.map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let prescribed =

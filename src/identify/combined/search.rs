@@ -119,7 +119,8 @@ pub(super) fn run(
         local
     };
     let ended = || watch.ended().map(|ended| (ended.status(), ended.reason()));
-    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, ended)
+    let limits = |z: &[f64]| unknowns.scaled_limits(z);
+    minimise_unless(&unknowns.scaled(start), [&lower, &upper], region, evaluate, limits, ended)
 }
 
 /// Where the search ended.

@@ -1,9 +1,7 @@
 //! What a fit of several tests comes to: the verdict of a single one, and which test determines what.
 
-use super::super::fit::CutShort;
 use super::super::fitted::FittedParameter;
 use super::super::misfit::{FALSE_REJECTIONS, Misfit, normal_tail};
-use super::super::trust_region::FitStatus;
 use super::super::verdict::{Grounds, Outcome, Verdict};
 use super::consistency::Consistency;
 use super::share::TestShare;
@@ -18,18 +16,6 @@ pub(super) struct OfTests<'a> {
     /// The misfit of each test; none where the fit was cut short.
     pub misfits: &'a [Misfit],
     pub consistency: Option<&'a Consistency>,
-}
-
-/// Why a fit is not at its end, a sentence each.
-pub(super) fn unfinished(status: FitStatus, cut_short: Option<&CutShort>) -> Vec<String> {
-    match (status, cut_short) {
-        (FitStatus::Converged, None) => Vec::new(),
-        (FitStatus::Converged, Some(cut)) => vec![format!("the fit converged, but {}", cut.text())],
-        (_, Some(cut)) => vec![format!("the fit did not converge: {}; the values are the best so far", cut.text())],
-        (status, None) => {
-            vec![format!("the fit did not converge ({}): the values are the best so far", status.name())]
-        }
-    }
 }
 
 /// The verdict on a fit of several tests; `grounds` are those of all of them together.
