@@ -1,4 +1,4 @@
-"""Reads a .vtu file with meshio and prints what it holds as JSON, for tests/exports.rs.
+"""Reads a .vtu file with meshio and prints what it holds as JSON, for tests/commands/exports.rs.
 
     python3 scripts/check_vtu.py FILE.vtu     the mesh and its data as JSON
                                               (a float as the integer of its bits: JSON readers round);

@@ -91,7 +91,7 @@ if [ "${1:-}" = --has-vulkan ]; then # asked by scripts/test.sh; installs nothin
     installed mesa-vulkan-drivers && installed libvulkan1
     exit
 fi
-# Asked by .ci/run, not forced upon a user's machine: a cluster of one node for tests/slurm.rs, a browser for tests/run.rs.
+# Asked by .ci/run, not forced upon a user's machine: a cluster of one node for tests/slurm.rs, a browser for tests/commands/run.rs.
 if [ "${1:-}" = --slurm ]; then
     install slurm-wlm munge && say "Slurm: there"
     exit

@@ -1,4 +1,4 @@
-"""Reads what quadrille wrote with the libraries of others, for tests/store.rs.
+"""Reads what quadrille wrote with the libraries of others, for tests/commands/store.rs.
 
     python3 scripts/read_store.py zarr DIR/fields.zarr   the arrays and attributes of a store (zarr-python 3)
     python3 scripts/read_store.py npz FILE.npz           the arrays of a NumPy archive

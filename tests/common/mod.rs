@@ -2,12 +2,16 @@
 //! field; and, to compare with, a plain correlation in `f64` and dense linear algebra.
 #![allow(dead_code)] // each test program uses its own part
 
+pub mod blobs;
 pub mod data;
 pub mod dense;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod plain;
 pub mod round_off;
+pub mod scenes;
+pub mod schema;
+pub mod spots;
 
 use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;

@@ -1,4 +1,4 @@
-//! Structs that both sides see; `tests/shaders.rs` compares them with the WGSL ones.
+//! Structs that both sides see; `tests/correlation/shaders.rs` compares them with the WGSL ones.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,0 +1,22 @@
+//! The program as a user meets it: commands, messages, runs that are stopped and go on, what is written.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../program/mod.rs"]
+mod program;
+
+mod bad_input;
+mod cli;
+mod exports;
+mod figures;
+mod inputs;
+mod maps;
+mod metrology;
+mod probe;
+mod restart;
+mod run;
+mod run_library;
+mod store;
+mod update_cli;
+mod watch;
+mod words;

@@ -1,0 +1,26 @@
+//! Mechanics and identification: laws, model, fits, intervals, doubt, and the case files that start them.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../mechanics_common/mod.rs"]
+mod mechanics_common;
+
+mod budget;
+mod case_file;
+mod case_schema;
+mod doubt;
+mod identify;
+mod identify_cli;
+mod intervals;
+mod joint_anywhere;
+mod linalg_lu;
+mod load_files;
+mod mechanics_cli;
+mod mechanics_laws;
+mod mechanics_model;
+mod mechanics_reference;
+mod paper;
+mod several_tests;
+mod sweep_limit;
+mod tournament;
+mod virtual_test;
