@@ -7,7 +7,7 @@ use super::gradient_noise::{element_lambda, element_matrices, mass_matrices};
 use super::iterate::{Outcome, iterate};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
-use super::marks::Pair;
+use super::marks::{Pair, mark_pulled_along};
 use super::misfit::{Look, Residuals};
 use super::model_error::{self, model_error};
 use super::noise_correlation::factors;
@@ -226,7 +226,8 @@ impl<B: Backend> Correlator<B> {
         let is_misfit =
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
-        let marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));

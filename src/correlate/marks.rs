@@ -1,7 +1,7 @@
 //! What is the matter with the elements of a frame, by name (docs/correlation.md, section 2.8.1): only of those that are
 //! marked is anything read.
 
-use crate::field::ElementMark;
+use crate::field::{ElementMark, ModelError};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
@@ -20,6 +20,8 @@ const PARTLY_STILL: f64 = 0.6;
 const IN_BOTH: f64 = 0.35;
 /// The specimen moves when it moves this far, px: closer, the two are one.
 const MOVES_PX: f64 = 1.5;
+/// Standard uncertainties that a node beside what does not match may be off by without a mark.
+const PULLED_SIGMAS: f64 = 5.0;
 /// Points along each side of an element that are looked at.
 const POINTS: usize = 12;
 
@@ -111,6 +113,27 @@ impl Pair<'_> {
         let independent = n as f64 / 16.0;
         let coefficient = sums[2] / (sums[0] * sums[1]).sqrt().max(f64::MIN_POSITIVE);
         independent > 50.0 && coefficient > (4.0 / independent.sqrt()).max(0.08)
+    }
+}
+
+/// Marks the elements beside those that do not match, where less is enough: a residual beyond noise at all, or a node that may be
+/// off by more than [`PULLED_SIGMAS`], since what is wrong in an element pulls at the nodes around it.
+pub(super) fn mark_pulled_along(mesh: &Mesh<Px>, marks: &mut [ElementMark], error: &ModelError, sigma: &[[f64; 2]]) {
+    let mut beside = vec![false; mesh.n_nodes()];
+    for (nodes, mark) in mesh.elements().iter().zip(marks.iter()) {
+        let pulls = match mark {
+            ElementMark::None | ElementMark::NoTexture | ElementMark::LeftImage => false,
+            ElementMark::Misfit | ElementMark::Still | ElementMark::Saturated | ElementMark::NoMatch => true,
+        };
+        nodes.iter().for_each(|&node| beside[node as usize] |= pulls);
+    }
+    let is_off = |node: usize| (0..2).any(|c| error.nodes[node][c] > PULLED_SIGMAS * sigma[node][c]);
+    let nodes_of = mesh.elements().iter().map(|nodes| nodes.map(|node| node as usize));
+    for ((mark, nodes), misfit) in marks.iter_mut().zip(nodes_of).zip(&error.misfit) {
+        let is_beside = nodes.iter().any(|&node| beside[node]);
+        if *mark == ElementMark::None && is_beside && (*misfit > 0.0 || nodes.iter().any(|&node| is_off(node))) {
+            *mark = ElementMark::Misfit;
+        }
     }
 }
 
