@@ -174,15 +174,21 @@ impl<B: Backend> Correlator<B> {
             status = Status::Converged;
         }
         let looked_at = status == Status::Converged;
-        let noise_colour = self.probe.as_ref().filter(|_| looked_at).and_then(|probe| {
-            let image = self.backend.image(frame);
-            probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left)
-        });
-        let noisy =
-            |zone: &ZoneResult| zone.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
-        // Noise that is known to be correlated, as that of resampled images, shows little in the fine structure.
+        let image = self.backend.image(frame);
+        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
+        let noise_colour = self
+            .probe
+            .as_ref()
+            .filter(|_| looked_at)
+            .and_then(|probe| probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left));
+        // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may pass for it.
         let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
-        let everywhere: Vec<bool> = zones.iter().map(|zone| noisy(zone) && !is_coloured).collect();
+        let noisy = |(zone, of): (usize, &ZoneResult)| {
+            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+            let counts = |&element: &usize| elements[element].n > 0.0;
+            noisy && (!is_coloured || pair.something_is_still(mesh.zone_elements(zone).filter(counts)))
+        };
+        let everywhere: Vec<bool> = zones.iter().enumerate().map(noisy).collect();
         // What is misfit everywhere is no noise to be lost in.
         let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
         in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
@@ -220,8 +226,6 @@ impl<B: Backend> Correlator<B> {
             // What is left after the choice of the best is no match: anything would have some.
             status = Status::Diverged;
         }
-        let image = self.backend.image(frame);
-        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
         let looks = self.misfit_test.looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
         let is_misfit =
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);

@@ -3,6 +3,7 @@
 
 pub mod process;
 
+use quadrille::field::ElementMark;
 use quadrille::imaging::Image;
 use quadrille::io::csv::{DisplacementRow, read_displacements};
 use quadrille::io::images::write_image;
@@ -188,9 +189,11 @@ impl Desk {
         for name in self.files("") {
             if name.ends_with(".csv") && !name.contains("exact") && !name.contains("quantities") {
                 for row in self.read(&name).lines().filter(|line| !line.starts_with('#')).skip(1) {
-                    for cell in row.split(',').rev().take(6) {
-                        // A strain that is not known leaves its cell empty.
-                        let finite = cell.is_empty() || cell.parse::<f64>().is_ok_and(f64::is_finite);
+                    for cell in row.split(',').rev().take(7) {
+                        // A strain that is not known leaves its cell empty; the last column is a word.
+                        let finite = cell.is_empty()
+                            || ElementMark::from_name(cell).is_some()
+                            || cell.parse::<f64>().is_ok_and(f64::is_finite);
                         assert!(finite, "{name}: '{cell}' in {row}\n{ran}");
                     }
                 }
