@@ -252,7 +252,7 @@ impl<B: Backend> Correlator<B> {
                 return self.told(&mut frame, attempt, Some(displacement));
             }
             let mut best = attempt;
-            if best.worst_zone() > MATCHED {
+            if best.worst_zone() > MATCHED && self.tries_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
                 let again = self.second_try(&mut frame, displacement, transfer, StartUsed::Predicted, 0)?;
                 best = better(best, again);

@@ -41,7 +41,8 @@ impl<B: Backend> Correlator<B> {
     /// What does not converge even so is tried once more from there, smoothly and without what does not match.
     pub(super) fn search(&self, frame: &mut B::Frame) -> Result<Correlation, CorrelationError> {
         let (found, tried) = self.search_once(frame)?;
-        if !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit) {
+        let ended_well = !matches!(found.measurement.status, Status::Diverged | Status::IterationLimit);
+        if ended_well || !self.tries_again() {
             return Ok(found);
         }
         Ok(better(found, self.begun_from(frame, &tried, true)?))

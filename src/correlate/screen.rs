@@ -41,6 +41,8 @@ const SMOOTH_ELEMENTS: f64 = 6.0;
 /// Limits of the smooth iterations of a second try.
 const SMOOTH_TOLERANCE_PX: f64 = 0.02;
 const SMOOTH_ITERATIONS: usize = 15;
+/// What the penalty alone holds may go far, by so many elements in one iteration.
+const WILD_SMOOTH_ELEMENTS: f64 = 100.0;
 /// A node that leaves the smooth field by more than this, px, has gone astray.
 const ASTRAY_PX: f64 = 1.5;
 /// and when the field has run away by this share of the furthest.
@@ -313,6 +315,11 @@ impl<B: Backend> Correlator<B> {
         self.second_try(frame, &displacement, &transfer, start, iterations)
     }
 
+    /// Whether a frame that has not converged is tried once more: who allows only a few iterations does not want it.
+    pub(super) fn tries_again(&self) -> bool {
+        self.options.max_iterations >= SMOOTH_ITERATIONS
+    }
+
     fn smooth_limits<'a>(&self, regulariser: Option<&'a Regulariser>) -> Limits<'a> {
         Limits {
             tolerance_px: SMOOTH_TOLERANCE_PX,
@@ -320,8 +327,7 @@ impl<B: Backend> Correlator<B> {
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
             regulariser,
-            // What the penalty alone holds may go far.
-            wild_elements: f64::INFINITY,
+            wild_elements: WILD_SMOOTH_ELEMENTS,
             // The penalty is not turned with the corrections.
             turn: Turn::NONE,
         }

@@ -496,7 +496,8 @@ fn frames_with_saturated_or_black_patches_and_frames_half_dark_give_no_nan() {
             assert!(share > 45.0, "{brightness}: {marked:?}");
         }
         if statuses[0] == "converged" {
-            assert!(ran.frames(brightness)[0]["elements_poor"].as_u64().unwrap() > 0, "the glare is not mentioned");
+            let glare = ran.frames(brightness)[0].clone();
+            assert!(!glare["marked"].as_array().unwrap().is_empty(), "the glare is not mentioned: {glare:#}");
         }
     }
 }
@@ -505,12 +506,12 @@ fn frames_with_saturated_or_black_patches_and_frames_half_dark_give_no_nan() {
 fn frames_that_leave_the_image_are_said_to() {
     let desk = Desk::new();
     desk.image("ref.png", &moved([0.0, 0.0]));
-    desk.image("far.png", &moved([90.0, 0.0]));
+    desk.image("far.png", &moved([112.0, 0.0]));
     desk.image("near.png", &moved([1.0, 0.0]));
     let ran = desk.correlate("--output out ref.png near.png far.png near.png").incomplete();
     let statuses = ran.statuses("out");
     assert_eq!(statuses[0], "converged", "{ran}");
-    // 70 % of the speckle is gone; what is left may be found or not, but a measurement it is not.
+    // Less than a fifth of the speckle is left; what is left may be found or not, but a measurement it is not.
     assert!(["left_image", "diverged"].contains(&statuses[1].as_str()), "{ran}");
 }
 

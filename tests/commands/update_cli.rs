@@ -16,6 +16,7 @@ use quadrille::mesh::{Roi, Zone};
 use quadrille::synth::{Motion, Rotation, Translation};
 use serde_json::{Value, json};
 use std::fs::File;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 const SIDE: usize = 192;
@@ -26,7 +27,7 @@ const LINE: &str = "--roi 48,48,144,144 --threads 2";
 /// Standard deviation of the noise of every image, of 256 grey levels.
 const NOISE: f32 = 2.0;
 
-/// A rotation that nothing measures in one piece.
+/// A large rotation.
 fn turned() -> Rotation {
     Rotation::new(80.0, SIDE, SIDE)
 }
@@ -51,7 +52,6 @@ fn references(desk: &Desk, folder: &str) -> Vec<u64> {
 #[test]
 fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty() {
     let desk = desk(&turned());
-    // Without updates the frames may be found or lost.
     desk.correlate(&format!("{LINE} --output never s/*.png"));
     for output in ["never/summary.json", "never/run.toml"] {
         assert!(!desk.read(output).contains("reference_frame"), "{output}");
@@ -59,7 +59,7 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty() {
     assert!(desk.read("never/run.toml").contains("update_reference = \"never\""));
     assert!(!desk.path("never/fields.zarr/reference_frame").exists() && !desk.path("never/restart/chain").exists());
 
-    let ran = desk.correlate(&format!("{LINE} --update-reference residual --output out s/*.png")).fine();
+    let ran = desk.correlate(&format!("{LINE} --update-reference 5 --output out s/*.png")).fine();
     let references = references(&desk, "out");
     let updates = desk.json("out/summary.json")["reference_updates"].clone();
     let first = references.iter().position(|&frame| frame > 0).unwrap() + 1;
@@ -133,12 +133,13 @@ fn a_reference_serves_for_n_frames_and_every_way_to_say_so_is_the_same() {
 #[test]
 fn the_program_gives_the_bits_of_the_library() {
     let desk = desk(&turned());
-    desk.correlate(&format!("{LINE} --update-reference residual --output out s/*.png")).fine();
+    desk.correlate(&format!("{LINE} --update-reference 5 --output out s/*.png")).fine();
     let store = Store::open(desk.path("out")).unwrap();
     let image = |k: usize| Arc::new(read_image(&desk.path(&format!("s/{k:02}.png")), 0).unwrap().image);
     let zones = [Zone::rectangle("zone1", Roi { x0: 48.0, y0: 48.0, x1: 144.0, y1: 144.0 })];
     let correlator = Correlator::new(CpuBackend::default(), image(0), &zones, Options::default()).unwrap();
-    let mut chain = ReferenceChain::new(Arc::new(correlator), UpdateReference::Residual);
+    let every = UpdateReference::Every(NonZeroUsize::new(5).unwrap());
+    let mut chain = ReferenceChain::new(Arc::new(correlator), every);
     for number in 1..=N {
         let wanted = chain.correlate(number, image(number)).unwrap();
         let found = store.frame(number).unwrap().unwrap().measurement;
@@ -163,8 +164,8 @@ fn exported_arrays_tell_what_each_frame_was_measured_from() {
 
 #[test]
 fn a_frame_that_is_no_new_reference_is_told_with_the_reason() {
-    // At the end less than half of the zone is left in the image.
-    let desk = desk(&Translation([0.0, 144.0]));
+    // At the end less than a fifth of the zone is left in the image.
+    let desk = desk(&Translation([0.0, 168.0]));
     let line = "--roi 16,16,176,176 --update-reference every 1 --threads 2 --output out s/*.png";
     let ran = desk.correlate(line).incomplete();
     let summary = desk.json("out/summary.json");

@@ -52,6 +52,8 @@ pub enum TipState {
     OpenToEnd,
     /// Nowhere open.
     Closed,
+    /// Open nowhere it was measured, which is less than half of the path: nothing can be said.
+    NotMeasured,
 }
 
 impl TipState {
@@ -61,6 +63,7 @@ impl TipState {
             Self::Found => "found",
             Self::OpenToEnd => "open_to_end",
             Self::Closed => "closed",
+            Self::NotMeasured => "not_measured",
         }
     }
 }
@@ -109,7 +112,10 @@ impl CrackLine {
             .zip(points)
             .filter_map(|(point, jump)| Some((point.along, (*jump)?.opening)))
             .collect();
-        let (state, along) = tip_along(&measured, end, joined.along);
+        let (state, along) = match tip_along(&measured, end, joined.along) {
+            (TipState::Closed, _) if 2 * measured.len() < points.len() => (TipState::NotMeasured, None),
+            found => found,
+        };
         let place = along.and_then(|along| point_along(&self.path, along.value));
         // Without a tip the end of the path is as good a place as any: there is next to nothing to be found.
         let (at, ahead) = match (state, place) {
@@ -122,7 +128,7 @@ impl CrackLine {
         let at = match state {
             TipState::Found => place.map(|(at, _)| at),
             TipState::OpenToEnd => Some(joined.at),
-            TipState::Closed => None,
+            TipState::Closed | TipState::NotMeasured => None,
         };
         CrackTip { end, state, along, at, intensity }
     }
