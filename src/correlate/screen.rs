@@ -156,15 +156,6 @@ impl<B: Backend> Correlator<B> {
                 *outcome = self.iterate_rest(frame, field, light.as_deref_mut(), found, outcome.turn)?;
                 iterations += outcome.iterations;
                 outcome.iterations = iterations;
-                if std::env::var("DBG").is_ok() {
-                    eprintln!(
-                        "DBG    try {tries}: {:?} {} its, corr {} at {:?}",
-                        outcome.status,
-                        outcome.iterations,
-                        outcome.correction_px,
-                        self.mesh().nodes()[outcome.worst_node]
-                    );
-                }
                 if outcome.status == Status::Converged || tries == TRIES {
                     break;
                 }
@@ -355,16 +346,6 @@ impl<B: Backend> Correlator<B> {
             let limits = self.smooth_limits(smoother.as_ref());
             let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
             iterations += outcome.iterations;
-            if std::env::var("DBG").is_ok() {
-                eprintln!(
-                    "DBG smooth {:?} {} its corr {} at {:?} excluded {}",
-                    outcome.status,
-                    outcome.iterations,
-                    outcome.correction_px,
-                    self.mesh().nodes()[outcome.worst_node],
-                    excluded.iter().filter(|e| **e).count()
-                );
-            }
             if outcome.status == Status::Diverged {
                 outcome.iterations = iterations;
                 // That of the penalty is no matrix of the frame.
@@ -393,16 +374,6 @@ impl<B: Backend> Correlator<B> {
         for tries in 1..=TRIES {
             let limits = self.rest_limits(turn);
             let mut now = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
-            if std::env::var("DBG").is_ok() {
-                eprintln!(
-                    "DBG   second rest {:?} {} its corr {} at {:?} excluded {}",
-                    now.status,
-                    now.iterations,
-                    now.correction_px,
-                    self.mesh().nodes()[now.worst_node],
-                    excluded.iter().filter(|e| **e).count()
-                );
-            }
             iterations += now.iterations;
             now.iterations = iterations;
             let now = outcome.insert(now);
