@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The crate without its optional parts: it compiles without a warning, as does the program without graphics devices, and nothing
-# heavy is left in the bare correlator.
+# heavy is left in the bare correlator. Arguments (such as --profile ci) go to clippy.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -20,5 +20,5 @@ if left=$(tree cli | grep -E '^(wgpu|naga|ash) '); then
 fi
 echo "crates: $(wc -l <<<"$bare") without features, $(tree cli,gpu,store,report | wc -l) with all"
 
-cargo clippy --locked --no-default-features --lib -- -D warnings
-cargo clippy --locked --no-default-features --features cli --lib --bins -- -D warnings
+cargo clippy --locked "$@" --no-default-features --lib -- -D warnings
+cargo clippy --locked "$@" --no-default-features --features cli --lib --bins -- -D warnings
