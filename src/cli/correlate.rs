@@ -67,6 +67,7 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         page: args.page,
         pages: args.pages,
         pixel_size: args.pixel_size,
+        max_image_mpx: args.max_image_mpx,
         shard: args.shard,
         roi: args.roi.clone(),
         polygon: args.polygon.iter().map(|polygon| polygon.0.clone()).collect(),

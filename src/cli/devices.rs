@@ -18,11 +18,15 @@ pub(super) fn options() -> GpuOptions {
 }
 
 /// Mesa's drivers complain on stderr of every program that runs without a desktop session.
+///
+/// They are told a folder that is always there, holds no socket and cannot be given one: in a folder that others can write to,
+/// anybody could put a `wayland-0` that never answers.
 pub(super) fn quiet_drivers() {
     const RUNTIME: &str = "XDG_RUNTIME_DIR";
+    const WITHOUT_SOCKETS: &str = "/proc/self";
     if cfg!(target_os = "linux") && std::env::var_os(RUNTIME).is_none() {
         // SAFETY: `main` has started no other thread yet.
-        unsafe { std::env::set_var(RUNTIME, std::env::temp_dir()) };
+        unsafe { std::env::set_var(RUNTIME, WITHOUT_SOCKETS) };
     }
 }
 

@@ -5,6 +5,7 @@ use super::frames::Frames;
 use super::{Outcome, Result, chain, plural, pool, without_doubles};
 use crate::field::StrainWindow;
 use crate::imaging::Image;
+use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
@@ -175,7 +176,7 @@ impl<'a> RunFigures<'a> {
     /// The deformed image, when it can be read still.
     fn deformed(&self, file: &str) -> Option<Backdrop> {
         let size = self.store.header().image_size_px;
-        let loaded = Frame::named(file, self.page).read().map_err(|error| chain(&error));
+        let loaded = Frame::named(file, self.page).read(Accepted::ANY).map_err(|error| chain(&error));
         let checked = loaded.and_then(|loaded| of_size(file, loaded.image, size));
         match checked {
             Ok(image) => Some(Backdrop::new(&image, self.ratio)),
@@ -192,7 +193,7 @@ impl<'a> RunFigures<'a> {
 /// The reference image of the run, when it is still there and the same.
 fn reference(header: &StoreHeader, page: usize) -> std::result::Result<Image, String> {
     let file = header.reference.first().ok_or("the run names no reference image")?;
-    let loaded = Frame::named(file, page).read().map_err(|error| chain(&error))?;
+    let loaded = Frame::named(file, page).read(Accepted::ANY).map_err(|error| chain(&error))?;
     if header.reference_sha256.first().is_some_and(|sha256| *sha256 != loaded.sha256) {
         return Err(format!("{file}: the file has changed since the run"));
     }

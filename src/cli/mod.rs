@@ -1,5 +1,17 @@
 //! The command line: arguments in, files and an exit status out.
 
+// What is said must not end what is done: std's macros panic where nobody can listen (a closed pipe, a full disk).
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::cli::voice::to_people(format_args!($($text)*)) };
+}
+macro_rules! println {
+    () => { $crate::cli::voice::result(format_args!("\n")) };
+    ($($text:tt)*) => { $crate::cli::voice::result(format_args!("{}\n", format_args!($($text)*))) };
+}
+macro_rules! print {
+    ($($text:tt)*) => { $crate::cli::voice::result(format_args!($($text)*)) };
+}
+
 mod args;
 mod bench;
 mod bench_series;
@@ -30,6 +42,7 @@ mod synth;
 mod talk;
 mod tournament;
 mod virtual_test;
+mod voice;
 mod watch;
 mod wrong_words;
 

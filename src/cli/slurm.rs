@@ -31,7 +31,16 @@ pub(super) fn run(args: &SlurmArgs) -> Result<Outcome> {
         Some(program) => program.clone(),
         None => std::env::current_exe()?.to_string_lossy().into_owned(),
     };
-    let about = About { args, program, case: absolute(&args.case), output: absolute(&args.output) };
+    let prologue = match &args.prologue {
+        Some(path) => {
+            let lines =
+                fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+            format!("# From {}:\n{}\n", absolute(path), lines.trim_end())
+        }
+        None => String::new(),
+    };
+    let about = About { args, program, case: absolute(&args.case), output: absolute(&args.output), prologue };
+    about.check_names(&scripts)?;
     let names = [format!("{stem}-array.sbatch"), format!("{stem}-check.sbatch")];
     for (name, text) in names.iter().zip([about.array(), about.check()]) {
         let path = scripts.join(name);
@@ -66,9 +75,27 @@ struct About<'a> {
     program: String,
     case: String,
     output: String,
+    /// Lines that every job runs first.
+    prologue: String,
 }
 
 impl About<'_> {
+    /// Refuses names that a script cannot hold: a line break in one would begin a line of its own, also where it is quoted.
+    fn check_names(&self, scripts: &Path) -> Result<()> {
+        let names = [&self.case, &self.output, &self.program, &scripts.display().to_string(), &self.prologue_name()];
+        match names.into_iter().find(|name| name.chars().any(|c| c.is_control() || c == char::REPLACEMENT_CHARACTER)) {
+            Some(name) => Err(format!(
+                "{name:?}: a script cannot hold this name (a line break or another control character, or no UTF-8); rename it"
+            )
+            .into()),
+            None => Ok(()),
+        }
+    }
+
+    fn prologue_name(&self) -> String {
+        self.args.prologue.as_ref().map_or_else(String::new, |path| path.display().to_string())
+    }
+
     /// The lines that both scripts begin with.
     fn head(&self, name: &str, cpus: NonZeroUsize) -> String {
         let args = self.args;
@@ -83,6 +110,7 @@ impl About<'_> {
         lines.extend(args.memory.as_ref().map(|memory| format!("#SBATCH --mem={memory}")));
         lines.extend(args.partition.as_ref().map(|partition| format!("#SBATCH --partition={partition}")));
         lines.extend(args.account.as_ref().map(|account| format!("#SBATCH --account={account}")));
+        lines.extend(args.sbatch.iter().map(|option| format!("#SBATCH {option}")));
         lines.join("\n")
     }
 
@@ -99,6 +127,7 @@ impl About<'_> {
         let head = self.head("quadrille", args.cpus);
         let device = if args.gpu { "gpu" } else { "cpu" };
         let (program, case, output) = (word(&self.program), word(&self.case), word(&self.output));
+        let prologue = &self.prologue;
         format!(
             "{head}\n\
              #SBATCH --array=1-{n}{gpu}\n\
@@ -109,7 +138,7 @@ impl About<'_> {
              # Task I does the frames I, I + {n}, I + 2 * {n}, ... of the series, all tasks into one store: nothing is merged afterwards.\n\
              # What is done is not done again, so any task may be submitted as often as it takes:\n\
              #     sbatch --array=3 THIS_FILE\n\
-             set -u\n\
+             {prologue}set -u\n\
              {program} correlate --case {case} --output {output} \\\n    \
              --shard \"$SLURM_ARRAY_TASK_ID/{n}\" --start independent --device {device} \\\n    \
              --threads \"${{SLURM_CPUS_PER_TASK:-1}}\" &\n\
@@ -127,6 +156,7 @@ impl About<'_> {
     fn check(&self) -> String {
         let head = self.head("quadrille-check", NonZeroUsize::MIN);
         let (program, output) = (word(&self.program), word(&self.output));
+        let prologue = &self.prologue;
         let names = self.args.export.iter().filter_map(|kind| Some(kind.to_possible_value()?.get_name().to_owned()));
         let names: Vec<String> = names.collect();
         let export = match names.is_empty() {
@@ -139,7 +169,7 @@ impl About<'_> {
              \n\
              # Runs when all tasks have ended, well or not: says what is done, failed and missing, and exports what is there.\n\
              # Exit status: 0 all frames converged; 1 some are missing or did not converge.\n\
-             {program} status {output}; status=$?\n\
+             {prologue}{program} status {output}; status=$?\n\
              [ \"$status\" -le 1 ] || exit \"$status\"\n\
              {export}exit \"$status\"\n"
         )

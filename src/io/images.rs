@@ -3,6 +3,7 @@
 pub(super) mod raw;
 mod write;
 
+pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
@@ -107,9 +108,9 @@ pub enum ReadError {
     },
     /// More pixels than an image may have.
     #[error(
-        "{}: {width} x {height} px in the header of the {format} file, more than 2^31 pixels; crop or bin the image, \
-         or copy the file again if it has another size",
-        path.display()
+        "{}: {width} x {height} px in the header of the {format} file, more than {max_mpx} million; {}, or copy the file \
+         again if it has another size",
+        path.display(), larger(*max_mpx)
     )]
     TooLarge {
         /// The file.
@@ -120,6 +121,36 @@ pub enum ReadError {
         width: u64,
         /// Rows.
         height: u64,
+        /// The most pixels, in millions.
+        max_mpx: u32,
+    },
+    /// An image of another size than the reference.
+    #[error("{}: the image is {width} x {height} px, the reference {} x {} px", path.display(), wanted[0], wanted[1])]
+    OtherSize {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u64,
+        /// Rows.
+        height: u64,
+        /// Columns and rows of the reference.
+        wanted: [usize; 2],
+    },
+    /// The image does not fit in the memory that this process may have.
+    #[error(
+        "{}: {width} x {height} px need {:.1} GB of memory, more than this process can have; crop or bin the image, or copy \
+         the file again if it has another size",
+        path.display(), *bytes as f64 / 1e9
+    )]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u64,
+        /// Rows.
+        height: u64,
+        /// Bytes of the unpacked image.
+        bytes: u128,
     },
     /// The file has fewer pages.
     #[error("{}: there is no page {page}: the file holds {pages} (the first is page 0)", path.display())]
@@ -141,6 +172,15 @@ pub enum ReadError {
     },
 }
 
+/// What helps an image of more than `max_mpx` million pixels.
+fn larger(max_mpx: u32) -> String {
+    if max_mpx < Accepted::MOST_MPX {
+        format!("allow it with --max-image-mpx (up to {})", Accepted::MOST_MPX)
+    } else {
+        "crop or bin the image".into()
+    }
+}
+
 /// Reads the image file `path`, of a TIFF file the page `page` (0 is the first).
 ///
 /// The content decides the format, not the name: TIFF, PNG, BMP, JPEG, PGM/PPM. Grey levels keep their depth;
@@ -151,8 +191,16 @@ pub enum ReadError {
 /// # Errors
 /// See [`ReadError`]: each names the file, what is wrong and what to do.
 pub fn read_image(path: &Path, page: usize) -> Result<Loaded, ReadError> {
+    read_accepted(path, page, Accepted::default())
+}
+
+/// As [`read_image`], with a limit of one's own: nothing larger, or of another size, is unpacked.
+///
+/// # Errors
+/// As [`read_image`].
+pub fn read_accepted(path: &Path, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
     let mut file = PagedFile::open(path)?;
-    let mut loaded = file.read(page)?;
+    let mut loaded = file.read(page, accepted)?;
     if loaded.pages > 1 {
         let (pages, all) = (loaded.pages, "--pages all takes each as a frame");
         loaded.notes.push(format!("{pages} pages: page {page} is read; --page chooses another, {all}"));
@@ -198,13 +246,13 @@ impl PagedFile {
         }
     }
 
-    /// Decodes the page `page` (0 is the first).
+    /// Decodes the page `page` (0 is the first) where it is `accepted`.
     ///
     /// # Errors
     /// As [`read_image`].
-    pub fn read(&mut self, page: usize) -> Result<Loaded, ReadError> {
+    pub fn read(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
         let (mut raw, pages) =
-            self.decode(page).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
+            self.decode(page, accepted).map_err(|problem| named(problem, &self.path, self.format.name(), page))?;
         let pixels = raw.channels.grey(raw.pixels, &mut raw.notes);
         let image = Image::new(raw.width, raw.height, pixels)
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
@@ -219,12 +267,12 @@ impl PagedFile {
         Ok(self.pages.clone())
     }
 
-    fn decode(&mut self, page: usize) -> Result<(Raw, usize), ImageFault> {
+    fn decode(&mut self, page: usize, accepted: Accepted) -> Result<(Raw, usize), ImageFault> {
         // Decoding a TIFF page edits the bytes for a while: their hash is that of the file.
         self.sha256.get_or_insert_with(|| sha256(&self.bytes));
         match (self.page_list()?, self.format) {
-            (Some(list), _) => Ok((list.decode(&mut self.bytes, page)?, list.len())),
-            (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format)?, 1)),
+            (Some(list), _) => Ok((list.decode(&mut self.bytes, page, accepted)?, list.len())),
+            (None, Format::Other(format)) if page == 0 => Ok((decode(&self.bytes, format, accepted)?, 1)),
             _ => Err(ImageFault::NoSuchPage { pages: 1 }),
         }
     }
@@ -266,7 +314,9 @@ fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) ->
         ImageFault::Truncated(what) => ReadError::Truncated { path, format, what },
         ImageFault::Corrupt(what) => ReadError::Corrupt { path, format, what },
         ImageFault::Unsupported(what) => ReadError::Unsupported { path, format, what },
-        ImageFault::TooLarge { width, height } => ReadError::TooLarge { path, format, width, height },
+        ImageFault::TooLarge { width, height, max_mpx } => ReadError::TooLarge { path, format, width, height, max_mpx },
+        ImageFault::OtherSize { width, height, wanted } => ReadError::OtherSize { path, width, height, wanted },
+        ImageFault::Memory { width, height, bytes } => ReadError::Memory { path, width, height, bytes },
         ImageFault::NoSuchPage { pages } => ReadError::NoSuchPage { path, page, pages },
     }
 }
@@ -326,7 +376,7 @@ pub(super) fn beginning(bytes: &[u8]) -> String {
 }
 
 /// Decodes PNG, BMP, JPEG and PGM/PPM.
-fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, ImageFault> {
+fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, ImageFault> {
     if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
         return Err(ImageFault::Truncated("its end marker is missing".into()));
     }
@@ -341,7 +391,7 @@ fn decode(bytes: &[u8], format: ImageFormat) -> Result<Raw, ImageFault> {
         // Deflate shrinks 1032 times; a palette turns one bit into 24.
         _ => 32768,
     };
-    check_size(width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())?;
+    check_size(accepted, width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())?;
 
     let mut notes = Vec::new();
     let image = DynamicImage::from_decoder(decoder).map_err(problem)?;

@@ -15,6 +15,7 @@ pub mod run_case;
 pub mod series;
 #[cfg(feature = "store")]
 pub mod store;
+pub mod text;
 mod tiff;
 pub mod vtk;
 pub mod watch;

@@ -89,7 +89,15 @@ pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> 
         // To the very end, where the checksum is compared.
         let mut bytes = Vec::new();
         member.read_to_end(&mut bytes)?;
+        within(&bytes)?;
         let array = NpyFile::new(bytes.as_slice())?;
+        let entries = array.shape().iter().try_fold(1_u64, |n, &axis| n.checked_mul(axis));
+        if entries.is_none_or(|n| n > bytes.len() as u64) {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                "an array claims more numbers than its file has bytes",
+            ));
+        }
         let kind = array.dtype().descr();
         let is = |number: Number| kind == format!("'{}'", type_word(number));
         let values = if is(Number::F64) {
@@ -106,6 +114,16 @@ pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> 
         arrays.insert(member.name().map_err(io::Error::other)?.trim_end_matches(".npy").to_owned(), values);
     }
     Ok(arrays)
+}
+
+/// Refuses a `.npy` file that claims a header longer than itself, for which the reader would make room.
+fn within(npy: &[u8]) -> io::Result<()> {
+    // Behind the magic word and the version stands the length, from version 2 on in four bytes.
+    let header = npy.get(8..12).filter(|_| npy[6] >= 2).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
+    if header.is_some_and(|length| length as usize > npy.len()) {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "the header of an array is longer than its file"));
+    }
+    Ok(())
 }
 
 impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
@@ -141,5 +159,34 @@ impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
             self.zip.write_all(&letters.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An archive of one file.
+    fn archive(npy: &[u8]) -> io::Cursor<Vec<u8>> {
+        let mut zip = ZipWriter::new(io::Cursor::new(Vec::new()));
+        let options = SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Stored);
+        zip.start_file("u.npy", options).unwrap();
+        zip.write_all(npy).unwrap();
+        zip.finish().unwrap()
+    }
+
+    #[test]
+    fn what_an_array_claims_beyond_its_file_is_refused_before_room_is_made() {
+        let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (400000000000,), }";
+        let mut claims_entries = b"\x93NUMPY\x01\x00".to_vec();
+        claims_entries.extend((text.len() as u16).to_le_bytes());
+        claims_entries.extend(text.as_bytes());
+        let mut claims_header = b"\x93NUMPY\x02\x00".to_vec();
+        claims_header.extend(3_500_000_000_u32.to_le_bytes());
+        claims_header.extend(text.as_bytes());
+        for (npy, why) in [(claims_entries, "more numbers"), (claims_header, "longer than its file")] {
+            let error = read_npz(archive(&npy)).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+        }
     }
 }

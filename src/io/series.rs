@@ -1,6 +1,6 @@
 //! File names, globs and pages, expanded to a series of images.
 
-use super::images::{Loaded, PagedFile, ReadError, read_image};
+use super::images::{Accepted, Loaded, PagedFile, ReadError, read_accepted};
 use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::fmt;
@@ -32,6 +32,12 @@ pub enum SeriesError {
         pattern: String,
         /// What is wrong.
         reason: glob::PatternError,
+    },
+    /// A name that records in text could not hold.
+    #[error("{path:?}: the name is no UTF-8 text, which tables and records need; rename the file or folder")]
+    Name {
+        /// The file.
+        path: PathBuf,
     },
     /// A folder that a glob leads through cannot be listed.
     #[error("`{pattern}` cannot be expanded: {reason}")]
@@ -105,6 +111,9 @@ fn expand(
             files.extend(matches(entry, base)?);
         }
     }
+    if let Some(path) = files.iter().find(|path| path.to_str().is_none()) {
+        return Err(SeriesError::Name { path: path.clone() });
+    }
     let mut seen = HashSet::new();
     files.retain(|file| seen.insert(file.clone()));
     Ok(files)
@@ -145,12 +154,16 @@ impl Frame {
         frame.unwrap_or_else(|| Self::file(name.into(), page))
     }
 
-    /// Reads the image.
+    /// Reads the image where it is `accepted`.
     ///
     /// # Errors
-    /// Those of [`read_image`].
-    pub fn read(&self) -> Result<Loaded, ReadError> {
-        if self.is_page { PagedFile::open(&self.path)?.read(self.page) } else { read_image(&self.path, self.page) }
+    /// Those of [`read_accepted`].
+    pub fn read(&self, accepted: Accepted) -> Result<Loaded, ReadError> {
+        if self.is_page {
+            PagedFile::open(&self.path)?.read(self.page, accepted)
+        } else {
+            read_accepted(&self.path, self.page, accepted)
+        }
     }
 
     /// Every page of the files, in order; `pages` gives those of a file.
@@ -190,23 +203,55 @@ fn matches(entry: &str, base: &Path) -> Result<Vec<PathBuf>, SeriesError> {
         let folder = glob::Pattern::escape(&base.to_string_lossy());
         format!("{}{}{entry}", folder.trim_end_matches(std::path::is_separator), std::path::MAIN_SEPARATOR)
     };
-    // Hidden files are not meant: some systems lay a `._img_001.tif` beside every image.
-    let options =
-        glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
+    // That a leading dot is literal is seen to below: the crate's own way panics at a name that is no UTF-8.
+    let options = glob::MatchOptions {
+        case_sensitive: true,
+        require_literal_separator: true,
+        require_literal_leading_dot: false,
+    };
     let found = glob::glob_with(&pattern, options)
         .map_err(|reason| SeriesError::Pattern { pattern: entry.to_owned(), reason })?;
     let mut files = Vec::new();
     for file in found {
         let file = file.map_err(|reason| SeriesError::Unreadable { pattern: entry.to_owned(), reason })?;
-        if !file.is_dir() {
+        if !is_hidden(&file, &pattern) && !file.is_dir() {
             files.push(file);
         }
+    }
+    if let Some(path) = not_text(&files, &pattern) {
+        return Err(SeriesError::Name { path });
     }
     if files.is_empty() {
         return Err(SeriesError::NoMatch { pattern: entry.to_owned(), folder: base.to_owned() });
     }
     files.sort_by(|a, b| natural_order(a, b));
     Ok(files)
+}
+
+/// Whether a wildcard of `pattern` stands for a name with a dot at its beginning on the way to `file`. Such files are not meant:
+/// some systems lay a `._img_001.tif` beside every image.
+fn is_hidden(file: &Path, pattern: &str) -> bool {
+    let dotted = |name: &str| name.starts_with('.') && name != "." && name != "..";
+    let asked: Vec<&str> = pattern.split(std::path::is_separator).filter(|name| dotted(name)).collect();
+    let name_of = |part: std::path::Component| part.as_os_str().to_string_lossy().into_owned();
+    let matches = |name: &str| {
+        let matches = |asked: &&str| *asked == name || glob::Pattern::new(asked).is_ok_and(|asked| asked.matches(name));
+        asked.iter().any(matches)
+    };
+    file.components().map(name_of).any(|name| dotted(&name) && !matches(&name))
+}
+
+/// A file beside those found that `pattern` means too, but whose name is no UTF-8: it would be left out without a word.
+fn not_text(found: &[PathBuf], pattern: &str) -> Option<PathBuf> {
+    let last = pattern.rsplit(std::path::is_separator).next().and_then(|last| glob::Pattern::new(last).ok())?;
+    let mut folders: Vec<&Path> = found.iter().filter_map(|file| file.parent()).collect();
+    folders.dedup();
+    let entries = folders.into_iter().flat_map(|folder| {
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        std::fs::read_dir(folder).into_iter().flatten().flatten()
+    });
+    let lost = |name: &std::ffi::OsStr| name.to_str().is_none() && last.matches(&name.to_string_lossy());
+    entries.map(|entry| entry.path()).find(|path| path.file_name().is_some_and(lost))
 }
 
 /// The order of the files of a series: component by component, numbers by value, whatever their leading zeros; ties by the

@@ -9,7 +9,7 @@
 
 mod samples;
 
-use super::images::raw::{Channels, ImageFault, Raw, check_size};
+use super::images::raw::{Accepted, Channels, ImageFault, Raw, check_size};
 use crate::imaging::Pixels;
 use samples::{apply_map, invert, native, split_bits, stretch};
 use std::collections::HashSet;
@@ -69,7 +69,7 @@ impl PageList {
     }
 
     /// Decodes page `page` of the file `bytes`, which are edited and put right again.
-    pub(super) fn decode(&self, bytes: &mut [u8], page: usize) -> Result<Raw, ImageFault> {
+    pub(super) fn decode(&self, bytes: &mut [u8], page: usize, accepted: Accepted) -> Result<Raw, ImageFault> {
         let pages = self.len();
         let Some(&offset) = self.offsets.get(page) else {
             return Err(ImageFault::NoSuchPage { pages });
@@ -77,7 +77,7 @@ impl PageList {
         let directory = Directory::read(self.file, bytes, offset)?;
         let entries = offset..directory.next.min(bytes.len());
         let kept = bytes[entries.clone()].to_vec();
-        let decoded = directory.decode(bytes);
+        let decoded = directory.decode(bytes, accepted);
         bytes[entries].copy_from_slice(&kept);
         let mut raw = decoded?;
         if !self.complete {
@@ -242,12 +242,12 @@ impl Directory {
         }
     }
 
-    fn decode(&self, bytes: &mut [u8]) -> Result<Raw, ImageFault> {
-        let stored = self.storage(bytes)?;
+    fn decode(&self, bytes: &mut [u8], accepted: Accepted) -> Result<Raw, ImageFault> {
+        let stored = self.storage(bytes, accepted)?;
         let Storage { width, height, bits, samples, photometric, .. } = stored;
         self.simplify(&stored, bytes)?;
         let mut notes = Vec::new();
-        let mut pixels = match unpack_strips(bytes)? {
+        let mut pixels = match unpack_strips(bytes, stored.unpacked)? {
             DecodingResult::U8(rows) if stored.packed() => split_bits(&rows, stored.columns, stored.rows, bits)?,
             decoded => native(decoded, &mut notes)?,
         };
@@ -286,7 +286,7 @@ impl Directory {
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.
-    fn storage(&self, bytes: &[u8]) -> Result<Storage, ImageFault> {
+    fn storage(&self, bytes: &[u8], accepted: Accepted) -> Result<Storage, ImageFault> {
         let missing = |what| ImageFault::Corrupt(format!("the page does not say its {what}"));
         let width = self.value(bytes, WIDTH).ok_or_else(|| missing("width"))?;
         let height = self.value(bytes, HEIGHT).ok_or_else(|| missing("height"))?;
@@ -300,7 +300,8 @@ impl Directory {
         let ratio = match compression {
             1 => 1,
             32773 => 64,
-            5 | 7 | 8 | 32946 => 4096,
+            8 | 32946 => 1100,
+            5 | 7 => 4096,
             other => return unsupported(format!("compression {other}{}", compression_name(other))),
         };
         match photometric {
@@ -337,7 +338,8 @@ impl Directory {
             }
         };
         let row = (u128::from(columns) * u128::from(samples) * u128::from(bits)).div_ceil(8);
-        check_size(width, height, row.saturating_mul(rows), ratio, bytes.len())?;
+        let unpacked = row.saturating_mul(rows);
+        check_size(accepted, width, height, unpacked, ratio, bytes.len())?;
         // What remains fits in memory, and so in these types, but for tiles of absurd shape.
         let small = |n: u128| u32::try_from(n).map(|n| n as usize);
         let odd = |_| ImageFault::Unsupported("tiles of this shape".into());
@@ -354,6 +356,7 @@ impl Directory {
             },
             columns: small(columns.into()).map_err(odd)?,
             rows: small(rows).map_err(odd)?,
+            unpacked: usize::try_from(unpacked).unwrap_or(usize::MAX),
         })
     }
 
@@ -411,6 +414,8 @@ struct Storage {
     /// Width and height of what is unpacked: the image, or a column of all tiles.
     columns: usize,
     rows: usize,
+    /// Its bytes.
+    unpacked: usize,
 }
 
 impl Storage {
@@ -467,10 +472,12 @@ fn photometric_name(code: u64) -> &'static str {
     }
 }
 
-/// All samples of the first page of `bytes`, as stored.
-fn unpack_strips(bytes: &[u8]) -> Result<DecodingResult, ImageFault> {
-    // The sizes were checked against the file: the decoder's own limits are for smaller images.
-    let limits = Limits::unlimited();
+/// All samples of the first page of `bytes`, as stored: `unpacked` bytes.
+fn unpack_strips(bytes: &[u8], unpacked: usize) -> Result<DecodingResult, ImageFault> {
+    // The decoder's own limits are for smaller images. The samples were checked against the file; a list of numbers, of which
+    // the decoder holds each in some tens of bytes, is no longer than the file either, whatever it claims.
+    let mut limits = Limits::unlimited();
+    limits.decoding_buffer_size = unpacked.max(bytes.len().saturating_mul(64)).max(1 << 16);
     let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(problem)?.with_limits(limits);
     let mut samples = DecodingResult::U8(Vec::new());
     decoder.read_image_to_buffer(&mut samples).map_err(problem)?;

@@ -1,6 +1,6 @@
 //! A folder that a camera writes into: which of its files are whole, and in what order they come.
 
-use super::images::{Loaded, ReadError};
+use super::images::{Accepted, Loaded, ReadError};
 use super::series::{Frame, natural_order};
 use glob::{MatchOptions, Pattern, PatternError};
 use std::collections::{BTreeMap, HashSet};
@@ -226,10 +226,15 @@ impl WatchedFolder {
 /// changes meanwhile, is read again when it has been the same for `settle` anew. None when it is not `wanted` any more.
 ///
 /// What has not become an image in ten times that since its last change has the error of the last attempt.
-pub fn read_whole(frame: &Frame, settle: Duration, wanted: impl Fn() -> bool) -> Option<Result<Loaded, ReadError>> {
+pub fn read_whole(
+    frame: &Frame,
+    accepted: Accepted,
+    settle: Duration,
+    wanted: impl Fn() -> bool,
+) -> Option<Result<Loaded, ReadError>> {
     let begin = Instant::now();
     let (mut stamp, mut since, mut changed) = (Stamp::at(&frame.path), begin, false);
-    let mut read = frame.read();
+    let mut read = frame.read(accepted);
     loop {
         let now = Stamp::at(&frame.path);
         if now != stamp {
@@ -239,7 +244,7 @@ pub fn read_whole(frame: &Frame, settle: Duration, wanted: impl Fn() -> bool) ->
             return Some(read);
         }
         if changed && since.elapsed() >= settle {
-            (read, changed) = (frame.read(), false);
+            (read, changed) = (frame.read(accepted), false);
             continue;
         }
         if begin.elapsed() >= LONGEST * settle {
@@ -368,12 +373,12 @@ mod tests {
         let frame = Frame::file(path.clone(), 0);
         fs::write(&path, "no image").unwrap();
         let begin = Instant::now();
-        let read = read_whole(&frame, settle, || true).unwrap();
+        let read = read_whole(&frame, Accepted::default(), settle, || true).unwrap();
         assert!(matches!(read, Err(ReadError::NotAnImage { .. })) && begin.elapsed() >= 10 * settle, "{read:?}");
-        assert!(read_whole(&frame, settle, || false).is_none());
+        assert!(read_whole(&frame, Accepted::default(), settle, || false).is_none());
         // It is asked for between two looks: so it changes between any two.
         let grow = || fs::write(&path, "x".repeat(Stamp::at(&path).unwrap().bytes as usize + 1)).is_ok();
-        let read = read_whole(&frame, settle, grow).unwrap();
+        let read = read_whole(&frame, Accepted::default(), settle, grow).unwrap();
         assert!(matches!(read, Err(ReadError::Changing { .. })), "{read:?}");
     }
 }

@@ -37,7 +37,8 @@ impl Bins {
         let high = [corner(0, f64::max, f64::NEG_INFINITY), corner(1, f64::max, f64::NEG_INFINITY)];
         let area = (high[0] - low[0]) * (high[1] - low[1]);
         let size = (area / elements.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
-        let count = |k: usize| (((high[k] - low[k]) / size).floor() as usize + 1).min(1 << 15);
+        // Elements as small as numbers get have no quotient that counts; clamped before it is one.
+        let count = |k: usize| ((high[k] - low[k]) / size).clamp(0.0, 32767.0) as usize + 1;
         let (columns, rows) = (count(0), count(1));
         let mut bins = Self { origin: low, size, columns, lists: vec![Vec::new(); columns * rows] };
         for (element, corners) in elements.iter().enumerate() {

@@ -4,6 +4,7 @@ use super::error::Result;
 use super::plan::Images;
 use super::text::{chain, plural};
 use crate::io::case::{CaseFile, parse_case};
+use crate::io::images::Accepted;
 use crate::io::series::{Frame, natural_order};
 use crate::io::store::{STORE, StoreHeader};
 use crate::io::watch::{WatchedFolder, read_whole};
@@ -22,6 +23,7 @@ pub(super) struct Camera {
     watched: WatchedFolder,
     /// Page of each file.
     page: usize,
+    accepted: Accepted,
     timeout: Option<Duration>,
     /// Frames that have come and were not taken.
     come: VecDeque<Frame>,
@@ -35,9 +37,9 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    pub fn new(watched: WatchedFolder, page: usize, timeout: Option<Duration>) -> Self {
+    pub fn new(watched: WatchedFolder, page: usize, accepted: Accepted, timeout: Option<Duration>) -> Self {
         let (come, notes, next_look) = (VecDeque::new(), Vec::new(), Instant::now());
-        Self { watched, page, timeout, come, last: None, next_look, fault: None, notes }
+        Self { watched, page, accepted, timeout, come, last: None, next_look, fault: None, notes }
     }
 
     /// Where it writes.
@@ -85,7 +87,7 @@ impl Camera {
                 None => Ok(None),
             };
         };
-        match read_whole(&first, self.settle(), wanted) {
+        match read_whole(&first, self.accepted, self.settle(), wanted) {
             Some(Ok(_)) => Ok(Some(first)),
             Some(Err(error)) => {
                 Err(format!("{}; it came first and would be the reference: name one with --reference", chain(&error))

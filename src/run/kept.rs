@@ -11,6 +11,7 @@ use crate::correlate::{ChainState, Keyframe};
 use crate::field::UpdateReference;
 use crate::imaging::Image;
 use crate::io::arrays::{ArrayFile, Values};
+use crate::io::images::Accepted;
 use crate::io::npz::{NpzWriter, read_npz};
 use crate::io::series::Frame;
 use crate::mesh::Mesh;
@@ -44,10 +45,16 @@ impl Kept {
     ///
     /// # Errors
     /// An image that cannot be read any more or is another one: the frames that follow would not be those of this run.
-    pub fn image(&self, number: usize, frame: Option<&Frame>) -> std::result::Result<Arc<Image>, String> {
+    pub fn image(
+        &self,
+        number: usize,
+        frame: Option<&Frame>,
+        accepted: Accepted,
+    ) -> std::result::Result<Arc<Image>, String> {
         let frame = frame.ok_or_else(|| format!("frame {number} is not known: this is a bug in quadrille"))?;
         let about = format!("frame {number} ({frame}) is the reference of frames to come");
-        let loaded = frame.read().map_err(|error| format!("{about} and is needed to go on: {}", chain(&error)))?;
+        let loaded =
+            frame.read(accepted).map_err(|error| format!("{about} and is needed to go on: {}", chain(&error)))?;
         match self.images.get(&number) {
             Some(sha256) if *sha256 == loaded.sha256 => Ok(Arc::new(loaded.image)),
             _ => Err(format!("{about}, and its image has changed: bring it back, or begin anew with --overwrite")),

@@ -95,7 +95,7 @@ impl Lock {
                     held.push(file);
                     Ok(true)
                 }
-                Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => Ok(false),
+                Err(TryLockError::Error(error)) if without_locks(&error) => Ok(false),
                 Err(TryLockError::Error(error)) => Err(cannot(path, error)),
                 Err(TryLockError::WouldBlock) => Err(busy(folder)),
             }
@@ -123,7 +123,7 @@ impl Lock {
         let path = self.folder.join(COMMON);
         let file = open(&path)?;
         match file.lock() {
-            Err(error) if error.kind() != std::io::ErrorKind::Unsupported => Err(cannot(&path, error)),
+            Err(error) if !without_locks(&error) => Err(cannot(&path, error)),
             _ => Ok(file),
         }
     }
@@ -133,8 +133,7 @@ impl Lock {
 pub(crate) fn holders(folder: &Path) -> Vec<Holder> {
     let unknown = || Holder { host: "an unknown machine".into(), pid: 0, since: now(), shard: None, watches: None };
     let run = folder.join(RUN);
-    let alone = File::open(&run).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
-    if alone {
+    if is_held(&run) {
         return vec![Holder::read(&run).unwrap_or_else(unknown)];
     }
     let held = shards(folder).into_iter().filter(|(path, _)| is_held(path));
@@ -151,8 +150,20 @@ fn shards(folder: &Path) -> Vec<(PathBuf, usize)> {
     found
 }
 
+/// Whether a process holds the lock `path` alone.
+///
+/// It is asked for together: an exclusive lock needs a file opened for writing on NFS (`EBADF` otherwise), which who only looks
+/// may not be allowed.
 fn is_held(path: &Path) -> bool {
-    File::open(path).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+    File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
+}
+
+/// Whether a lock failed because the file system has none: it says so itself, or its lock service does not answer, as that of
+/// an NFS server without `lockd`.
+fn without_locks(error: &std::io::Error) -> bool {
+    let no_lock_service = if cfg!(target_os = "linux") { Some(37) } else { None }; // ENOLCK
+    error.kind() == std::io::ErrorKind::Unsupported
+        || (no_lock_service.is_some() && error.raw_os_error() == no_lock_service)
 }
 
 fn open(path: &Path) -> Result<File> {

@@ -47,6 +47,8 @@ pub struct Overlay {
     pub pages: Option<Pages>,
     /// Millimetres per pixel.
     pub pixel_size: Option<f64>,
+    /// The most pixels of an image, in millions.
+    pub max_image_mpx: Option<u32>,
     /// The share of the frames that this process does.
     pub shard: Option<Shard>,
     /// Rectangles to measure, px: left, top, right, bottom; with polygons, mask and mesh they replace the zones of the case.

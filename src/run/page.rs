@@ -7,7 +7,7 @@ use super::record::Record;
 use super::steps::Steps;
 use super::text::absolute;
 use crate::field::{Measurement, Status};
-use crate::io::images::sha256;
+use crate::io::images::{Accepted, sha256};
 use crate::io::joint::{read_joint, read_table};
 use crate::io::run_case::RunCase;
 use crate::io::series::Frame;
@@ -50,7 +50,7 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     }
     let page = Record::of(header).page();
     let reference = header.reference.first().ok_or("the correlation names no reference image")?;
-    let reference = Frame::named(reference, page).read()?.image;
+    let reference = Frame::named(reference, page).read(Accepted::ANY)?.image;
     let joint = Joint::new(&read_joint(joint_case)?)?;
     let found = case.has_fit().then(|| folder.join(FIT)).filter(|path| path.exists());
     let fit: Option<FitRecord> = found.map(|path| read_json(&path)).transpose()?;

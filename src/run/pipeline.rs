@@ -8,7 +8,7 @@ use super::text::chain;
 use crate::correlate::{Correlate, Correlation, History, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded};
 use crate::field::{StartFrom, Status, UpdateReference};
 use crate::imaging::{Blank, FlatBlocks, Image, Saturation};
-use crate::io::images::{Loaded, PagedFile, ReadError};
+use crate::io::images::{Accepted, Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
 use crate::report::summary::FrameSummary;
@@ -34,6 +34,8 @@ pub(super) struct Frames<'a> {
     pub known: &'a [Frame],
     /// How long a file must have been the same, when they are being written: one that is not whole is waited for.
     pub settle: Option<Duration>,
+    /// What an image may be: of the size of the reference.
+    pub accepted: Accepted,
     /// The rectangles that hold the zones, px: x0, y0, x1, y1.
     pub windows: &'a [[usize; 4]],
     /// Which blocks of the reference have one grey level.
@@ -196,8 +198,8 @@ fn decode(
         }
         let begin = Instant::now();
         let loaded = match frames.settle {
-            Some(settle) => read_whole(&frame, settle, wanted),
-            None => Some(read_frame(&frame, &mut stack)),
+            Some(settle) => read_whole(&frame, frames.accepted, settle, wanted),
+            None => Some(read_frame(&frame, frames.accepted, &mut stack)),
         };
         let Some(loaded) = loaded else { return };
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
@@ -217,15 +219,19 @@ fn decode(
 }
 
 /// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
-fn read_frame(frame: &Frame, stack: &mut Option<(PathBuf, PagedFile)>) -> std::result::Result<Loaded, ReadError> {
+fn read_frame(
+    frame: &Frame,
+    accepted: Accepted,
+    stack: &mut Option<(PathBuf, PagedFile)>,
+) -> std::result::Result<Loaded, ReadError> {
     if !frame.is_page {
-        return frame.read();
+        return frame.read(accepted);
     }
     match stack {
-        Some((path, file)) if *path == frame.path => file.read(frame.page),
+        Some((path, file)) if *path == frame.path => file.read(frame.page, accepted),
         _ => {
             let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
-            file.read(frame.page)
+            file.read(frame.page, accepted)
         }
     }
 }
@@ -330,14 +336,14 @@ impl Chain<'_> {
         (file, sha256): (Frame, String),
         uploaded: Option<(usize, Uploaded)>,
     ) -> std::result::Result<Correlated, Failure> {
-        let Self { frames: Frames { update, .. }, kept, files, chain } = self;
+        let Self { frames: Frames { update, accepted, .. }, kept, files, chain } = self;
         let mut refused = Vec::new();
         let (result, correlator) = engine.correlate(number, image, uploaded, |generation, correlator, frame| {
             // A chain whose frame has failed is not put back.
             let mut whole = match chain.take() {
                 Some((of, chain)) if of == generation => chain,
                 _ => ReferenceChain::resume(correlator.clone(), *update, (*kept.state).clone(), |number| {
-                    kept.image(number, files.get(&number)).map_err(Failure::Image)
+                    kept.image(number, files.get(&number), *accepted).map_err(Failure::Image)
                 })?,
             };
             let result = whole.correlate_uploaded(number, frame)?;

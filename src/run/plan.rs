@@ -12,7 +12,7 @@ use crate::field::{
     Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
 };
 use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
-use crate::io::images::pages_of;
+use crate::io::images::{Accepted, pages_of};
 use crate::io::series::{Frame, expand_references, expand_series};
 use crate::io::store::StoreHeader;
 use crate::isa::Isa;
@@ -33,6 +33,8 @@ pub struct Plan {
     pub deformed: Vec<Frame>,
     /// The scale, where it is known.
     pub pixel_size: Option<PixelSize>,
+    /// What an image may be to be read.
+    pub accepted: Accepted,
     /// What is measured; where there is none, the specimen is looked for in the reference.
     pub zones: Vec<CaseZone>,
     /// Whether the zones were found so, now or in the run that this one repeats.
@@ -95,6 +97,7 @@ impl Plan {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
+        let accepted = accepted(asked, case)?;
         let zones = wanted_zones(asked, case);
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
@@ -140,6 +143,7 @@ impl Plan {
             reference_named,
             deformed,
             pixel_size,
+            accepted,
             zones,
             zone_found,
             guard_px: asked.guard,
@@ -211,6 +215,7 @@ impl Plan {
                 page: self.reference.first().map(|frame| frame.page as u32),
                 pages: self.deformed.iter().any(|frame| frame.is_page).then_some(Pages::All),
                 pixel_size_mm: self.pixel_size.map(PixelSize::mm_per_px),
+                max_image_mpx: (self.accepted != Accepted::default()).then_some(self.accepted.max_mpx),
             },
             correlation: CaseCorrelation {
                 element_size_px: Some(options.element_size as u32),
@@ -279,6 +284,19 @@ fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<O
         regularisation: regularisation(asked, given)?,
         ..default
     })
+}
+
+/// What images may be, as overlay and case ask for together.
+///
+/// # Errors
+/// A number of pixels that cannot be counted.
+pub(super) fn accepted(asked: &Overlay, case: &CaseFile) -> Result<Accepted> {
+    let most = Accepted::MOST_MPX;
+    match asked.max_image_mpx.or(case.images.max_image_mpx) {
+        None => Ok(Accepted::default()),
+        Some(max_mpx) if (1..=most).contains(&max_mpx) => Ok(Accepted { max_mpx, size: None }),
+        Some(wrong) => Err(format!("the most pixels of an image are {wrong} million; give 1 to {most}").into()),
+    }
 }
 
 /// The window of that many nodes; none for 1.

@@ -7,7 +7,7 @@ use crate::correlate::CorrelationError;
 use crate::field::Noise;
 use crate::imaging::{Image, Mean, small_shift};
 use crate::io::case::{CaseGuard, CaseZone};
-use crate::io::images::ReadError;
+use crate::io::images::{Accepted, ReadError};
 use crate::io::series::Frame;
 use crate::mesh::{Mesh, MeshError};
 use crate::units::Px;
@@ -27,7 +27,7 @@ impl Reference {
 
     /// The reference of `plan`.
     pub fn of(plan: &Plan) -> Result<Self> {
-        Self::read(&plan.reference).map_err(|error| match error {
+        Self::read(&plan.reference, plan.accepted).map_err(|error| match error {
             RunError::Image(fault @ ReadError::NotAnImage { .. }) if !plan.reference_named => {
                 RunError::Reference(format!(
                     "{fault}. It comes first and is therefore taken for the reference: name the images alone, such as 'folder/*.tif', \
@@ -39,12 +39,12 @@ impl Reference {
     }
 
     /// Reads the images, and their mean when there are several.
-    pub fn read(frames: &[Frame]) -> Result<Self> {
+    pub fn read(frames: &[Frame], accepted: Accepted) -> Result<Self> {
         let mut first: Option<(Image, &Frame)> = None;
         let mut mean: Option<Mean> = None;
         let (mut sha256, mut notes) = (Vec::new(), Vec::new());
         for frame in frames {
-            let loaded = frame.read()?;
+            let loaded = frame.read(accepted)?;
             sha256.push(loaded.sha256);
             notes.extend(loaded.notes.iter().map(|note| format!("{frame}: {note}")));
             let Some((before, name)) = &first else {

@@ -10,6 +10,7 @@ use super::kept::Kept;
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
 use crate::field::{Status, UpdateReference};
+use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
 use crate::mesh::Mesh;
@@ -139,10 +140,16 @@ impl Earlier {
 
     /// What of it holds when every frame depends on those before it: the frames up to the last from which a chain can go on,
     /// and its state there. A frame that could not be read is one of them as long as its file is what it was.
-    pub fn of_chain(self, folder: &Path, frames: &[Frame], update: UpdateReference, mesh: &Mesh<Px>) -> (Self, Kept) {
+    pub fn of_chain(
+        self,
+        folder: &Path,
+        (frames, accepted): (&[Frame], Accepted),
+        update: UpdateReference,
+        mesh: &Mesh<Px>,
+    ) -> (Self, Kept) {
         let Self { mut done, mut unreadable, damaged } = self;
         let is_as_before = |number: usize, sha256: &Option<String>| {
-            frames[number - 1].read().map(|loaded| loaded.sha256).ok() == *sha256
+            frames[number - 1].read(accepted).map(|loaded| loaded.sha256).ok() == *sha256
         };
         let mut number = 1;
         while done.contains_key(&number) || unreadable.get(&number).is_some_and(|(_, was)| is_as_before(number, was)) {

@@ -212,7 +212,9 @@ impl<'a> PreparedSeries<'a> {
         let (Earlier { done, damaged, .. }, kept) = match plan.update {
             UpdateReference::Never => (earlier, Kept::default()),
             update => {
-                let (earlier, kept) = earlier.of_chain(folder.path(), &plan.deformed, update, self.correlator.mesh());
+                let accepted = plan.accepted.of_size(self.reference.width(), self.reference.height());
+                let (earlier, kept) =
+                    earlier.of_chain(folder.path(), (&plan.deformed, accepted), update, self.correlator.mesh());
                 // They are of another chain now, also should this start be killed before it comes to them.
                 let after = kept.number + 1..=plan.deformed.len();
                 for number in after.filter(|&number| store.status_file(number).exists()) {
@@ -288,6 +290,7 @@ impl<'a> PreparedSeries<'a> {
         let frames = pipeline::Frames {
             known: &plan.deformed,
             settle: camera.as_ref().map(Camera::settle),
+            accepted: plan.accepted.of_size(self.reference.width(), self.reference.height()),
             windows: &windows,
             flat: &flat,
             start: plan.options.start,

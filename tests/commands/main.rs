@@ -5,6 +5,7 @@ mod common;
 #[path = "../program/mod.rs"]
 mod program;
 
+mod armour;
 mod bad_input;
 mod cli;
 mod exports;

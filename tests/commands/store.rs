@@ -798,6 +798,54 @@ fn a_damaged_store_ends_the_export_with_the_name_of_the_chunk() {
     assert_eq!(desk.files("made"), ["csv/000001.csv"]);
 }
 
+/// Reads all of the store in `path` that can be read.
+fn read_all(path: &Path) {
+    let Ok(store) = Store::open(path) else { return };
+    for number in 1..=store.n_frames().min(2 * N_FRAMES) {
+        let _ = (store.status(number), store.frame(number), store.without_field(number), store.check(number));
+        let _ = (store.reference_frame(number), store.noise(number));
+    }
+    let _ = (store.normal_matrices(), store.gradient_noise());
+}
+
+/// Damages one byte after the other of every `step`-th place of every file of a store, in three ways, and reads it.
+fn damage(step: usize) {
+    let (_folder, path) = written();
+    let mut files = vec![path.join("zarr.json")];
+    let arrays = fs::read_dir(&path).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir());
+    for array in arrays {
+        files.extend(fs::read_dir(array).unwrap().flatten().map(|entry| entry.path()));
+    }
+    files.sort();
+    for file in files {
+        let whole = fs::read(&file).unwrap();
+        for at in (whole.len() % step..whole.len()).step_by(step) {
+            let mut damaged = whole.clone();
+            // A bit, a digit or sign in place of another, a cut.
+            damaged[at] ^= 1 << (at % 8);
+            let other = b"0919-.e\"[]{},:"[at % 14];
+            let digit = [&whole[..at], &[other], &whole[at + 1..]].concat();
+            for bytes in [damaged, digit, whole[..at].to_vec()] {
+                fs::write(&file, bytes).unwrap();
+                read_all(&path);
+            }
+        }
+        fs::write(&file, &whole).unwrap();
+    }
+    assert!(Store::open(&path).unwrap().frame(1).unwrap().is_some());
+}
+
+#[test]
+fn no_damage_makes_the_reader_of_stores_panic() {
+    damage(97);
+}
+
+#[test]
+#[ignore = "minutes"]
+fn no_damage_of_any_byte_makes_the_reader_of_stores_panic() {
+    damage(1);
+}
+
 #[test]
 fn what_is_not_a_store_is_not_overwritten_by_a_run() {
     let desk = Desk::with_series();

@@ -1,6 +1,6 @@
 //! Mesh files: every variant of `.msh` and `.vtu` gives the same zones, broken files are refused in words.
 
-use crate::common::data;
+use crate::common::{data, free_zone};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use flate2::{Compression, write::ZlibEncoder};
@@ -8,6 +8,7 @@ use quadrille::field::{Measurement, Status};
 use quadrille::io::mesh_file::{MeshFile, MeshFileError, parse_mesh, read_mesh};
 use quadrille::io::vtk::write_vtu;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
+use quadrille::units::PixelSize;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
@@ -603,6 +604,45 @@ fn damage_is_named_with_its_line() {
     refused(cut(&vtu, "</UnstructuredGrid>"), &["</VTKFile>, is missing"]);
 }
 
+/// What becomes of a file that may be damaged: whatever is read is laid over an image, and a place in it looked for.
+fn used(bytes: &[u8]) {
+    let Ok(file) = parse_mesh(bytes, Path::new("a")) else { return };
+    let zones: Vec<_> = file.zones.into_iter().map(free_zone).collect();
+    if let Ok(mesh) = Mesh::on_zones(&zones, 16, 64, 64) {
+        (0..zones.len()).for_each(|zone| drop(mesh.locate(zone, 20.0, 20.0)));
+        let _ = mesh.to_mm(PixelSize::new(0.1).unwrap()).locate(0, 1.0, -1.0);
+    }
+}
+
+#[test]
+fn no_number_in_a_mesh_file_makes_a_mesh_that_panics() {
+    let text = msh_22();
+    let wrong =
+        ["0", "1", "-1", "9", "8.000001", "1e-320", "4e-160", "1e-9", "1e9", "1e155", "1e308", "-1e308", "4294967295"];
+    let tokens: Vec<(usize, &str)> =
+        text.split_whitespace().map(|t| (t.as_ptr() as usize - text.as_ptr() as usize, t)).collect();
+    for &(at, token) in tokens.iter().filter(|(_, token)| token.parse::<f64>().is_ok()) {
+        for wrong in wrong {
+            used([&text[..at], wrong, &text[at + token.len()..]].concat().as_bytes());
+        }
+    }
+    // All coordinates together: elements of every size from the smallest number to the largest.
+    for exponent in (-320..309).step_by(3) {
+        let nodes = text.split("$Nodes\n").nth(1).unwrap().split("$EndNodes").next().unwrap();
+        let scaled: Vec<String> = nodes
+            .lines()
+            .map(|line| {
+                let parts: Vec<&str> = line.split(' ').collect();
+                match parts.as_slice() {
+                    [n, x, y, z] => format!("{n} {x}e{exponent} {y}e{exponent} {z}"),
+                    _ => line.to_owned(),
+                }
+            })
+            .collect();
+        used(text.replace(nodes, &(scaled.join("\n") + "\n")).as_bytes());
+    }
+}
+
 #[test]
 fn no_damage_makes_the_readers_panic_or_hang() {
     let mut files = vec![msh_41(None), msh_41(Some(true)), msh_41(Some(false)), msh_22().into_bytes()];
@@ -616,13 +656,13 @@ fn no_damage_makes_the_readers_panic_or_hang() {
     for whole in files {
         assert!(parse_mesh(&whole, path).is_ok());
         for len in 0..whole.len() {
-            let _ = parse_mesh(&whole[..len], path);
+            used(&whole[..len]);
         }
         let mut damaged = whole.clone();
         for at in 0..whole.len() {
             for flip in [0x01, 0x02, 0x08, 0x10, 0x40, 0x80, 0xff] {
                 damaged[at] = whole[at] ^ flip;
-                let _ = parse_mesh(&damaged, path);
+                if flip == 0x10 { used(&damaged) } else { drop(parse_mesh(&damaged, path)) }
             }
             damaged[at] = whole[at];
         }

@@ -77,6 +77,7 @@ fn full() -> CaseFile {
             page: Some(1),
             pages: Some(Pages::All),
             pixel_size_mm: Some(0.00193125),
+            max_image_mpx: Some(64),
         },
         correlation: CaseCorrelation {
             element_size_px: Some(16),

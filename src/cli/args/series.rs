@@ -8,8 +8,10 @@ use super::words::pages;
 use super::words::path;
 use super::words::polygon;
 use super::words::rectangle;
+use super::words::sbatch_option;
 use super::words::seconds;
 use super::words::slurm_time;
+use super::words::slurm_word;
 use crate::backend::choice::DeviceChoice;
 use crate::cli::frames::Frames;
 use crate::field::Brightness;
@@ -196,6 +198,9 @@ pub struct CorrelateArgs {
     /// Millimetres per pixel: adds columns in mm to the CSV files.
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     pub pixel_size: Option<f64>,
+    /// The most pixels of an image, in millions, up to 2147: a file whose header claims more is not unpacked. Default 1000.
+    #[arg(long, value_name = "MPX")]
+    pub max_image_mpx: Option<u32>,
     /// What to write per frame beside the store DIR/fields.zarr. Default csv,vtu up to 1000 frames and none
     /// above (or what the run.toml given as --case wrote). `quadrille export` makes them later.
     #[arg(long, value_name = "csv,vtu|none", value_delimiter = ',')]
@@ -322,14 +327,20 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "HH:MM:SS", default_value = "04:00:00", value_parser = slurm_time)]
     pub time: String,
     /// Memory of each task, as Slurm takes it, such as 8G. Default: that of the cluster.
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", value_parser = slurm_word)]
     pub memory: Option<String>,
     /// Partition of the cluster.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = slurm_word)]
     pub partition: Option<String>,
     /// Account that is charged.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = slurm_word)]
     pub account: Option<String>,
+    /// A further option of sbatch for both scripts, such as --sbatch=--qos=long; may be given several times.
+    #[arg(long, value_name = "OPTION", value_parser = sbatch_option, allow_hyphen_values = true)]
+    pub sbatch: Vec<String>,
+    /// A file with lines of bash that every job runs before the program: modules to load, folders to make.
+    #[arg(long, value_name = "FILE")]
+    pub prologue: Option<PathBuf>,
     /// What the job after the array exports: csv, vtu, npz, mat. Default: nothing, the store holds everything.
     #[arg(long, value_name = "KINDS", value_delimiter = ',')]
     pub export: Vec<Target>,

@@ -38,6 +38,25 @@ pub(super) fn slurm_time(text: &str) -> Result<String, String> {
     }
 }
 
+/// A value of an option of sbatch: one word, so that it ends where it seems to.
+pub(super) fn slurm_word(text: &str) -> Result<String, String> {
+    let fine = |c: char| c.is_ascii_alphanumeric() || "_-.,:+@%/=".contains(c);
+    match !text.is_empty() && text.chars().all(fine) {
+        true => Ok(text.to_owned()),
+        false => Err("one word of letters, digits and _-.,:+@%/= is expected".to_owned()),
+    }
+}
+
+/// An option of sbatch as it stands in a script behind `#SBATCH`.
+pub(super) fn sbatch_option(text: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_graphic() || c == ' ';
+    match text.strip_prefix("--").is_some_and(|name| name.starts_with(|c: char| c.is_ascii_lowercase())) {
+        true if text.chars().all(plain) => Ok(text.to_owned()),
+        true => Err("an option on one line, in ASCII, is expected".to_owned()),
+        false => Err("an option of sbatch begins with two hyphens, as in --sbatch=--qos=long".to_owned()),
+    }
+}
+
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
     let values = values.map_err(|_| format!("'{text}' is no list of {N} numbers separated by commas"))?;

@@ -1,7 +1,7 @@
 //! The sections of a correlation: images, options, zones.
 
 use super::guard::CaseGuard;
-use super::lists::{OneOrMore, four_numbers, one_or_list, one_or_more, polygon, polygons};
+use super::lists::{OneOrMore, four_numbers, name, one_or_list, one_or_more, polygon, polygons};
 use crate::field::{
     Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
 };
@@ -37,6 +37,9 @@ pub struct CaseImages {
     /// Size of a pixel on the specimen, mm; adds columns in mm. `quadrille run` needs it.
     #[schemars(extend("x-flag" = "--pixel-size"))]
     pub pixel_size_mm: Option<f64>,
+    /// The most pixels of an image, in millions, up to 2147: a file whose header claims more is not unpacked.
+    #[schemars(extend("default" = 1000, "x-flag" = "--max-image-mpx"))]
+    pub max_image_mpx: Option<u32>,
 }
 
 /// Which pages of a file are frames.
@@ -115,6 +118,7 @@ pub struct CaseCorrelation {
 #[serde(deny_unknown_fields)]
 pub struct CaseZone {
     /// Its name, in every output; names must differ. Without it `zone1`, `zone2`, ...
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Its rectangle `[x0, y0, x1, y1]`, px of the reference image, may be fractional; `x1` and `y1` are not included.
     #[serde(default, deserialize_with = "four_numbers")]

@@ -2,7 +2,7 @@
 
 use super::is_default;
 use super::law::CaseExact;
-use super::lists::lower_upper;
+use super::lists::{lower_upper, name};
 use schemars::JsonSchema;
 use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -213,6 +213,7 @@ pub enum CaseBoundaryNoise {
 #[serde(deny_unknown_fields)]
 pub struct CaseTest {
     /// What it is called in results. Without it the folder of its case file.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Its case file, with which `quadrille identify` fits it alone, or the folder of a `quadrille run`. Its `[fit]` says only what
     /// is stated of the errors of its set-up (`thickness_mm_std`, `exact`, ...).

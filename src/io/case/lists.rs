@@ -61,6 +61,18 @@ pub(super) fn lower_upper<'de, D: Deserializer<'de>>(deserializer: D) -> Result<
     Exactly::read(deserializer, "", "two names [\"lower\", \"upper\"], those of the two [[zone]] beside the adhesive")
 }
 
+/// A name that stands in tables, file names and messages: a line break in it would break all three.
+pub(super) fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    match name.chars().find(|c| c.is_control()) {
+        None => Ok(Some(name)),
+        Some(c) => {
+            let what = format!("the name {name:?} holds a control character ({c:?}); use letters and digits");
+            Err(de::Error::custom(what))
+        }
+    }
+}
+
 /// Four numbers.
 pub(super) fn four_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 4]>, D::Error> {
     Exactly::read(deserializer, "", "four numbers [x0, y0, x1, y1]").map(Some)

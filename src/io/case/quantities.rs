@@ -1,7 +1,7 @@
 //! What is drawn from the fields of a case: points, lines, extensometers, openings, and what they are joined with.
 
 use super::is_default;
-use super::lists::{path, point, two_names};
+use super::lists::{name, path, point, two_names};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,7 @@ pub struct CaseLoad {
 #[serde(deny_unknown_fields)]
 pub struct CaseProbe {
     /// Its name; `point1`, `point2`, ... without.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Where, `[x, y]`, px of the reference image.
     #[serde(deserialize_with = "point")]
@@ -85,6 +86,7 @@ pub struct CaseProbe {
 #[serde(deny_unknown_fields)]
 pub struct CaseLine {
     /// Its name; `line1`, `line2`, ... without.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Its first point `[x, y]`, px.
     #[serde(deserialize_with = "point")]
@@ -102,6 +104,7 @@ pub struct CaseLine {
 #[serde(deny_unknown_fields)]
 pub struct CaseExtensometer {
     /// Its name; `extensometer1`, `extensometer2`, ... without.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// One end `[x, y]`, px.
     #[serde(deserialize_with = "point")]
@@ -119,6 +122,7 @@ pub struct CaseExtensometer {
 #[serde(deny_unknown_fields)]
 pub struct CaseOpening {
     /// Its name; `upper-lower` from the zones without.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// The zone `+` and the zone `-`, by name: for a horizontal joint the upper one first.
     #[serde(deserialize_with = "two_names")]
@@ -131,6 +135,7 @@ pub struct CaseOpening {
 #[serde(deny_unknown_fields)]
 pub struct CaseCrack {
     /// Its name; `crack1`, `crack2`, ... without.
+    #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
     /// place that the tip reaches.

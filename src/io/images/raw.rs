@@ -2,8 +2,34 @@
 
 use crate::imaging::Pixels;
 
-/// The most pixels that an image may have: 46 000 x 46 000.
-const MAX_PIXELS: u64 = 1 << 31;
+/// What an image file may hold to be decoded: a file of a few hundred bytes can claim, and unpack to, gigabytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accepted {
+    /// The most pixels, in millions.
+    pub max_mpx: u32,
+    /// The only size, width and height in px, where it is known: that of the reference.
+    pub size: Option<[usize; 2]>,
+}
+
+impl Accepted {
+    /// The most pixels that can be asked for, in millions: 46 000 x 46 000, where 32 bits count pixels.
+    pub const MOST_MPX: u32 = 2147;
+
+    /// Whatever can be read: of files that a run has read before.
+    pub const ANY: Self = Self { max_mpx: Self::MOST_MPX, size: None };
+
+    /// Of these the images of this size alone.
+    pub fn of_size(self, width: usize, height: usize) -> Self {
+        Self { size: Some([width, height]), ..self }
+    }
+}
+
+impl Default for Accepted {
+    /// A billion pixels of any shape.
+    fn default() -> Self {
+        Self { max_mpx: 1000, size: None }
+    }
+}
 
 /// What a decoder can find wrong, before the file's name is known.
 #[derive(Debug)]
@@ -11,7 +37,9 @@ pub(in crate::io) enum ImageFault {
     Truncated(String),
     Corrupt(String),
     Unsupported(String),
-    TooLarge { width: u64, height: u64 },
+    TooLarge { width: u64, height: u64, max_mpx: u32 },
+    OtherSize { width: u64, height: u64, wanted: [usize; 2] },
+    Memory { width: u64, height: u64, bytes: u128 },
     NoSuchPage { pages: usize },
 }
 
@@ -41,6 +69,7 @@ pub(in crate::io) struct Raw {
 ///
 /// `decoded` are the bytes of the unpacked image; no method of the format shrinks data by more than `ratio`.
 pub(in crate::io) fn check_size(
+    accepted: Accepted,
     width: u64,
     height: u64,
     decoded: u128,
@@ -50,13 +79,21 @@ pub(in crate::io) fn check_size(
     if width == 0 || height == 0 {
         return Err(ImageFault::Corrupt(format!("the image is {width} x {height} px")));
     }
-    if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
-        return Err(ImageFault::TooLarge { width, height });
+    if let Some(wanted) = accepted.size
+        && wanted.map(|side| side as u64) != [width, height]
+    {
+        return Err(ImageFault::OtherSize { width, height, wanted });
+    }
+    let max_mpx = accepted.max_mpx.min(Accepted::MOST_MPX);
+    if width.checked_mul(height).is_none_or(|pixels| pixels > u64::from(max_mpx) * 1_000_000) {
+        return Err(ImageFault::TooLarge { width, height, max_mpx });
     }
     if decoded > len as u128 * u128::from(ratio) {
         return Err(ImageFault::Truncated(format!("{len} bytes cannot hold the {width} x {height} px of its header")));
     }
-    Ok(())
+    // Decoders do not ask whether there is so much memory: where it is limited, they would end the process.
+    let room = usize::try_from(decoded).ok().and_then(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).ok());
+    room.ok_or(ImageFault::Memory { width, height, bytes: decoded })
 }
 
 /// Luminance of linear red, green and blue with the weights of Rec. 709.

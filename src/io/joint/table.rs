@@ -1,6 +1,7 @@
 //! Tables of results: whole numbers first, then numbers with 17 digits.
 
 use super::{JointFileError, bytes_of};
+use crate::io::text::cell;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -17,7 +18,7 @@ pub fn write_table<W: Write>(
     for note in notes.iter().flat_map(|note| note.lines()) {
         writeln!(out, "# {note}")?;
     }
-    writeln!(out, "{}", columns.join(","))?;
+    writeln!(out, "{}", columns.iter().map(|name| cell(name)).collect::<Vec<_>>().join(","))?;
     for (numbers, values) in rows {
         let mut first = true;
         for number in numbers {
@@ -41,7 +42,10 @@ pub fn read_table(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFile
     let text = String::from_utf8_lossy(&bytes);
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: path.to_owned() }) };
-    let columns: Vec<String> = header.split(',').map(|name| name.trim().to_owned()).collect();
+    // Names may hold commas, in quotes; numbers do not.
+    let mut header = csv::ReaderBuilder::new().has_headers(false).from_reader(header.as_bytes()).into_records();
+    let header = header.next().and_then(Result::ok).unwrap_or_default();
+    let columns: Vec<String> = header.iter().map(|name| name.trim().to_owned()).collect();
     let row = |(line, row): (usize, &str)| {
         let values: Result<Vec<f64>, _> = row.split(',').map(|value| value.trim().parse::<f64>()).collect();
         values.ok().filter(|values| values.len() == columns.len()).ok_or_else(|| JointFileError::Row {

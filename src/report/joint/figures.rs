@@ -1,6 +1,7 @@
 //! The figures of a run: deformed joint, tractions along the adhesive, maps of the derivatives.
 
 use super::{JointMap, JointProfiles, JointReport};
+use crate::io::text::file_name;
 use crate::mechanics::cohesive::Traction;
 use crate::report::{Picture, ReportError};
 
@@ -41,9 +42,14 @@ impl JointReport<'_> {
         }
         for (k, sensitivity) in self.solution.parameters.iter().enumerate() {
             let name = self.name_of(sensitivity);
+            let mut file = file_name(&name);
+            if file != name {
+                // Two names may look alike without the signs that file names do not hold.
+                file = format!("{file}-{}", k + 1);
+            }
             for (c, component) in ["ux", "uy"].into_iter().enumerate() {
                 if let Some(map) = self.sensitivity(last, k, c)? {
-                    save(format!("{last:06}-d{component}_d{name}"), map)?;
+                    save(format!("{last:06}-d{component}_d{file}"), map)?;
                 }
             }
         }
