@@ -4,6 +4,8 @@
 //! each path by the macro `multiversioned!`; rustc vectorises the loops. Fused multiply-adds round differently
 //! from separate ones, so different paths give different last bits; one path always gives the same.
 
+#![allow(unsafe_code, reason = "calls of functions compiled for instructions that were detected")]
+
 use std::fmt;
 
 /// An instruction path that this machine can run.
@@ -105,6 +107,7 @@ macro_rules! multiversioned {
                 #[target_feature(enable = "avx2,fma")]
                 #[allow(clippy::too_many_arguments, reason = "as many as the kernel has")]
                 fn avx2<$($decl)*>($($arg: $ty),*) $(-> $ret)? { $body::<true, $($gen),*>($($arg),*) }
+                #[allow(unsafe_code, reason = "see `isa`")]
                 match isa.path() {
                     // SAFETY: an `Isa` of this kind is made only after its features were detected.
                     $crate::isa::Path::Avx512 => return unsafe { avx512::<$($gen),*>($($arg),*) },

@@ -1,5 +1,7 @@
 //! `quadrille devices`.
 
+#![allow(unsafe_code, reason = "the environment of drivers is set before any thread starts")]
+
 use super::args::DevicesArgs;
 use super::lines::wrapped;
 use super::{Outcome, Result};

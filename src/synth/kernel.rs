@@ -4,6 +4,8 @@
 //! so that a grey level depends on the point alone, not on the tile or the group it falls into.
 //! Products and sums are kept apart (no fused multiply-add): the same bits on every processor.
 
+#![allow(unsafe_code, reason = "calls of functions compiled for instructions that were detected")]
+
 /// Points evaluated together.
 pub(super) const LANES: usize = 16;
 

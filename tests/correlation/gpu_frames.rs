@@ -586,7 +586,9 @@ fn frames_without_a_match_end_as_on_the_cpu() {
         let options = Options { brightness, ..Options::default() };
         let on_cpu = prepared(&reference, &zones, options.clone());
         let on_gpu = prepared_on(gpu.clone(), &reference, &zones, options);
-        for (what, image) in &frames {
+        // All kinds once; how light is followed decides little where nothing matches.
+        let step = if brightness == Brightness::Zone { 1 } else { 3 };
+        for (what, image) in frames.iter().step_by(step) {
             let (cpu, gpu) =
                 (on_cpu.correlate(image.clone(), None).unwrap(), on_gpu.correlate(image.clone(), None).unwrap());
             assert_finite(&cpu);

@@ -137,7 +137,7 @@ fn nodal_noise_is_that_of_the_theory() {
     let pair = Pair::new(SIDE, FINE_PX, [0.0, 0.0]);
     // The numbers of samples give at least 1500 components at corners: 3 % statistical error there, less
     // elsewhere.
-    for (element_size, n_samples) in [(12, 3), (16, 4), (24, 6), (32, 8)] {
+    for (element_size, n_samples) in [(12, 3), (16, 4), (32, 8)] {
         let zones = many_zones(SIDE, element_size);
         let [scatter, _] = samples(&pair, n_samples, &zones, &Options { element_size, ..Options::default() });
         let mesh = Mesh::on_zones(&zones, element_size, SIDE, SIDE).unwrap();
@@ -158,13 +158,15 @@ fn nodal_noise_is_that_of_the_theory() {
 fn printed_uncertainty_is_the_scatter() {
     const SIDE: usize = 640;
     let zones = many_zones(SIDE, 16);
-    for shift in [[0.0, 0.0], [0.25, -0.4], [0.5, 0.5]] {
+    let ways = [
+        (Some(f64::from(NOISE)), Brightness::Zone, Interpolation::Cubic),
+        (None, Brightness::Zone, Interpolation::Quintic),
+        (None, Brightness::Element, Interpolation::Cubic),
+    ];
+    // Every way at a shift of any size; at whole and half pixels, where interpolation damps noise least and most, one of them.
+    for (shift, ways) in [([0.0, 0.0], &ways[..1]), ([0.25, -0.4], &ways[..]), ([0.5, 0.5], &ways[..1])] {
         let pair = Pair::new(SIDE, FINE_PX, shift);
-        for (noise, brightness, interpolation) in [
-            (Some(f64::from(NOISE)), Brightness::Zone, Interpolation::Cubic),
-            (None, Brightness::Zone, Interpolation::Quintic),
-            (None, Brightness::Element, Interpolation::Cubic),
-        ] {
+        for &(noise, brightness, interpolation) in ways {
             let options = Options { noise: noise.into(), brightness, interpolation, ..Options::default() };
             // 36 zones hold 288 components at corners: 8 samples give 2 % statistical error.
             let [scatter, printed] = samples(&pair, 8, &zones, &options);

@@ -6,6 +6,8 @@
 //! Columns: strips narrow enough that a strip of the whole height stays in the cache, lanes along x.
 //! Both run over the full length from the exact boundary value, so nothing depends on a tiling.
 
+#![allow(unsafe_code, reason = "threads filter disjoint columns of one plane")]
+
 use super::plane::{Plane, Pool};
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;

@@ -1,6 +1,8 @@
 //! Grey levels of the deformed image between its pixels: where a row of pixels lands, which of them count,
 //! and the interpolation itself.
 
+#![allow(unsafe_code, reason = "one comparison for all taps of a kernel; prefetching")]
+
 use super::plane::View;
 use crate::backend::spline::Spline;
 use crate::isa::mul_add;
@@ -35,11 +37,25 @@ pub(super) fn weight(at: i32, t: f32, n: usize) -> f32 {
     (1.0 - beyond / EDGE).max(0.0)
 }
 
-/// `L` lanes at `at`, which the caller has checked.
+/// `L` lanes at `at`.
+///
+/// # Panics
+/// Beyond the end: maps of pixels and planes are made so that this does not happen.
 #[inline(always)]
 pub(super) fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
+    assert!(at < values.len() && values.len() - at >= L, "lanes beyond the end of a plane");
+    // SAFETY: there are `L` values from `at` on.
+    unsafe { load_unchecked(values, at) }
+}
+
+/// `L` lanes at `at`, for loops whose farthest load has been compared with the length.
+///
+/// # Safety
+/// `at + L <= values.len()`.
+#[inline(always)]
+unsafe fn load_unchecked<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
     debug_assert!(at + L <= values.len());
-    // SAFETY: every caller has compared `at + L` (of the farthest load) with the length.
+    // SAFETY: the caller's promise; an array of `f32` is aligned as its slice is.
     unsafe { &*values.as_ptr().add(at).cast::<[f32; L]>() }
 }
 
@@ -184,12 +200,16 @@ pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L
     tx: &[f32; L],
     ty: &[f32; L],
 ) -> [f32; L] {
+    // One comparison for all taps: that of the last row and column is the farthest.
+    let reach = (K - 1) * c.stride + (K - 1) + L;
+    assert!(at < c.data.len() && c.data.len() - at >= reach, "taps beyond the end of a plane");
     let (wx, wy) = (S::weights::<FMA, L>(tx), S::weights::<FMA, L>(ty));
     let mut g = [0.0; L];
     for j in 0..K {
         let mut along = [0.0; L];
         for k in 0..K {
-            let taps = load::<L>(c.data, at + j * c.stride + k);
+            // SAFETY: `j` and `k` are below `K`, so that this lies within `reach` of `at`.
+            let taps = unsafe { load_unchecked::<L>(c.data, at + j * c.stride + k) };
             for i in 0..L {
                 along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
             }
