@@ -13,6 +13,7 @@ mod figures;
 mod inputs;
 mod maps;
 mod metrology;
+mod pages;
 mod probe;
 mod restart;
 mod run;
