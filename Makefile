@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build demo paper real study test check bench clean
+.PHONY: help build demo paper real study fuzz test check bench clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -37,6 +37,9 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/doubt.py --output out/study/doubt
 	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
 	scripts/tournament.py --output out/study/tournament
+
+fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
+	scripts/fuzz.sh $(or $(SECONDS),3600)
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Every test: `cargo test` over all targets, then the examples in the documentation. Arguments (such as --profile ci) go to
-# both.
+# Every test: `cargo test` over the library and the test programs, then the examples in the documentation. Arguments (such as
+# --profile ci) go to both.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -25,5 +25,5 @@ if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
     trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
 fi
 # All of them, also after one that fails: a run in CI tells all that is wrong.
-cargo test --locked --all-targets --no-fail-fast "$@"
+cargo test --locked --tests --no-fail-fast "$@"
 cargo test --locked --doc "$@"

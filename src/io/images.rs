@@ -227,11 +227,19 @@ impl PagedFile {
     /// A file that cannot be read, is empty, or holds no image of a known format.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let bytes = std::fs::read(path).map_err(|reason| unreadable(path, reason))?;
+        Self::of(path.to_owned(), bytes)
+    }
+
+    /// The same with the content of the file at hand; `path` stands in messages.
+    ///
+    /// # Errors
+    /// No bytes, or none of a known format.
+    pub fn of(path: PathBuf, bytes: Vec<u8>) -> Result<Self, ReadError> {
         if bytes.is_empty() {
-            return Err(ReadError::Empty { path: path.to_owned() });
+            return Err(ReadError::Empty { path });
         }
-        let format = Format::of(&bytes, path)?;
-        Ok(Self { path: path.to_owned(), bytes, format, pages: None, sha256: None })
+        let format = Format::of(&bytes, &path)?;
+        Ok(Self { path, bytes, format, pages: None, sha256: None })
     }
 
     /// The pages that are images of their own (no thumbnails of others); the first is 0. A file that is no TIFF has one.

@@ -1,6 +1,6 @@
 //! Mesh files: every variant of `.msh` and `.vtu` gives the same zones, broken files are refused in words.
 
-use crate::common::{data, free_zone};
+use crate::common::data;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use flate2::{Compression, write::ZlibEncoder};
@@ -604,10 +604,15 @@ fn damage_is_named_with_its_line() {
     refused(cut(&vtu, "</UnstructuredGrid>"), &["</VTKFile>, is missing"]);
 }
 
+/// A zone of its own elements.
+fn whole(elements: ZoneElements) -> Zone {
+    Zone { name: elements.name.clone(), elements: Some(elements.into()), ..Zone::default() }
+}
+
 /// What becomes of a file that may be damaged: whatever is read is laid over an image, and a place in it looked for.
 fn used(bytes: &[u8]) {
     let Ok(file) = parse_mesh(bytes, Path::new("a")) else { return };
-    let zones: Vec<_> = file.zones.into_iter().map(free_zone).collect();
+    let zones: Vec<_> = file.zones.into_iter().map(whole).collect();
     if let Ok(mesh) = Mesh::on_zones(&zones, 16, 64, 64) {
         (0..zones.len()).for_each(|zone| drop(mesh.locate(zone, 20.0, 20.0)));
         let _ = mesh.to_mm(PixelSize::new(0.1).unwrap()).locate(0, 1.0, -1.0);

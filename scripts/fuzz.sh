@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Attacks everything that reads files of others, guided by coverage: every target for so many seconds (60), on the stable toolchain.
+# Starts from fuzz/seeds and from what earlier runs found (out/fuzz); what ends a target is kept in out/fuzz/findings.
+#
+#     scripts/fuzz.sh [SECONDS] [TARGET...]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+seconds=${1:-60}
+shift || true
+targets=("$@")
+[ ${#targets[@]} -gt 0 ] || targets=(images meshes cases tables)
+
+# libFuzzer's counters on every edge and its view of comparisons; no sanitizer, which stable does not have: wrapping and indices are
+# checked by the language, memory by its limit.
+coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
+-Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=16 --cfg fuzzing"
+RUSTFLAGS="$coverage" cargo build --release --manifest-path fuzz/Cargo.toml --target-dir target/fuzz \
+    --target "$(rustc -vV | sed -n 's/^host: //p')"
+programs=$(find target/fuzz -maxdepth 2 -name release -type d | grep -v 'fuzz/release$')
+
+mkdir -p out/fuzz/findings
+failed=0
+for target in "${targets[@]}"; do
+    mkdir -p "out/fuzz/$target"
+    log=out/fuzz/$target.log
+    "$programs/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 \
+        -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
+        > "$log" 2>&1 || failed=1
+    runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+    edges=$(grep -o 'cov: [0-9]*' "$log" | tail -1)
+    echo "$target: ${runs:-0} executions in $seconds s, ${edges:-cov: 0} edges, $(grep -c 'Test unit written' "$log" || true) findings"
+done
+exit $failed
