@@ -13,6 +13,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "reference",
             "page",
             "pages",
+            "max_image_mpx",
             "load",
             "load_time",
             "frame_interval",
@@ -89,7 +90,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Options that few ever need: in `--help` alone, for the commands where the short help would be longer than a screen.
-const RARE: [&str; 17] = [
+const RARE: [&str; 18] = [
     "crack_guard",
     "crack_young",
     "crack_poisson",
@@ -101,6 +102,7 @@ const RARE: [&str; 17] = [
     "noise_correlation",
     "page",
     "pages",
+    "max_image_mpx",
     "isa",
     "resume",
     "shard",
