@@ -614,7 +614,9 @@ fn used(bytes: &[u8]) {
     let Ok(file) = parse_mesh(bytes, Path::new("a")) else { return };
     let zones: Vec<_> = file.zones.into_iter().map(whole).collect();
     if let Ok(mesh) = Mesh::on_zones(&zones, 16, 64, 64) {
-        (0..zones.len()).for_each(|zone| drop(mesh.locate(zone, 20.0, 20.0)));
+        for zone in 0..zones.len() {
+            let _ = mesh.locate(zone, 20.0, 20.0);
+        }
         let _ = mesh.to_mm(PixelSize::new(0.1).unwrap()).locate(0, 1.0, -1.0);
     }
 }
