@@ -74,7 +74,7 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         mask: args.mask.clone(),
         mesh: args.mesh.clone(),
         guard: args.guard,
-        crack: args.crack.iter().map(|path| path.0.clone()).collect(),
+        crack: args.crack.clone(),
         crack_guard: args.crack_guard,
         crack_young: args.crack_young,
         crack_poisson: args.crack_poisson,

@@ -149,7 +149,7 @@ fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
 }
 
 /// Grey level between pixels; none outside.
-fn bilinear(image: &Image, [x, y]: [f64; 2]) -> Option<f64> {
+pub(super) fn bilinear(image: &Image, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= (image.width() - 1) as f64 && y <= (image.height() - 1) as f64;
     if !inside {
         return None;

@@ -466,7 +466,7 @@ pub(super) fn continued(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[
 }
 
 /// The affine displacement closest to the given ones; their mean where they do not say more.
-fn affine(points: &[([f64; 2], [f64; 2])]) -> impl Fn([f64; 2]) -> [f64; 2] + use<> {
+pub(super) fn affine(points: &[([f64; 2], [f64; 2])]) -> impl Fn([f64; 2]) -> [f64; 2] + use<> {
     let n = points.len().max(1) as f64;
     let mut mean = [[0.0; 2]; 2];
     for (x, u) in points {

@@ -3,6 +3,7 @@
 //! [`CaseDocument`] is a file as it was read: the typed tree [`Case`] with every section, and its text. A command takes its view
 //! of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`], [`CaseDocument::run`].
 
+mod crack_path;
 mod document;
 mod explain;
 mod fields;
@@ -14,6 +15,7 @@ mod quantities;
 mod schema;
 mod setup;
 
+pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
@@ -70,7 +72,7 @@ pub struct Case {
     /// What the program cannot know of the test, for the reporting table of `report.html`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub report: CaseReport,
-    /// Cracks and joints: paths along which the mesh is cut, with opening, sliding, tip and stress intensity along them.
+    /// Cracks and joints: paths along which the mesh is cut, given or found, with opening, sliding, tip and stress intensity along them.
     #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
     pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.

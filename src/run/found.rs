@@ -203,7 +203,7 @@ fn in_words(LeftOut { textureless, saturated, apart, border }: LeftOut) -> Strin
 }
 
 /// Draws the zones and their mesh into the pictures of the run in `folder`; above stands how large the field of view is.
-pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Path, note: &str) -> Result<()> {
+pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Path, notes: &[String]) -> Result<()> {
     let mesh: &Mesh<Px> = prepared.mesh();
     let (width, height) = (image.width(), image.height());
     let size = format!("{width} x {height} px");
@@ -220,7 +220,7 @@ pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Pa
     let mut measured = vec![true; mesh.n_nodes()];
     prepared.dropped().iter().for_each(|fault| measured[fault.node] = false);
     let options = MeshOptions {
-        notes: vec![note.to_owned()],
+        notes: notes.to_vec(),
         pixel_size: plan.pixel_size,
         guard_px: plan.zones.iter().map(guard_of).collect(),
         ..MeshOptions::new(format!("Zone on {name}: {field_of_view}"))

@@ -8,6 +8,7 @@
 mod busy;
 mod camera;
 mod case;
+mod crack_auto;
 mod cracks;
 mod doubts;
 mod engine;

@@ -7,7 +7,7 @@ use crate::field::{
     Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
 };
 use crate::imaging::Interpolation;
-use crate::io::case::Pages;
+use crate::io::case::{CrackPath, Pages};
 use std::path::PathBuf;
 
 /// A table of values per frame that is written beside the store.
@@ -61,8 +61,8 @@ pub struct Overlay {
     pub mesh: Option<PathBuf>,
     /// Pixels this close to the border of a zone are left out, px.
     pub guard: Option<f64>,
-    /// Paths along which the mesh is cut, px; they replace the cracks of the case.
-    pub crack: Vec<Vec<[f64; 2]>>,
+    /// Paths along which the mesh is cut, px, or that they are to be found; they replace the cracks of the case.
+    pub crack: Vec<CrackPath>,
     /// Pixels this close to a crack are left out, px.
     pub crack_guard: Option<f64>,
     /// Young's modulus around the cracks, MPa.

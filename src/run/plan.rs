@@ -39,6 +39,8 @@ pub struct Plan {
     pub zones: Vec<CaseZone>,
     /// Whether the zones were found so, now or in the run that this one repeats.
     pub zone_found: bool,
+    /// Whether cracks were looked for, now or in the run that this one repeats.
+    pub crack_auto: bool,
     /// Guard of the zones that are found, px, instead of the usual one.
     pub guard_px: Option<f64>,
     /// Options of the correlation.
@@ -135,9 +137,10 @@ impl Plan {
         if export.contains(&Export::None) && export.len() > 1 {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
+        let was_so = |key: &str| recorded(key).is_some_and(|so| so.as_bool() == Some(true));
         let names_zone =
             !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
-        let zone_found = recorded("zone_found").is_some_and(|found| found.as_bool() == Some(true)) && !names_zone;
+        let zone_found = was_so("zone_found") && !names_zone;
         let mut plan = Self {
             reference,
             reference_named,
@@ -146,6 +149,7 @@ impl Plan {
             accepted,
             zones,
             zone_found,
+            crack_auto: asked.crack.is_empty() && was_so("crack_auto"),
             guard_px: asked.guard,
             options,
             update,

@@ -77,8 +77,14 @@ pub(crate) fn resolve(
         let elasticity = crack.young_mpa.zip(crack.poisson).zip(pixel_size).map(|((young_mpa, poisson), size)| {
             Elasticity { young_mpa, poisson, mm_per_unit: size.mm_per_px(), radius: crack.radius_px }
         });
-        let line = CrackLine::on(mesh, crack.path.clone(), elasticity)
-            .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?;
+        let line = match crack.path.points() {
+            Some(path) => CrackLine::on(mesh, path.to_vec(), elasticity)
+                .ok_or_else(|| format!("crack '{name}': the mesh of this run is not cut along it"))?,
+            None => {
+                let what = "\"auto\" is found when images are correlated; give the path that this said, as it stands in run.toml";
+                return Err(format!("crack '{name}': {what}").into());
+            }
+        };
         quantities.cracks.push((name, line));
     }
     fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {

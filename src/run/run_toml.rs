@@ -34,8 +34,9 @@ impl RunToml {
         let exports = [(plan.csv, "csv"), (plan.vtu, "vtu")];
         let exports = exports.iter().filter(|(on, _)| *on).map(|(_, name)| (*name).into());
         about.insert("export".into(), toml::Value::Array(exports.collect()));
-        if plan.zone_found {
-            about.insert("zone_found".into(), true.into());
+        for (key, _) in [("zone_found", plan.zone_found), ("crack_auto", plan.crack_auto)].iter().filter(|(_, so)| *so)
+        {
+            about.insert((*key).into(), true.into());
         }
         about.insert(
             "units".into(),

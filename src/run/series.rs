@@ -21,7 +21,7 @@ use super::tally::Tally;
 use super::text::chain;
 use super::which_reference::about_texts;
 use super::zones::Zones;
-use super::{doubts, pipeline, quantities, report, said};
+use super::{crack_auto, doubts, pipeline, quantities, report, said};
 use crate::correlate::Correlate;
 use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
@@ -89,8 +89,8 @@ struct PreparedSeries<'a> {
     /// What is to be said of reference and zones.
     notes: Vec<String>,
     saturation: Option<Saturation>,
-    /// Zones that were found, when none was named.
-    found: Option<Found>,
+    /// What is said below the picture of the mesh, where zones or cracks were found.
+    drawn: Vec<String>,
     record: RunToml,
     about: About,
     writer: StoreWriter,
@@ -140,8 +140,8 @@ impl<'a> PreparedSeries<'a> {
         let (width, height) = (image.width(), image.height());
         let Zones { mut zones, notes: zone_notes, files: zone_files, found } =
             pool.install(|| Zones::of(&mut plan, &image, folder.path()))?;
-        super::zones::cut(&mut zones, &plan.drawn.cracks)?;
         let reference = Arc::new(image);
+        let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
         let prepare = Instant::now();
         let device = plan.device()?;
         let prepared = || Engine::new(device, Arc::clone(&reference), zones, plan.options.clone());
@@ -173,6 +173,8 @@ impl<'a> PreparedSeries<'a> {
         let about_grey = said::about_grey(&plan, &reference, saturation);
         Ok(Self {
             begin,
+            drawn: found.iter().map(|found| &found.note).chain(&cracks.found).cloned().collect(),
+            notes: [reference_notes, about_grey, zone_notes, cracks.found, cracks.notes].concat(),
             plan,
             folder,
             pool,
@@ -183,9 +185,7 @@ impl<'a> PreparedSeries<'a> {
             engine,
             correlator,
             seconds_reference,
-            notes: reference_notes.into_iter().chain(about_grey).chain(zone_notes).collect(),
             saturation,
-            found,
             record,
             about: About::new(header)?,
             writer,
@@ -417,15 +417,13 @@ impl<'a> PreparedSeries<'a> {
         Ok(Ran { outcome, complete, summary, busy })
     }
 
-    /// Draws the zones when they were found: the first of the shards does.
+    /// Draws the mesh when zones or cracks were found: the first of the shards does.
     fn draw_found(&self) -> Result<()> {
         let Self { plan, folder, session, reference, correlator, .. } = self;
-        match &self.found {
-            Some(found) if session.shard.is_none_or(|shard| shard.i == 1) => {
-                found::draw(plan, reference, correlator, folder.path(), &found.note)
-            }
-            _ => Ok(()),
+        if self.drawn.is_empty() || session.shard.is_some_and(|shard| shard.i != 1) {
+            return Ok(());
         }
+        found::draw(plan, reference, correlator, folder.path(), &self.drawn)
     }
 
     /// What is made of a series as a whole: the quantities that are asked for, and the report.

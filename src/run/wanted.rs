@@ -3,7 +3,7 @@
 use super::error::Result;
 use super::overlay::Overlay;
 use super::text::absolute;
-use crate::io::case::{CaseCrack, CaseFile, CaseGuard, CaseZone};
+use crate::io::case::{CaseCrack, CaseFile, CaseGuard, CaseZone, CrackPath};
 use crate::units::PixelSize;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,9 @@ pub(super) fn wanted_cracks(asked: &Overlay, case: &CaseFile, pixel_size: Option
         return Err(
             format!("{flag} is given but no crack; draw one with --crack 'x,y x,y ...', or leave it out").into()
         );
+    }
+    if cracks.iter().filter(|crack| crack.path == CrackPath::Auto).count() > 1 {
+        return Err("--crack auto (path = \"auto\") is given twice; once finds them all".into());
     }
     for (at, crack) in cracks.iter_mut().enumerate() {
         crack.guard_px = asked.crack_guard.or(crack.guard_px);

@@ -123,7 +123,7 @@ impl Zones {
     }
 }
 
-/// Cuts the zones along cracks.
+/// Cuts the zones along cracks whose path is known.
 ///
 /// # Errors
 /// A zone with elements of its own.
@@ -135,9 +135,11 @@ pub(super) fn cut(zones: &mut [Zone], cracks: &[CaseCrack]) -> Result<()> {
         if zone.elements.is_some() {
             return Err(MeshError::CrackInOwnElements { zone: zone.name.clone() }.to_string().into());
         }
-        let of_case =
-            |crack: &CaseCrack| Crack { path: crack.path.clone(), guard: crack.guard_px.unwrap_or(Crack::GUARD) };
-        zone.cracks = cracks.iter().map(of_case).collect();
+        let of_case = |crack: &CaseCrack| {
+            let path = crack.path.points()?.to_vec();
+            Some(Crack { path, guard: crack.guard_px.unwrap_or(Crack::GUARD) })
+        };
+        zone.cracks = cracks.iter().filter_map(of_case).collect();
     }
     Ok(())
 }

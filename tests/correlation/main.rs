@@ -8,6 +8,7 @@ mod program;
 mod accuracy;
 mod cold_start;
 mod crack;
+mod crack_auto;
 mod engine;
 mod gpu_frames;
 mod gpu_kernels;

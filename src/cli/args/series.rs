@@ -22,6 +22,7 @@ use crate::field::StartFrom;
 use crate::field::StrainDefinition;
 use crate::field::UpdateReference;
 use crate::imaging::Interpolation;
+use crate::io::case::CrackPath;
 use crate::io::case::Pages;
 use crate::run::Shard;
 use clap::ArgAction;
@@ -65,7 +66,9 @@ impl From<Export> for crate::run::Export {
     Where a mask is white, the mean of several images as the reference, one frame per page:\n    \
     quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n  \
     A specimen that necks or turns far: the reference is renewed when it no longer matches:\n    \
-    quadrille correlate --update-reference residual --output out ref.tif 'frames/*.tif'\n\n\
+    quadrille correlate --update-reference residual --output out ref.tif 'frames/*.tif'\n  \
+    A crack that is looked for, its opening and its tip:\n    \
+    quadrille correlate --crack auto --output out ref.tif 'frames/*.tif'\n\n\
     Half of a long series on each of two machines that share a disk:\n    \
     quadrille correlate --case long.toml --shard 1/2 --output out      (and 2/2 on the other)\n\n\
     With the noise that `quadrille metrology ref.tif 'static_*.tif'` found: photon noise, and a factor for a demosaiced image:\n    \
@@ -120,9 +123,9 @@ pub struct CorrelateArgs {
     pub guard: Option<f64>,
     /// Cut the mesh along a crack or joint, px: points along it in order, separated by blanks. An end inside a zone stays joined, a
     /// tip: draw it some elements further than the tip reaches. Writes opening, sliding and tips to DIR/quantities. Repeat it for
-    /// several cracks. Replaces the cracks of the case file.
-    #[arg(long, value_name = "'x,y x,y ...'", value_parser = path, allow_hyphen_values = true)]
-    pub crack: Vec<Polygon>,
+    /// several cracks; 'auto' finds them in the residual of the last frames and says their paths. Replaces the cracks of the case file.
+    #[arg(long, value_name = "'x,y x,y ...'|auto", value_parser = path, allow_hyphen_values = true)]
+    pub crack: Vec<CrackPath>,
     /// Leave out the pixels that lie this close to a crack, px. Default 3.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub crack_guard: Option<f64>,

@@ -1,7 +1,7 @@
 //! Words of the command line, read.
 
 use crate::imaging::Interpolation;
-use crate::io::case::Pages;
+use crate::io::case::{CrackPath, Pages};
 use std::time::Duration;
 
 /// A time above zero.
@@ -83,11 +83,14 @@ pub(super) fn polygon(text: &str) -> Result<Polygon, String> {
     }
 }
 
-pub(super) fn path(text: &str) -> Result<Polygon, String> {
+pub(super) fn path(text: &str) -> Result<CrackPath, String> {
+    if text == CrackPath::AUTO {
+        return Ok(CrackPath::Auto);
+    }
     let points: Vec<[f64; 2]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
     match points.len() {
         0 | 1 => Err(format!("'{text}' has fewer than two points; write x,y x,y ... along the crack")),
-        _ => Ok(Polygon(points)),
+        _ => Ok(CrackPath::Along(points)),
     }
 }
 

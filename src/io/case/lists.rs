@@ -96,11 +96,6 @@ pub(super) fn polygon<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Opti
     Vec::deserialize(deserializer).map(|corners| Some(pairs(corners)))
 }
 
-/// A list of points that has to be given.
-pub(super) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<[f64; 2]>, D::Error> {
-    Vec::deserialize(deserializer).map(pairs)
-}
-
 /// Polygons, each as its corners.
 type Polygons = Vec<Vec<[f64; 2]>>;
 

@@ -1,7 +1,8 @@
 //! What is drawn from the fields of a case: points, lines, extensometers, openings, and what they are joined with.
 
+use super::crack_path::CrackPath;
 use super::is_default;
-use super::lists::{name, path, point, two_names};
+use super::lists::{name, point, two_names};
 use crate::field::RemoveRigid;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -138,10 +139,9 @@ pub struct CaseCrack {
     #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
     /// Points along it in order, px of the reference image. An end inside a zone stays joined: a tip. Draw it some elements beyond the
-    /// place that the tip reaches.
-    #[serde(deserialize_with = "path")]
+    /// place that the tip reaches. Or `"auto"`: found from the residual of the last frames.
     #[schemars(extend("x-flag" = "--crack"))]
-    pub path: Vec<[f64; 2]>,
+    pub path: CrackPath,
     /// Pixels nearer to the path are not measured, px: the gap of the open crack is no specimen.
     #[schemars(extend("default" = 3, "x-flag" = "--crack-guard"))]
     pub guard_px: Option<f64>,
