@@ -65,7 +65,7 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
     let (mut notes, mut looked_at, mut last) = (Vec::new(), Vec::new(), CrackSearch::default());
     for number in numbers(plan.deformed.len()) {
         let frame = &plan.deformed[number - 1];
-        let image = match frame.read() {
+        let image = match frame.read(plan.accepted.of_size(reference.width(), reference.height())) {
             Ok(loaded) => Arc::new(loaded.image),
             Err(error) => {
                 notes.push(format!("no crack is looked for in frame {number}: {}", chain(&error)));
