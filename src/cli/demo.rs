@@ -5,9 +5,12 @@ use super::paint::Paint;
 use super::talk::Talk;
 use super::{Outcome, Result, devices, run, virtual_test};
 use crate::field::{Measurement, Status};
+use crate::identify::laws_of;
 use crate::io::store::Store;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::Name;
 use crate::report::fit::FitRecord;
+use crate::report::tournament::TournamentRecord;
 use crate::run::{CaseRun, RunFolder, correlation_in, read_json};
 use crate::units::Px;
 use crate::virtual_test::{ELEMENT_PX, VirtualOptions, VirtualTest};
@@ -62,8 +65,21 @@ struct Demo {
     error_rms_px: f64,
     sigma_rms_px: f64,
     seconds: f64,
+    /// What the comparison of laws came to; null without.
+    laws: Option<Laws>,
     /// File and SHA-256 of every image, reference first.
     images: Value,
+}
+
+/// A comparison of laws against the truth.
+#[derive(Debug, Serialize)]
+struct Laws {
+    truth: Name,
+    best: Option<Name>,
+    /// Those that the data cannot tell from it, itself among them.
+    alike: Vec<Name>,
+    /// Whether the true law is among them.
+    alike_holds_truth: bool,
 }
 
 /// What `truth.json` says of the images.
@@ -77,6 +93,10 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     let begin = Instant::now();
     // The demo owns its folder: running it again replaces what it made.
     let folder = RunFolder::open(&args.output, true)?;
+    // Before the images are made.
+    if !args.laws.is_empty() {
+        laws_of(&args.laws)?;
+    }
     let options = VirtualOptions { seed: args.seed, ..VirtualOptions::default() };
     eprintln!(
         "the virtual test: a bonded joint is pulled apart in the computer and photographed {} times",
@@ -84,6 +104,11 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
     let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
+    if !args.laws.is_empty() {
+        let case = test_folder.join("case.toml");
+        let cannot = |error| format!("{}: cannot be written: {error}", case.display());
+        std::fs::write(&case, test.case_toml_with(&args.laws)).map_err(cannot)?;
+    }
     let asked = CaseRun {
         overwrite: true,
         gpu: devices::options(),
@@ -113,12 +138,20 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         error_rms_px: rms(|c| c.error_rms_px),
         sigma_rms_px: rms(|c| c.sigma_rms_px),
         frames,
+        laws: if args.laws.is_empty() { None } else { Some(laws(&test, &run_folder)?) },
         seconds: begin.elapsed().as_secs_f64(),
         images,
     };
     folder.write_json("demo.json", &demo)?;
     print(&demo, &args.output);
     Ok(outcome)
+}
+
+/// What the comparison of laws in `folder` came to.
+fn laws(test: &VirtualTest, folder: &Path) -> Result<Laws> {
+    let TournamentRecord { best, alike, .. } = read_json(&folder.join("tournament.json"))?;
+    let truth = Name::from(test.law().name());
+    Ok(Laws { alike_holds_truth: alike.contains(&truth), truth, best, alike })
 }
 
 /// The fitted parameters beside the true ones.
@@ -210,6 +243,10 @@ fn print(demo: &Demo, output: &Path) {
         );
     }
     println!("the fit: {}", demo.status);
+    if let Some(laws) = &demo.laws {
+        let alike: Vec<&str> = laws.alike.iter().map(|name| &**name).collect();
+        println!("laws that the data leave: {} (the truth is {})", alike.join(", "), laws.truth);
+    }
     println!();
     let shown = |name: &str| output.join(name).display().to_string();
     println!("report:   {}", shown("run/report.html"));

@@ -1,12 +1,15 @@
 //! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section of a page.
 
+use super::fit::rows_of;
 use super::page::{Block, Curves, Page, Section};
 use super::words::{capital, plain, plain_or_dash, significant};
 use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
 use crate::identify::{ALIKE, CurveBand, LawFit, Spread, Tournament};
-use crate::io::joint::write_table;
+use crate::io::joint::{JointFileError, write_table};
+use crate::mechanics::cohesive::Jump;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
+use std::path::Path;
 
 /// What `tournament.json` holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -168,26 +171,24 @@ impl LawRecord {
     }
 }
 
-/// A tournament with what is said of it.
+/// A comparison of laws with its curves: as it was made, or as its files have it.
 #[derive(Debug)]
-pub struct TournamentReport<'a> {
-    /// The laws and their fits.
-    pub tournament: &'a Tournament<'a>,
+pub struct TournamentReport {
     /// What `tournament.json` holds.
     pub record: TournamentRecord,
+    /// Traction in opening and in sliding, averaged; `None` where no law is left.
+    average: Option<[CurveBand; 2]>,
+    /// Those of the laws of the record; `None` without a fit.
+    curves: Vec<Option<[CurveBand; 2]>>,
 }
 
+/// Columns of `tournament-tractions.csv`.
+const COLUMNS: [&str; 8] = ["law", "mode", "point", "jump_mm", "traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
 const MODES: [(&str, &str, &str); 2] = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
 
-impl<'a> TournamentReport<'a> {
+impl TournamentReport {
     /// The report of `tournament` on the case file `case`, which took `seconds`.
-    pub fn new(
-        tournament: &'a Tournament<'a>,
-        case: String,
-        about: String,
-        seconds: f64,
-        warnings: Vec<String>,
-    ) -> Self {
+    pub fn new(tournament: &Tournament<'_>, case: String, about: String, seconds: f64, warnings: Vec<String>) -> Self {
         let name = |k: usize| Name::from(tournament.laws[k].name());
         let average = tournament.average.as_ref().map(|average| AverageRecord {
             opening_work: (&average.works[0]).into(),
@@ -208,7 +209,41 @@ impl<'a> TournamentReport<'a> {
             average,
             warnings,
         };
-        Self { tournament, record }
+        Self {
+            record,
+            average: tournament.average.as_ref().map(|average| average.curves.clone()),
+            curves: tournament.laws.iter().map(|law| law.curves.clone()).collect(),
+        }
+    }
+
+    /// The same from what was written: `record` of `tournament.json` and the file `tournament-tractions.csv`.
+    ///
+    /// # Errors
+    /// A file that is no such table.
+    pub fn read(record: TournamentRecord, tractions: &Path) -> Result<Self, JointFileError> {
+        let empty = || CurveBand {
+            jumps: Vec::new(),
+            traction: Vec::new(),
+            std: Vec::new(),
+            low: Vec::new(),
+            high: Vec::new(),
+        };
+        let mut all: Vec<[CurveBand; 2]> = (0..=record.laws.len()).map(|_| [empty(), empty()]).collect();
+        for row in rows_of(tractions, &COLUMNS)? {
+            let mode = usize::from(row[1] > 1.0);
+            let Some(curve) = all.get_mut(row[0] as usize).map(|curves| &mut curves[mode]) else { continue };
+            curve.jumps.push(match mode {
+                0 => Jump { normal: row[3], tangential: 0.0 },
+                _ => Jump { normal: 0.0, tangential: row[3] },
+            });
+            curve.traction.push(row[4]);
+            curve.std.push(row[5]);
+            curve.low.push(row[6]);
+            curve.high.push(row[7]);
+        }
+        let mut curves = all.into_iter().map(|curves| Some(curves).filter(|curves| !curves[0].jumps.is_empty()));
+        let average = curves.next().flatten();
+        Ok(Self { record, average, curves: curves.collect() })
     }
 
     /// Writes `tournament-tractions.csv`: traction against separation of every law and of their average.
@@ -217,15 +252,14 @@ impl<'a> TournamentReport<'a> {
     /// Those of `out`.
     pub fn write_tractions<W: Write>(&self, out: W) -> io::Result<()> {
         let names: Vec<String> =
-            (1..).zip(&self.tournament.laws).map(|(k, law): (usize, _)| format!("{k} {}", law.name())).collect();
+            (1..).zip(&self.record.laws).map(|(k, law): (usize, _)| format!("{k} {}", law.law)).collect();
         let notes = [
             format!("quadrille {}", env!("CARGO_PKG_VERSION")),
             "tractions in pure opening (mode 1) and pure sliding (mode 2) with 95 % bands; mm, MPa".to_owned(),
             format!("law 0: average over the laws that are not rejected; {}", names.join("; ")),
         ];
-        let columns = ["law", "mode", "point", "jump_mm", "traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
-        let average = self.tournament.average.as_ref().map(|average| (0, &average.curves));
-        let laws = (1u64..).zip(&self.tournament.laws).filter_map(|(k, law)| Some((k, law.curves.as_ref()?)));
+        let average = self.average.as_ref().map(|curves| (0, curves));
+        let laws = (1u64..).zip(&self.curves).filter_map(|(k, curves)| Some((k, curves.as_ref()?)));
         let rows = average.into_iter().chain(laws).flat_map(|(law, curves)| {
             (1u64..).zip(curves).flat_map(move |(mode, curve)| {
                 (0..curve.jumps.len()).map(move |k| {
@@ -235,7 +269,7 @@ impl<'a> TournamentReport<'a> {
                 })
             })
         });
-        write_table(out, &notes, &columns.map(str::to_owned), rows)
+        write_table(out, &notes, &COLUMNS.map(str::to_owned), rows)
     }
 
     /// Draws all laws over each other, in opening and in sliding; `save` is called with the name (without ending) of each picture.
@@ -255,18 +289,18 @@ impl<'a> TournamentReport<'a> {
     fn together(&self, mode: usize) -> Option<Plot> {
         let (name, jump, traction) = MODES[mode];
         let mut series: Vec<PlotSeries> = Vec::new();
-        if let Some(average) = &self.tournament.average {
-            series.push(series_of("average", &average.curves[mode], Style::Line, true));
+        if let Some(average) = &self.average {
+            series.push(series_of("average", &average[mode], Style::Line, true));
         }
-        for law in &self.tournament.laws {
-            let Some(curves) = &law.curves else { continue };
+        for (law, curves) in self.record.laws.iter().zip(&self.curves) {
+            let Some(curves) = curves else { continue };
             let words = match (law.rejected, law.weight) {
                 (true, _) => "rejected".to_owned(),
                 (false, weight) => format!("weight {weight:.2}"),
             };
             let counts = law.weight > 1e-3;
             let style = if counts { Style::Line } else { Style::Dashed };
-            series.push(series_of(&format!("{}, {words}", law.name()), &curves[mode], style, counts));
+            series.push(series_of(&format!("{}, {words}", law.law), &curves[mode], style, counts));
         }
         (!series.is_empty()).then(|| Plot {
             title: format!("The laws in pure {name}, 95 % bands of those that are left"),
@@ -277,27 +311,23 @@ impl<'a> TournamentReport<'a> {
         })
     }
 
-    /// One law beside the average.
-    fn alone(&self, law: &LawFit<'_>, mode: usize) -> Option<Plot> {
+    /// Law number `k` beside the average.
+    fn alone(&self, k: usize, mode: usize) -> Option<Plot> {
         let (name, jump, traction) = MODES[mode];
-        let mut series = vec![series_of(law.name(), &law.curves.as_ref()?[mode], Style::Line, true)];
-        if let Some(average) = &self.tournament.average {
-            let curve = &average.curves[mode];
+        let law = &self.record.laws[k].law;
+        let mut series = vec![series_of(law, &self.curves[k].as_ref()?[mode], Style::Line, true)];
+        let mut y = Axis::linear(format!("{traction} (MPa)"));
+        if let Some(average) = &self.average {
+            let curve = &average[mode];
             series.push(series_of("average", curve, Style::Dashed, false));
             // The bands of a law that the data hardly know would leave nothing to be seen of the others.
             let largest = curve.high.iter().chain(&series[0].y).fold(0.0_f64, |most, v| most.max(*v));
-            return Some(Plot {
-                title: format!("{} in {name}", law.name()),
-                x: Axis::linear(format!("{jump} (\u{b5}m)")),
-                y: Axis::linear(format!("{traction} (MPa)")).with_range(-0.05 * largest, 1.2 * largest),
-                series,
-                notes: Vec::new(),
-            });
+            y = y.with_range(-0.05 * largest, 1.2 * largest);
         }
         Some(Plot {
-            title: format!("{} in {name}", law.name()),
+            title: format!("{law} in {name}"),
             x: Axis::linear(format!("{jump} (\u{b5}m)")),
-            y: Axis::linear(format!("{traction} (MPa)")),
+            y,
             series,
             notes: Vec::new(),
         })
@@ -330,7 +360,7 @@ impl<'a> TournamentReport<'a> {
         let both = pictures(vec![self.together(0), self.together(1)], "Bands: 95 %, of laws with a weight.")?;
         blocks.push(Block::Grid(both));
         blocks.push(Block::Heading("Side by side".into()));
-        let each = self.tournament.laws.iter().flat_map(|law| [self.alone(law, 0), self.alone(law, 1)]).collect();
+        let each = (0..self.curves.len()).flat_map(|k| [self.alone(k, 0), self.alone(k, 1)]).collect();
         blocks.push(Block::Grid(pictures(each, "With its 95 % band, if this law were true; dashed: the average.")?));
         blocks.push(Block::Heading("Parameters".into()));
         blocks.push(self.parameters());

@@ -1,7 +1,7 @@
 //! The report of a run, from what its steps have written.
 
 use super::error::{Result, RunError};
-use super::folder::{RIGID_MOTION, TOURNAMENT, correlation_in};
+use super::folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
 use super::identification::FIT;
 use super::record::Record;
 use super::steps::Steps;
@@ -17,7 +17,7 @@ use crate::mechanics::cohesive::CohesiveLaw;
 use crate::report::fit::{FitRecord, read_bands, read_law};
 use crate::report::identification::{IdentificationReport, OtherRigidMotion};
 use crate::report::summary::Summary;
-use crate::report::tournament::TournamentRecord;
+use crate::report::tournament::{TournamentRecord, TournamentReport};
 use crate::units::Px;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -79,11 +79,7 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
     let mut notes = case.notes.clone();
     notes.extend(joint.doubts.iter().cloned());
     notes.extend(fit.iter().flat_map(|fit| fit.warnings.iter().cloned()));
-    let compared = folder.join(TOURNAMENT);
-    if fit.is_some() && !case.joint.fit.iter().all(|fit| fit.laws.is_empty()) && compared.exists() {
-        let record: TournamentRecord = read_json(&compared)?;
-        notes.extend(record.sentences.iter().map(|sentence| format!("law against law (tournament.html): {sentence}")));
-    }
+    let laws = if fit.is_some() { laws(folder, case)? } else { None };
     let mut seen = std::collections::BTreeSet::new();
     notes.retain(|note| seen.insert(note.clone()));
     let other = folder.join(RIGID_MOTION);
@@ -102,12 +98,23 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
         bands: &bands,
         law_bands: law_bands.as_ref(),
         fit: fit.as_ref(),
+        laws: laws.as_ref(),
         truth: truth.as_ref().map(|truth| &truth.parameters),
         other_rigid_motion: other.as_ref(),
         notes,
         provenance,
     };
     Ok(report.page()?.html())
+}
+
+/// What the comparison of laws left that `case` asks for; none where its fit was cut short.
+fn laws(folder: &Path, case: &RunCase) -> Result<Option<TournamentReport>> {
+    let compared = folder.join(TOURNAMENT);
+    if case.joint.fit.iter().all(|fit| fit.laws.is_empty()) || !compared.exists() {
+        return Ok(None);
+    }
+    let record: TournamentRecord = read_json(&compared)?;
+    Ok(Some(TournamentReport::read(record, &folder.join(TOURNAMENT_TRACTIONS))?))
 }
 
 /// `law` with the values of `fit.json`.

@@ -7,6 +7,12 @@ impl VirtualTest {
     /// A case file for `quadrille run`, as an experimenter would write it who knows nothing of the truth: it lies beside the folder
     /// `images` with `000000.png` and the frames.
     pub fn case_toml(&self) -> String {
+        self.case_toml_with(&[])
+    }
+
+    /// The same that compares these laws, where there are some.
+    pub fn case_toml_with(&self, laws: &[String]) -> String {
+        let laws = if laws.is_empty() { String::new() } else { format!("laws = {laws:?}\n") };
         let [upper, lower] = zones_px();
         let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
         let r = self.law.values()[3];
@@ -61,6 +67,7 @@ impl VirtualTest {
              \n\
              [fit]\n\
              parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
+             {laws}\
              exact = [\"thickness\", \"faces\", \"pixel_size\"]   # the zones and the scale are those of the computed images\n\
              \n\
              [fit.start]                           # N/mm, mm, mm\n\

@@ -434,8 +434,15 @@ fn what_cannot_be_fitted_together_is_said_with_the_test_that_is_to_blame() {
     refused(&of_all.replace("sliding/", "opening/"), &["test \"opening\"", "same name"]);
     refused(&of_all.replace("[fit]", "name = \"a/b\"\n[fit]"), &["test \"a/b\"", "folder of its name"]);
     refused(&of_all.replace("\"r\"]", "\"rho\"]"), &["all.toml", "rho", "it has phi_n"]);
-    refused(&of_all.replace("\"r\"]", "\"r\"]\nprofile = \"r\""), &["all.toml, line", "profile"]);
-    refused(&of_all.replace("\"r\"]", "\"r\"]\nintervals = \"profile\""), &["linear"]);
+    refused(&of_all.replace("\"r\"]", "\"r\"]\nprofile = \"r\""), &["all.toml, line", "profile", "take it out here"]);
+    refused(
+        &of_all.replace("\"r\"]", "\"r\"]\nintervals = \"profile\""),
+        &["those of several tests are linear; give", "fitted alone"],
+    );
+    refused(
+        &of_all.replace("\"r\"]", "\"r\"]\nlaws = [\"bilinear-power\", \"smith-ferrante\"]"),
+        &["all.toml, line", "laws are compared on one test", "quadrille tournament"],
+    );
     refused(&of_all.replace("\"r\"]", "\"r\"]\nshared = [\"F\"]"), &["shared names \"F\"", "E"]);
     refused(&format!("{of_all}[mesh]\nfile = \"m.json\"\n"), &["[mesh] is each test's own"]);
     refused(&of_all.replace("case =", "cas ="), &["unknown key"]);
@@ -446,7 +453,10 @@ fn what_cannot_be_fitted_together_is_said_with_the_test_that_is_to_blame() {
     let sliding = folder.path().join("sliding/case.toml");
     let case = std::fs::read_to_string(&sliding).unwrap();
     std::fs::write(&sliding, case.replace("boundary = \"exact\"", "boundary = \"estimated\"")).unwrap();
-    refused(&of_all, &["test \"sliding\"", "boundary = \"estimated\" is for a test by itself"]);
+    refused(
+        &of_all,
+        &["test \"sliding\"", "boundary = \"estimated\" is for a test by itself; give boundary = \"measured\""],
+    );
     std::fs::write(&sliding, format!("{case}[interface]\nzones = [\"a\", \"b\"]\n")).unwrap();
     refused(&of_all, &["test \"sliding\"", "quadrille run", "images are not measured"]);
     // Lengths in micrometres beside lengths in mm: named before the fit.

@@ -112,7 +112,8 @@ pub struct PaperArgs {
 
 /// Arguments of `quadrille demo`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  quadrille demo --output out/demo && xdg-open out/demo/run/report.html")]
+#[command(after_help = "Examples:\n  quadrille demo --output out/demo && xdg-open out/demo/run/report.html\n  \
+    quadrille demo --laws --output out/laws        six laws on the same images, side by side in the report")]
 pub struct DemoArgs {
     /// Folder for images and results.
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
@@ -120,6 +121,10 @@ pub struct DemoArgs {
     /// Seed of speckles and noise: changes the images, not the conclusion.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
+    /// Fit these laws too and put them side by side in the report; one of each kind when none is named.
+    #[arg(long, value_name = "LAW,LAW,...", value_delimiter = ',', num_args = 0..=1,
+        default_missing_value = "extended-xu-needleman,xu-needleman,bilinear-power,trapezoidal-power,park-paulino-roesler,smith-ferrante")]
+    pub laws: Vec<String>,
     #[command(flatten)]
     pub threads: Threads,
 }

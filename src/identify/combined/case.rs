@@ -53,10 +53,13 @@ impl<'a> CombinedCase<'a> {
     pub fn new(joints: &'a [Joint], input: &TestsInput) -> Result<Self, FitError> {
         let refused = |key: &str, what: String| Err(wrong("fit", key, what).in_case(&input.text));
         if input.fit.profile.is_some() {
-            return refused("profile", "profile: that of several tests is not computed; take it out".into());
+            return refused("profile", ALONE[0].into());
         }
         if input.fit.intervals == Some(crate::io::case::CaseIntervals::Profile) {
-            return refused("intervals", "intervals = \"profile\": those of several tests are linear".into());
+            return refused("intervals", ALONE[1].into());
+        }
+        if !input.fit.laws.is_empty() {
+            return refused("laws", ALONE[2].into());
         }
         if !input.fit.sweep.is_empty() {
             return refused("sweep", "sweep is for quadrille sweep, which takes one test".into());
@@ -66,7 +69,8 @@ impl<'a> CombinedCase<'a> {
         for (joint, TestInput { name, path, input: of_test }) in joints.iter().zip(&input.tests) {
             let made = Case::new(joint, of_test, path).map_err(|error| about_fit(input, in_test(name, error)))?;
             if made.options.estimate_boundary {
-                let what = "boundary = \"estimated\" is for a test by itself; give \"measured\"";
+                let what = "boundary = \"estimated\" is for a test by itself; give boundary = \"measured\", whose noise is part of the \
+                            weights, or fit this case alone";
                 let error = wrong("measurement", "boundary", what).in_case(&of_test.case.text);
                 return Err(in_test(name, error));
             }
@@ -87,6 +91,14 @@ impl<'a> CombinedCase<'a> {
         Ok(Self { tests, doubts, max_seconds, constants })
     }
 }
+
+/// What a fit of several tests has not, and what to do.
+const ALONE: [&str; 3] = [
+    "profile: that of several tests is not computed; take it out here, and ask for it in the case of one test, fitted alone",
+    "intervals = \"profile\": those of several tests are linear; give \"linear\" or nothing here, and ask for them in the case of one \
+     test, fitted alone",
+    "laws: laws are compared on one test; take them out here, and run quadrille tournament on the case of each test",
+];
 
 fn in_test(name: &str, error: FitError) -> FitError {
     FitError::InTest { name: name.to_owned(), error: Box::new(error) }

@@ -14,6 +14,7 @@ pub use json::{
 };
 pub use several::{several_json, write_tests};
 pub use several_page::several_page;
+pub(super) use tables::rows_of;
 pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
 use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};

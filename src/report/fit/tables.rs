@@ -152,7 +152,7 @@ pub fn read_law(path: &Path) -> Result<[LawRows; 2], JointFileError> {
 }
 
 /// The columns called `names` of a table.
-fn rows_of(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, JointFileError> {
+pub(in crate::report) fn rows_of(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, JointFileError> {
     let (columns, rows) = read_table(path)?;
     let place = |name: &&str| {
         columns.iter().position(|column| column == name).ok_or_else(|| JointFileError::Row {

@@ -8,6 +8,7 @@ mod result;
 use super::fit::{FitRecord, LawRows, TractionRows};
 use super::page::{Block, Page, Section};
 use super::summary::Summary;
+use super::tournament::TournamentReport;
 use super::{Name, ReportError};
 use crate::field::Measurement;
 use crate::imaging::Image;
@@ -46,6 +47,8 @@ pub struct IdentificationReport<'a> {
     pub law_bands: Option<&'a [LawRows; 2]>,
     /// `fit.json`; none when nothing was fitted.
     pub fit: Option<&'a FitRecord>,
+    /// Other laws fitted to the same data; none where that was not asked for.
+    pub laws: Option<&'a TournamentReport>,
     /// True values of the parameters by their names, where they are known: of a virtual test.
     pub truth: Option<&'a BTreeMap<String, f64>>,
     /// `rigid-motion.json`: the parameters when the rigid motion is treated the other way.
@@ -91,6 +94,9 @@ impl IdentificationReport<'_> {
         let mut sections = Vec::new();
         if let Some(fit) = self.fit {
             sections.push(self.result(fit)?);
+        }
+        if let Some(laws) = self.laws {
+            sections.push(laws.section()?);
         }
         sections.push(self.measurement()?);
         sections.push(self.comparison()?);
