@@ -3,6 +3,7 @@
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
+use super::faces::followed;
 use super::gradient_noise::{element_lambda, element_matrices, mass_matrices};
 use super::iterate::{Outcome, iterate};
 use super::level::Level;
@@ -96,7 +97,7 @@ impl<B: Backend> Correlator<B> {
         if excluded.contains(&true) {
             found.displacement = continued(mesh, &found.displacement, &found.elements);
         }
-        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
+        let Found { displacement: mut full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches = self.zone_matches(&last, &elements);
         let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
         let mut status = self.judge(&outcome, &elements, &matches, &excluded);
@@ -231,7 +232,18 @@ impl<B: Backend> Correlator<B> {
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
         let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        let faces = match looked_at && excluded.contains(&true) {
+            true => {
+                followed([&self.image, &image], mesh, self.zone_pixels(), [&measured, &level.keep], &full_displacement)
+            }
+            false => Vec::new(),
+        };
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
+        // They keep the marks of their elements.
+        for face in faces {
+            (full_displacement[face.node], sigma[face.node]) = (face.displacement, face.sigma);
+            measured[face.node] = true;
+        }
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));

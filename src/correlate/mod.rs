@@ -8,6 +8,7 @@ mod correlation;
 mod correlator;
 mod crack_search;
 mod error;
+mod faces;
 mod features;
 mod find;
 mod finest;

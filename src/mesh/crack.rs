@@ -424,6 +424,11 @@ impl<U: Length> Mesh<U> {
         sums.into_iter().map(|(node, (sum, n))| (node, sum.map(|v| v / n))).collect()
     }
 
+    /// The nodes on cuts, those of either side: others of their zone are in the same place.
+    pub(crate) fn doubled(&self) -> Vec<usize> {
+        coincident(self).into_iter().flatten().collect()
+    }
+
     /// The cut along a path: the doubled nodes on it, each pair by its side, and the ends that are joined. Without a node there
     /// when the mesh is not cut along the path.
     pub fn cut_faces(&self, path: &[[f64; 2]]) -> CutFaces {

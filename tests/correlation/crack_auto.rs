@@ -144,3 +144,40 @@ fn nothing_else_is_taken_for_a_crack() {
         }
     }
 }
+
+/// Beside an open crack the light changes: the elements there give up, since one gain for the zone is not theirs, and their nodes on the
+/// faces are followed one by one.
+#[test]
+fn faces_in_another_light_are_followed_where_their_elements_give_up() {
+    let (s, opening) = (spots(), 3.0);
+    let line = Straight { at: [160.0, 151.3], slope: 0.05 };
+    let dim = |x: [f64; 2]| if line.below(x) < 26.0 { 95.0 + 0.3 * (s.grey(x) - 120.0) } else { s.grey(x) };
+    let seen = |y: [f64; 2]| {
+        let above = MOTION.material(y);
+        let below = MOTION.material([y[0], y[1] - opening]);
+        match (line.below(above) < 0.0, line.below(below) >= 0.0) {
+            (true, _) => s.grey(above),
+            (_, true) => dim(below),
+            _ => 12.0,
+        }
+    };
+    let images = pair(|x| s.grey(x), seen);
+    let path = vec![[0.0, line.y(0.0)], [320.0, line.y(320.0)]];
+    let mut zones = inside(SIDE, SIDE, 16);
+    zones[0].cracks.push(Crack { path: path.clone(), guard: Crack::GUARD });
+    let field = field(&images, &zones);
+    assert_eq!(field.status, Status::Converged);
+    let faces = field.mesh.cut_faces(&path).points;
+    let left_out = field.marks.as_ref().unwrap().iter().filter(|mark| mark.is_left_out()).count();
+    let marks = field.node_marks().unwrap();
+    assert!(left_out > 15 && faces.iter().filter(|place| marks[place.minus].is_left_out()).count() > 10, "{left_out}");
+    let values =
+        CrackLine::on(&field.mesh, path, None).unwrap().read(&field, &NodalNoise::new(&field.mesh, &field.measured));
+    let normal = 1.0 / 1f64.hypot(line.slope);
+    let jumps: Vec<_> = values.points.iter().flatten().collect();
+    assert!(jumps.len() + 2 >= faces.len(), "{} of {} places", jumps.len(), faces.len());
+    for jump in jumps {
+        let off = jump.opening.value - normal * opening;
+        assert!(off.abs() < 5.0 * jump.opening.sigma && jump.opening.sigma < 0.5, "{off} of {}", jump.opening.sigma);
+    }
+}
