@@ -164,13 +164,14 @@ def main():
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--noise", type=float, nargs="+", default=[0.03, 0.3], help="px")
     parser.add_argument("--truths", nargs="+", default=list(TRUTHS), choices=list(TRUTHS))
-    parser.add_argument("--small", action="store_true", help="a joint of 24 x 4 elements at 12 instants for the virtual test")
+    parser.add_argument("--small", action="store_true", help="a joint of 24 x 4 elements for the virtual test")
+    parser.add_argument("--instants", type=int, default=12, help="of the small joint")
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     test = args.output / "test"
     if args.small:
-        head = small_joint(test)
+        head = small_joint(test, instants=args.instants)
     else:
         if not (test / "truth.json").exists():
             call(args.program, "virtual", "--output", test)

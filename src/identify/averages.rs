@@ -2,8 +2,9 @@
 //! and Anderson 2002, section 4.3).
 
 use super::bands::CurveBand;
-use super::statistics::NORMAL_95;
-use statrs::distribution::{ContinuousCDF, Normal};
+
+/// Difference of `omega + 2 p` up to which two laws cannot be told apart: the worse one is then at least exp(-3) = 5 % as likely.
+pub const ALIKE: f64 = 6.0;
 
 /// A value with its standard uncertainty and its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,44 +17,21 @@ pub struct Spread {
     pub ends95: [Option<f64>; 2],
 }
 
-/// The average of `parts`, each with its weight; the weights have the sum 1. The interval is that of the mixture, every part
-/// taken as two halves of a normal distribution that have its own interval.
+/// The average of `parts`, each with its weight; the weights have the sum 1. Value and standard uncertainty are those of the mixture. The
+/// interval holds those of all laws that cannot be told from the most likely one ([`ALIKE`]): a weight says which of them noise favours
+/// today, and quantiles of the mixture held the truth in 84 % of the tractions of laws that differ by less.
 pub fn average(parts: &[(f64, Spread)]) -> Spread {
     let value: f64 = parts.iter().map(|(weight, part)| weight * part.value).sum();
     let variance: Option<f64> =
         parts.iter().map(|(weight, part)| Some(weight * (part.std?.powi(2) + (part.value - value).powi(2)))).sum();
-    let std = variance.map(f64::sqrt);
-    let end = |side: usize| {
-        // A law that hardly counts must not open the interval of the others.
-        let counted: Vec<&(f64, Spread)> =
-            parts.iter().filter(|(weight, part)| part.ends95[side].is_some() || *weight > 1e-3).collect();
-        let ends: Option<Vec<f64>> = counted.iter().map(|(_, part)| part.ends95[side]).collect();
-        let (low, high) = ends?.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &e| (a.min(e), b.max(e)));
-        let sum: f64 = counted.iter().map(|(weight, _)| weight).sum();
-        let share = [0.025, 0.975][side];
-        let normal = Normal::standard();
-        let below = |x: f64| -> f64 {
-            let of_part = |(weight, part): &&(f64, Spread)| {
-                // The other half is never far beyond its own value at this side of the whole.
-                let own = part.ends95[usize::from(x >= part.value)].or(part.ends95[side]).unwrap_or(part.value);
-                let std = (own - part.value).abs() / NORMAL_95;
-                let share = match std > 0.0 {
-                    true => normal.cdf((x - part.value) / std),
-                    false => f64::from(u8::from(x >= part.value)),
-                };
-                weight / sum * share
-            };
-            counted.iter().map(of_part).sum()
-        };
-        // Every part has this share below its own end, so that the end of the whole lies between the least and the largest.
-        let (mut low, mut high) = (low, high);
-        for _ in 0..80 {
-            let middle = 0.5 * (low + high);
-            if below(middle) < share { low = middle } else { high = middle }
-        }
-        Some(0.5 * (low + high))
+    let most = parts.iter().fold(0.0_f64, |most, (weight, _)| most.max(*weight));
+    // Rounding must not decide about a law at the limit.
+    let alike = |weight: f64| weight >= (1.0 - 1e-9) * (-0.5 * ALIKE).exp() * most;
+    let end = |side: usize, further: fn(f64, f64) -> f64| {
+        let ends = parts.iter().filter(|(weight, _)| alike(*weight)).map(|(_, part)| part.ends95[side]);
+        ends.collect::<Option<Vec<f64>>>()?.into_iter().reduce(further)
     };
-    Spread { value, std, ends95: [end(0), end(1)] }
+    Spread { value, std: variance.map(f64::sqrt), ends95: [end(0, f64::min), end(1, f64::max)] }
 }
 
 /// The average of curves over the same jumps.
@@ -79,6 +57,7 @@ pub fn average_curve(parts: &[(f64, &CurveBand)]) -> CurveBand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::NORMAL_95;
 
     fn normal(value: f64, std: f64) -> Spread {
         Spread { value, std: Some(std), ends95: [Some(value - NORMAL_95 * std), Some(value + NORMAL_95 * std)] }
@@ -89,26 +68,28 @@ mod tests {
         for parts in [vec![(1.0, normal(3.0, 0.2))], vec![(0.3, normal(3.0, 0.2)), (0.7, normal(3.0, 0.2))]] {
             let found = average(&parts);
             assert!((found.value - 3.0).abs() < 1e-14 && (found.std.unwrap() - 0.2).abs() < 1e-14, "{found:?}");
-            // The share of the quantile is good to the digits of 0.025.
-            let [low, high] = found.ends95.map(Option::unwrap);
-            assert!((low - (3.0 - NORMAL_95 * 0.2)).abs() < 1e-5 && (high - (3.0 + NORMAL_95 * 0.2)).abs() < 1e-5);
+            assert_eq!(found.ends95, normal(3.0, 0.2).ends95);
         }
     }
 
-    /// Two narrow laws far apart: 2.5 % below the lower quantile of the lower one is 5 % of it, its quantile at -1.6449.
     #[test]
-    fn laws_that_differ_widen_the_interval() {
-        let found = average(&[(0.5, normal(0.0, 0.1)), (0.5, normal(10.0, 0.1))]);
-        assert_eq!(found.value, 5.0);
-        assert!((found.std.unwrap() - (25.0_f64 + 0.01).sqrt()).abs() < 1e-12);
-        let [low, high] = found.ends95.map(Option::unwrap);
-        assert!((low + 0.164_485).abs() < 1e-5 && (high - 10.164_485).abs() < 1e-5, "{low} {high}");
+    fn an_interval_holds_those_of_all_laws_that_cannot_be_told_apart() {
+        let found = average(&[(0.9, normal(0.0, 0.1)), (0.08, normal(10.0, 0.1)), (0.02, normal(50.0, 0.1))]);
+        assert!((found.value - 1.8).abs() < 1e-12);
+        assert!(
+            (found.std.unwrap()
+                - (0.01_f64 + 0.9 * 1.8_f64.powi(2) + 0.08 * 8.2_f64.powi(2) + 0.02 * 48.2_f64.powi(2)).sqrt())
+            .abs()
+                < 1e-12
+        );
+        // exp(-3) of the weight of the first: the second counts, the third does not.
+        assert_eq!(found.ends95, [normal(0.0, 0.1).ends95[0], normal(10.0, 0.1).ends95[1]]);
     }
 
     #[test]
-    fn an_open_end_stays_open_unless_its_law_hardly_counts() {
+    fn an_open_end_stays_open_unless_its_law_is_told_from_the_best() {
         let open = Spread { value: 1.0, std: None, ends95: [Some(0.5), None] };
-        assert_eq!(average(&[(0.5, open), (0.5, normal(1.0, 0.1))]).ends95[1], None);
-        assert!(average(&[(1e-6, open), (1.0 - 1e-6, normal(1.0, 0.1))]).ends95[1].is_some());
+        assert_eq!(average(&[(0.1, open), (0.9, normal(1.0, 0.1))]).ends95, [Some(0.5), None]);
+        assert!(average(&[(0.01, open), (0.99, normal(1.0, 0.1))]).ends95[1].is_some());
     }
 }

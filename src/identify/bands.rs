@@ -1,6 +1,7 @@
 //! Confidence bands: tractions along the joint, and the law itself. Tables, figures and pages all draw these.
 
 use super::FitError;
+use super::axes::Axes;
 use super::constants::ConstantEffect;
 use super::fit::Fit;
 use super::objective::Problem;
@@ -95,6 +96,52 @@ impl Draws {
         let laws = scaled.iter().zip(&constants).map(law).collect::<Option<_>>()?;
         Some(Self { noise, constants, scaled, laws, more })
     }
+}
+
+/// Draws along the axes of the likelihood: more than where first order takes part, since their quantiles stand for themselves.
+const ALONG_AXES: usize = 480;
+/// Scaled distance (of logarithms: a factor of 20) that no draw goes beyond.
+const FAR: f64 = 3.0;
+
+/// Laws that noise and constants make of that of `fit`: what noise does follows `axes`, constants go to first order. A draw that is
+/// no law any more is drawn back to where it is one.
+fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn CohesiveLaw>> {
+    let unknowns = &problem.unknowns;
+    let z = unknowns.scaled(&fit.evaluation.x);
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
+    let level = noise_factor(fit).sqrt();
+    let one = |_| {
+        let t: Vec<f64> = (0..z.len()).map(|_| level * draw()).collect();
+        let off: Vec<f64> = fit.constants.iter().map(|_| draw()).collect();
+        let mut error = axes.at(&t);
+        for (off, effect) in off.iter().zip(&fit.constants) {
+            error.iter_mut().zip(&effect.scaled).for_each(|(e, by)| *e += off * by);
+        }
+        let longest = error.iter().fold(FAR, |most, e| most.max(e.abs()));
+        error.iter_mut().for_each(|e| *e *= FAR / longest);
+        let at = |share: f64| {
+            let there: Vec<f64> = z.iter().zip(&error).map(|(z, e)| z + share * e).collect();
+            let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
+            let mut values = law.values();
+            for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
+                *value += share * dot(&off, &fit.constants.iter().map(|effect| effect.law[index]).collect::<Vec<_>>());
+            }
+            law.with_values(&values).ok()
+        };
+        (0..8).find_map(|k| at(0.8_f64.powi(k)))
+    };
+    (0..ALONG_AXES).filter_map(one).collect()
+}
+
+/// How far the middle 95 % of `errors` reach below and above, and their standard deviation about zero.
+fn spread(errors: &mut [f64]) -> ([f64; 2], f64) {
+    errors.sort_by(f64::total_cmp);
+    let n = errors.len();
+    let at = (n / 40).max(1);
+    let low = -errors[at - 1..=at + 1].iter().sum::<f64>() / 3.0;
+    let high = errors[n - at - 2..=n - at].iter().sum::<f64>() / 3.0;
+    ([low.max(0.0), high.max(0.0)], (errors.iter().map(|e| e * e).sum::<f64>() / n as f64).sqrt())
 }
 
 /// Whether parameter `index` of the law is an unknown.
@@ -366,7 +413,7 @@ fn jump_errors(
 /// # Errors
 /// Values that the law does not allow.
 pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], FitError> {
-    curve_bands_up_to(problem, fit, reach_of(&*problem.unknowns.law_at(&fit.evaluation.x)?))
+    curve_bands_up_to(problem, fit, reach_of(&*problem.unknowns.law_at(&fit.evaluation.x)?), None)
 }
 
 /// Largest jumps of interest in opening and in sliding, mm: where nearly no traction is left.
@@ -385,18 +432,24 @@ pub(super) fn reach_of(law: &dyn CohesiveLaw) -> [f64; 2] {
     [opening, sliding]
 }
 
-/// The same up to these jumps in opening and in sliding, mm.
+/// The same up to these jumps in opening and in sliding, mm; of a likelihood that is not that of a normal distribution along its
+/// `axes`.
 pub(super) fn curve_bands_up_to(
     problem: &Problem<'_>,
     fit: &Fit,
     [opening, sliding]: [f64; 2],
+    axes: Option<&Axes>,
 ) -> Result<[CurveBand; 2], FitError> {
     let x = &fit.evaluation.x;
     let law: Box<dyn CohesiveLaw> = problem.unknowns.law_at(x)?;
     let list = problem.unknowns.list();
     let slopes = problem.unknowns.slopes(x);
     let covariance = fit.statistics.as_ref().map(|statistics| by_noise(statistics, fit));
-    let draws = covariance.as_ref().and_then(|covariance| Draws::new(problem, fit, covariance));
+    let along = axes.map_or(Vec::new(), |axes| laws_along(problem, fit, axes));
+    // Few draws have no quantiles.
+    let along = if along.len() < ALONG_AXES / 2 { Vec::new() } else { along };
+    let draws = covariance.as_ref().filter(|_| along.is_empty());
+    let draws = draws.and_then(|covariance| Draws::new(problem, fit, covariance));
     let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
     let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
     let band = |largest: f64, normal: bool| {
@@ -423,8 +476,12 @@ pub(super) fn curve_bands_up_to(
             // Parameters of the law that are fitted, and those that are prescribed, moved by each constant.
             let shift = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
             let by_constant: Vec<f64> = fit.constants.iter().map(shift).collect();
-            let std = (covariance.as_ref().map_or(0.0, variance) + dot(&by_constant, &by_constant)).sqrt();
+            let mut std = (covariance.as_ref().map_or(0.0, variance) + dot(&by_constant, &by_constant)).sqrt();
             let mut sides = [NORMAL_95 * std; 2];
+            if !along.is_empty() {
+                let mut errors: Vec<f64> = along.iter().map(|law| pick(law.response(jump).traction) - value).collect();
+                (sides, std) = spread(&mut errors);
+            }
             if let Some(draws) = &draws {
                 let mut errors: Vec<f64> =
                     draws.laws.iter().map(|law| pick(law.response(jump).traction) - value).collect();

@@ -4,6 +4,7 @@ use super::bootstrap::Base;
 use super::budget::{Budget, Ingredients, budget};
 use super::constants::ConstantEffect;
 use super::discretisation::Refinement;
+use super::far_starts::further_start;
 use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
@@ -165,6 +166,14 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let evaluation = known.map_or_else(|| at(problem, &stage.z, &boundary), Ok)?;
     let local = evaluation.local(&weights, &problem.noise);
     let statistics = Statistics::new(problem, &evaluation, &weights)?;
+    let all_data = || matches!(weights, Weights::Inverse(_)).then_some(problem.observation.n_data() as f64);
+    let expected = statistics.as_ref().map(|statistics| statistics.expected_omega).or_else(all_data);
+    if let Some(start) = further_start(problem, options, &weights, (stage.status, local.omega, expected)) {
+        let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
+        let mut found = fit(&problem.with_unknowns(unknowns.starting_at(&start)?), &options)?;
+        found.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
+        return Ok(found);
+    }
     let x = evaluation.x.clone();
     let slopes = unknowns.slopes(&x);
     let constants = match &statistics {
@@ -263,8 +272,11 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             watch.begins("misfit");
             let misfit = problem.misfit(&evaluation, &weights, statistics, change, &constants)?;
             watch.begins("prescribed parameters as unknowns");
-            let released = problem.released(&evaluation, &weights, statistics, &boundary)?;
-            let ended = watch.ended().is_some();
+            let released = match options.release {
+                true => problem.released(&evaluation, &weights, statistics, &boundary)?,
+                false => None,
+            };
+            let ended = options.release && watch.ended().is_some();
             missing.extend(ended.then_some("what the prescribed parameters would be as unknowns"));
             (Some(misfit), released.filter(|_| !ended))
         }

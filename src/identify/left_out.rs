@@ -16,6 +16,8 @@ use std::sync::Arc;
 const PARTS: usize = 5;
 /// Forward runs that the fit to the others may take, from the fit to all on.
 const EVALUATIONS: usize = 8;
+/// The same of a law that the data reject anyway.
+const EVALUATIONS_REJECTED: usize = 3;
 
 /// What is left of instants that were left out of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,7 +44,12 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// A covariance without inverse.
-    pub(super) fn left_out(&self, fit: &Fit, options: &FitOptions) -> Result<Option<LeftOut>, FitError> {
+    pub(super) fn left_out(
+        &self,
+        fit: &Fit,
+        options: &FitOptions,
+        rejected: bool,
+    ) -> Result<Option<LeftOut>, FitError> {
         let n = self.observation.instants.len();
         let Some(statistics) = fit.statistics.as_ref().filter(|_| n > 1) else { return Ok(None) };
         let parts = PARTS.min(n);
@@ -54,7 +61,8 @@ impl Problem<'_> {
             let inverse = InverseCovariance::new(&self.noise, instants.len(), by_boundary).map_err(no_texture)?;
             Ok(Weights::Inverse(inverse))
         };
-        let region = TrustRegionOptions { step_tolerance: COARSE, max_evaluations: EVALUATIONS, ..options.region };
+        let max_evaluations = if rejected { EVALUATIONS_REJECTED } else { EVALUATIONS };
+        let region = TrustRegionOptions { step_tolerance: COARSE, max_evaluations, ..options.region };
         let of_part = |part: usize| -> Result<Option<f64>, FitError> {
             let (left, kept): (Vec<usize>, Vec<usize>) = (0..n).partition(|i| i % parts == part);
             let problem = self.at_instants(&kept)?;

@@ -5,6 +5,7 @@
 //! the result in `statistics`. Units: mm, MPa, N/mm; y up.
 
 mod averages;
+mod axes;
 mod bands;
 mod bootstrap;
 mod budget;
@@ -16,6 +17,7 @@ mod derived;
 mod discretisation;
 mod error;
 mod estimated_boundary;
+mod far_starts;
 mod fit;
 mod fitted;
 mod given;
@@ -44,7 +46,7 @@ mod verdict;
 mod watch;
 mod weights;
 
-pub use averages::{Spread, average, average_curve};
+pub use averages::{ALIKE, Spread, average, average_curve};
 pub use bands::{Band, CurveBand, bands, curve_bands};
 pub use bootstrap::Bootstrap;
 pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, NOISE_LEVEL, Parts, interval95};
@@ -73,7 +75,7 @@ pub use released::{Released, ReleasedParameter};
 pub use starts::latin_hypercube;
 pub use statistics::{NORMAL_95, Statistics};
 pub use sweep::{SweepRow, sweep};
-pub use tournament::{ALIKE, Average, LawFit, Score, Tournament, laws_of, tournament};
+pub use tournament::{Average, LawFit, Score, Tournament, laws_of, tournament};
 pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
 pub use uncertainties::{
     DEFAULT_ALPHA, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU, DEFAULT_PIXEL_SIZE,

@@ -26,6 +26,9 @@ pub struct FitOptions {
     /// Whether the result is doubted: tested for misfit, and prescribed parameters tried as unknowns. Fits that are parts of
     /// something larger (rows of a sweep, draws) do without.
     pub doubt: bool,
+    /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does without: it is a
+    /// comparison of models by itself.
+    pub release: bool,
 }
 
 impl Default for FitOptions {
@@ -41,6 +44,7 @@ impl Default for FitOptions {
             intervals: Intervals::Auto,
             bootstrap: None,
             doubt: true,
+            release: true,
         }
     }
 }

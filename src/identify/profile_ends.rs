@@ -43,6 +43,31 @@ impl<'a> ProfileEnds<'a> {
 
     /// The end towards which `s z` grows.
     fn end(&self, s: &[f64]) -> Option<Vec<f64>> {
+        let (end, reached) = self.way(s);
+        reached.then_some(end)
+    }
+
+    /// How far it goes towards both sides of each of `directions`: to the ends, or where none was found to the last point on the way.
+    pub(super) fn as_far_as(&self, directions: &[Vec<f64>]) -> Vec<[Vec<f64>; 2]> {
+        let ways: Vec<Vec<f64>> = (0..2 * directions.len())
+            .into_par_iter()
+            .map(|k| {
+                let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
+                self.way(&directions[k / 2].iter().map(|s| sign * s).collect::<Vec<_>>()).0
+            })
+            .collect();
+        ways.as_chunks::<2>().0.to_vec()
+    }
+
+    /// The last point of the search for the end towards which `s z` grows, and whether it is the end.
+    fn way(&self, s: &[f64]) -> (Vec<f64>, bool) {
+        let mut z = self.z.clone();
+        let found = self.search(s, &mut z);
+        found.map_or((z, false), |end| (end, true))
+    }
+
+    /// The end towards which `s z` grows; `z` begins at the end of the fit and is left at the last point with a value.
+    fn search(&self, s: &[f64], z: &mut Vec<f64>) -> Option<Vec<f64>> {
         let Base { problem, statistics, weights, boundary, .. } = self.base;
         let n = s.len();
         let quadratic = |m: &Dense| (0..n).map(|r| (0..n).map(|c| s[r] * m[(r, c)] * s[c]).sum::<f64>()).sum::<f64>();
@@ -53,7 +78,7 @@ impl<'a> ProfileEnds<'a> {
         }
         let wanted = self.local.omega + rise;
         let [lower, upper] = problem.unknowns.scaled_bounds();
-        let (mut z, mut local) = (self.z.clone(), self.local.clone());
+        let mut local = self.local.clone();
         let mut trials = 0;
         while trials < TRIALS {
             // Unknowns on a bound that would pass it stay there.
@@ -93,7 +118,7 @@ impl<'a> ProfileEnds<'a> {
                     None => return None,
                 }
             };
-            (z, local) = next;
+            (*z, local) = next;
             let gone: f64 = (0..n).map(|k| s[k] * (z[k] - self.z[k])).sum();
             if gone > FAR * s.iter().map(|s| s * s).sum::<f64>().sqrt() {
                 return None;

@@ -4,8 +4,10 @@
 //! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
 //! that the data do not reject, with Akaike's weights.
 
-use super::averages::{Spread, average, average_curve};
+use super::averages::{ALIKE, Spread, average, average_curve};
+use super::axes::{Axes, WORKS};
 use super::bands::{CurveBand, curve_bands_up_to, reach_of};
+use super::budget::interval95;
 use super::constants::{Constant, ConstantKind};
 use super::error::{FitError, wrong};
 use super::fit::{Fit, fit};
@@ -13,14 +15,13 @@ use super::law_starts::started;
 use super::left_out::LeftOut;
 use super::objective::Problem;
 use super::options::{FitOptions, Intervals};
-use super::trust_region::FitStatus;
+use super::statistics::NORMAL_95;
+use super::trust_region::{FitStatus, TrustRegionOptions};
 use super::unknowns::Unknowns;
 use super::weights::WeightKind;
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
 
-/// Difference of `omega + 2 p` up to which two laws cannot be told apart: the worse one is then at least exp(-3) = 5 % as likely.
-pub const ALIKE: f64 = 6.0;
 /// The reach of the curves beyond that of the best law.
 const BEYOND: f64 = 1.2;
 
@@ -160,7 +161,9 @@ pub fn tournament<'a>(
     // Whether a law can be started from this one is known at once, and is said before hours of fits.
     let names = check_laws(names, own_law, problem.observation.n_data())?;
     let own = names.iter().position(|name| *name == own_law.name());
-    let options = &of_tournament(options);
+    // Where the case wants linear intervals, whatever they are worth, nothing else is looked for.
+    let linear = options.intervals == Intervals::Linear;
+    let options = &of_tournament(options, problem.observation.n_data());
     let same = |unknowns: &Unknowns| unknowns.starting_at(&unknowns.start());
     let first = own.map(|_| fit(problem, options));
     let like = match &first {
@@ -202,8 +205,12 @@ pub fn tournament<'a>(
     let ended = problem.watch.ended().is_some();
     laws.par_iter_mut().try_for_each(|law| -> Result<(), FitError> {
         let Ok(fit) = &law.fit else { return Ok(()) };
-        law.curves = Some(curve_bands_up_to(&law.problem, fit, reach)?);
-        law.left_out = if ended { None } else { law.problem.left_out(fit, options)? };
+        let axes = if ended || linear || law.rejected { None } else { Axes::new(&law.problem, fit, options)? };
+        law.curves = Some(curve_bands_up_to(&law.problem, fit, reach, axes.as_ref())?);
+        if let (Some(axes), Some(works)) = (&axes, &mut law.works) {
+            (0..2).for_each(|mode| works[mode] = followed(fit, mode, works[mode], axes.works()[mode]));
+        }
+        law.left_out = if ended { None } else { law.problem.left_out(fit, options, law.rejected)? };
         Ok(())
     })?;
     let alike = weigh(&mut laws, best);
@@ -214,10 +221,35 @@ pub fn tournament<'a>(
     Ok(found)
 }
 
-/// How each law is fitted: with linear intervals, unless the case asks for others.
-fn of_tournament(options: &FitOptions) -> FitOptions {
+/// Share of what one number measured adds to the objective by which a fit has to get on, see [`TrustRegionOptions::standstill`]: a
+/// comparison of laws, whose objectives noise makes differ by some units, does not depend on more.
+const STANDSTILL: f64 = 0.01;
+
+/// How each law is fitted: with linear intervals of its parameters, unless the case asks for others, and no further than matters to
+/// a comparison.
+fn of_tournament(options: &FitOptions, n_data: usize) -> FitOptions {
     let intervals = if options.intervals == Intervals::Auto { Intervals::Linear } else { options.intervals };
-    FitOptions { intervals, ..options.clone() }
+    let region = TrustRegionOptions { standstill: STANDSTILL / n_data as f64, ..options.region };
+    FitOptions { intervals, region, release: false, ..options.clone() }
+}
+
+/// The work of separation `work` of a mode with the ends that its profile likelihood has, and the constants.
+fn followed(fit: &Fit, mode: usize, work: Spread, ends: [Option<f64>; 2]) -> Spread {
+    let parameter = fit.parameters.iter().position(|p| WORKS[mode].contains(&p.parameter.name));
+    let quantity = || fit.derived.iter().position(|d| mode == 1 && d.quantity.name == "phi_t");
+    let others = match (parameter, quantity()) {
+        (Some(k), _) => fit.budget.parameter(k).others,
+        (None, Some(q)) => fit.budget.quantity(q).others,
+        // Prescribed: nothing to be followed.
+        (None, None) => return work,
+    };
+    let noise = ends.map(|end| end.map(|end| (end / work.value).ln().abs()));
+    let ends95 = interval95(0.0, noise, 0.0, others / work.value).map(|end| end.map(|end| work.value * end.exp()));
+    let std = match ends95 {
+        [Some(low), Some(high)] => Some(0.5 * (high - low) / NORMAL_95),
+        _ => None,
+    };
+    Spread { std, ends95, ..work }
 }
 
 /// A law started like the first of `likes`, and like the second where that leads nowhere.
@@ -291,7 +323,7 @@ fn score(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Option<Score
 
 /// The works of separation: a parameter, or what follows from the parameters.
 fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
-    let (opening, sliding) = (["phi_n", "G_Ic", "G_c"], ["phi_t", "G_IIc"]);
+    let [opening, sliding] = WORKS;
     let parameter = |names: &[&str]| {
         fit.parameters.iter().find(|p| names.contains(&p.parameter.name)).map(|p| Spread {
             value: p.value,
@@ -313,8 +345,8 @@ fn works_of(parameters: &[Parameter], fit: &Fit) -> [Spread; 2] {
         Spread { value, std: Some(0.0), ends95: [Some(value); 2] }
     };
     [
-        parameter(&opening).unwrap_or_else(|| law(&opening)),
-        parameter(&sliding).or_else(follows).unwrap_or_else(|| law(&sliding)),
+        parameter(opening).unwrap_or_else(|| law(opening)),
+        parameter(sliding).or_else(follows).unwrap_or_else(|| law(sliding)),
     ]
 }
 

@@ -27,11 +27,15 @@ pub struct TrustRegionOptions {
     pub first_radius: f64,
     /// Largest radius.
     pub max_radius: f64,
+    /// Share of the objective by which ten evaluations together have to lower it, else the fit has converged too; 0 for none. Far
+    /// below what noise makes of the objective it ends a fit that creeps along a direction of which the data say nothing, or
+    /// that lies on a kink of the law.
+    pub standstill: f64,
 }
 
 impl Default for TrustRegionOptions {
     fn default() -> Self {
-        Self { step_tolerance: 1e-9, max_evaluations: 100, first_radius: 0.5, max_radius: 2.0 }
+        Self { step_tolerance: 1e-9, max_evaluations: 100, first_radius: 0.5, max_radius: 2.0, standstill: 0.0 }
     }
 }
 
@@ -112,6 +116,8 @@ impl End {
     }
 }
 
+/// Evaluations within which a fit has to get on, see [`TrustRegionOptions::standstill`].
+const PATIENCE: usize = 10;
 /// Share of the objective below which its differences are round-off.
 const ROUND_OFF: f64 = 1e-12;
 
@@ -220,6 +226,10 @@ pub(super) fn minimise_unless(
         return End { z, local: None, status, reason: reason.into(), evaluations, history };
     };
     let mut secant = Secant::new(z.len());
+    // The least objective after each evaluation that had a value.
+    let mut omegas = vec![local.omega];
+    // Whether the last trial had one.
+    let mut solved = true;
     let (status, reason) = loop {
         let [below, above] = room([lower, upper], &z);
         let h = secant.model(&local.h);
@@ -245,12 +255,27 @@ pub(super) fn minimise_unless(
                 z = (0..z.len()).map(|k| (z[k] + step[k]).clamp(lower[k], upper[k])).collect();
             }
             break match by_radius {
+                // On a kink: it has values on all sides, and all are higher.
+                true if solved && options.standstill > 0.0 => (
+                    FitStatus::Converged,
+                    format!("no step down to {radius:.1e} lowers the objective: a kink of the law"),
+                ),
                 true => (FitStatus::Stalled, format!("no step down to {radius:.1e} lowers the objective")),
                 false => (FitStatus::Converged, format!("the scaled step {size:.1e} is below its tolerance")),
             };
         }
         if let Some((status, reason)) = ended() {
             break (status, format!("{reason} after {evaluations} evaluations, the last scaled step was {size:.1e}"));
+        }
+        let gained = omegas.iter().rev().nth(PATIENCE).map(|before| before - local.omega);
+        if let Some(gained) =
+            gained.filter(|gained| *gained < options.standstill * local.omega && options.standstill > 0.0)
+        {
+            let reason = format!(
+                "{PATIENCE} evaluations lowered the objective by {gained:.1e} of {:.4}, which is nothing beside the noise",
+                local.omega
+            );
+            break (FitStatus::Converged, reason);
         }
         if evaluations >= options.max_evaluations {
             let reason = format!("{evaluations} evaluations, the last scaled step was {size:.1e}");
@@ -261,6 +286,7 @@ pub(super) fn minimise_unless(
         let with_radius = radius;
         evaluations += 1;
         let found = evaluate(&trial);
+        solved = found.is_some();
         let Some(new) = found else {
             note(&trial, None, with_radius, false);
             if let Some((status, reason)) = ended() {
@@ -288,6 +314,7 @@ pub(super) fn minimise_unless(
         } else if foretold <= ROUND_OFF * local.omega {
             radius = 0.25 * length(&step);
         }
+        omegas.push(local.omega);
     };
     End { z, local: Some(local), status, reason, evaluations, history }
 }

@@ -9,6 +9,9 @@ pub enum Scale {
     Logarithm,
     /// `z = x / reference`: of those that may be zero.
     Reference(f64),
+    /// `z = ln(1 + (1 + x)/(2 (1 - x)))`: of shares that may be zero and never one. Of the plateau of a trapezoid it is the logarithm
+    /// of what the falling branch needs, so that the end of that law is straight in scaled unknowns.
+    Share,
 }
 
 impl Scale {
@@ -16,6 +19,7 @@ impl Scale {
         match self {
             Self::Logarithm => x.ln(),
             Self::Reference(reference) => x / reference,
+            Self::Share => (0.5 * (3.0 - x) / (1.0 - x)).ln(),
         }
     }
 
@@ -24,6 +28,7 @@ impl Scale {
         match self {
             Self::Logarithm => z.exp(),
             Self::Reference(reference) => z * reference,
+            Self::Share => 1.0 - 2.0 / (2.0 * z.exp() - 1.0),
         }
     }
 
@@ -32,6 +37,7 @@ impl Scale {
         match self {
             Self::Logarithm => x,
             Self::Reference(reference) => reference,
+            Self::Share => 0.5 * (3.0 - x) * (1.0 - x),
         }
     }
 }
@@ -74,15 +80,17 @@ impl Unknowns {
         let unknown = |&(index, start, lower, upper): &(usize, f64, Option<f64>, Option<f64>)| {
             let mut zero = values.clone();
             zero[index] = 0.0;
+            let [least, most] = law.range(index);
             let scale = match law.with_values(&zero) {
+                Ok(_) if [least, most] == [0.0, 1.0] => Scale::Share,
                 Ok(_) => Scale::Reference(start.abs().max(0.1)),
                 Err(_) => Scale::Logarithm,
             };
             let wide = match scale {
                 Scale::Logarithm => [start / WIDE, start * WIDE],
                 Scale::Reference(_) => [0.0, start.abs().max(0.1) * WIDE],
+                Scale::Share => [0.0, scale.unscaled(scale.scaled(start) + WIDE.ln())],
             };
-            let [least, most] = law.range(index);
             let bounds = [lower.unwrap_or(wide[0]).max(least), upper.unwrap_or(wide[1]).min(most)];
             Unknown { parameter: law.parameters()[index], index, start, bounds, scale }
         };
@@ -183,5 +191,40 @@ impl Unknowns {
     /// Scaled bounds, lower and upper.
     pub fn scaled_bounds(&self) -> [Vec<f64>; 2] {
         [0, 1].map(|side| self.list.iter().map(|unknown| unknown.scale.scaled(unknown.bounds[side])).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mechanics::cohesive::law_by_name;
+
+    #[test]
+    fn every_scale_leads_back_and_has_the_slope_of_its_difference() {
+        for (scale, x) in
+            [(Scale::Logarithm, 3.0), (Scale::Reference(0.3), 0.0), (Scale::Share, 0.0), (Scale::Share, 0.7)]
+        {
+            let (z, h) = (scale.scaled(x), 1e-6);
+            assert!((scale.unscaled(z) - x).abs() < 1e-15 + 1e-15 * x, "{scale:?}");
+            // Truncation h^2, round-off 1e-16/h.
+            let difference = (scale.unscaled(z + h) - scale.unscaled(z - h)) / (2.0 * h);
+            assert!((scale.slope(x) - difference).abs() < 1e-9 * (1.0 + x), "{scale:?}: {difference}");
+        }
+    }
+
+    /// In opening and in sliding: the distance is `ln(2 G K/T^2)` less the scaled share.
+    #[test]
+    fn the_end_of_a_trapezoid_is_straight_in_scaled_unknowns() {
+        let law = law_by_name("trapezoidal-power", &[2e4, 50.0, 50.0, 1.0, 4.0, 1.0, 0.4]).unwrap();
+        let list: Vec<_> = law.values().into_iter().enumerate().map(|(k, value)| (k, value, None, None)).collect();
+        let unknowns = Unknowns::new(&*law, &list).unwrap();
+        let z = unknowns.scaled(&unknowns.start());
+        let step = [0.2, -0.1, 0.15, 0.1, -0.2, 0.0, 0.3];
+        let there: Vec<f64> = z.iter().zip(step).map(|(z, step)| z + step).collect();
+        for mode in 0..2 {
+            let (distance, by) = &unknowns.scaled_limits(&z)[mode];
+            let foretold = distance + by.iter().zip(step).map(|(by, step)| by * step).sum::<f64>();
+            assert!((unknowns.scaled_limits(&there)[mode].0 - foretold).abs() < 1e-12, "mode {mode}");
+        }
     }
 }

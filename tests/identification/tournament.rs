@@ -78,7 +78,7 @@ fn case_text(law: &str, values: &[f64], noise_px: f64, fit: &str) -> String {
          model = \"{law}\"\n{cohesive}exact = true\n[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\n\
          weights = \"covariance\"\nboundary = \"exact\"\ncommon_reference = false\nnoise_mm = {:e}\n[fit]\n{fit}\
          exact = true\ndiscretisation = \"off\"\n[output]\nfigures = []\n",
-        noise_px.max(0.01) * PX
+        noise_px.max(1e-4) * PX
     )
 }
 
@@ -105,25 +105,19 @@ fn fitted(folder: &Path, law: &str, start: &[f64], unknowns: &[&str]) -> Fit {
     fitted_as(folder, &case_text(law, start, 0.0, &format!("parameters = [{list}]\n")))
 }
 
-/// What a case comes to, without tests and with linear intervals.
+/// What a case comes to, with linear intervals.
 #[track_caller]
 fn fitted_as(folder: &Path, text: &str) -> Fit {
     opened(folder, text, |case| {
-        let options = FitOptions {
-            doubt: false,
-            intervals: Intervals::Linear,
-            discretisation: Discretisation::Off,
-            ..case.options.clone()
-        };
+        let options =
+            FitOptions { intervals: Intervals::Linear, discretisation: Discretisation::Off, ..case.options.clone() };
         fit(&case.problem, &options).unwrap()
     })
     .unwrap()
 }
 
 /// Every law from 0.3 and from 3.3 times its stiffness, strengths, works and lengths, all together and one against the other;
-/// exponents, shapes and shares keep the truth. Left out is what does not arrive: the law of Park, Paulino and Roesler from 0.3 of all
-/// (such a joint is torn apart at the first instant, and there is a minimum of its own), and a trapezoid whose strengths
-/// are off one against the other by a factor of 11.
+/// exponents, shapes and shares keep the truth.
 #[test]
 fn every_law_is_found_from_a_factor_of_three_off() {
     for (name, values, unknowns) in LAWS {
@@ -131,10 +125,7 @@ fn every_law_is_found_from_a_factor_of_three_off() {
         let folder = tempfile::tempdir().unwrap();
         write_tables(folder.path(), &pulled(&*law, 6, 0.004, 0.006), 0.0, 1);
         let signs: [&[f64]; 4] = [&[1.0], &[-1.0], &[1.0, 1.0, -1.0], &[-1.0, 1.0, 1.0, -1.0]];
-        for (k, signs) in signs.iter().enumerate() {
-            if name == "park-paulino-roesler" && k == 1 || name.starts_with("trapezoidal") && k > 1 {
-                continue;
-            }
+        for signs in signs {
             let shapes = ["q", "r", "r_star", "eta", "alpha", "beta", "lambda_n", "lambda_t", "plateau"];
             let start: Vec<f64> = (law.parameters().iter().zip(values).enumerate())
                 .map(|(k, (p, value))| match shapes.contains(&p.name) && name != "smith-ferrante" {
@@ -147,6 +138,7 @@ fn every_law_is_found_from_a_factor_of_three_off() {
                 continue;
             }
             let found = fitted(folder.path(), name, &start, unknowns);
+            println!("{name} from {start:?}: {} evaluations, {} starts", found.evaluations, found.starts.len());
             assert_eq!(found.status, FitStatus::Converged, "{name} from {start:?}: {}", found.reason);
             for (value, truth) in found.values.iter().zip(values) {
                 // Data without noise, a step of 1e-9 at the end, a condition up to 1e4.
@@ -257,6 +249,51 @@ fn the_right_law_wins_and_what_is_averaged_holds_the_truth_whatever_the_threads(
     }
     let again = run(2);
     assert_eq!((again.4, again.3), (bits, average));
+}
+
+/// Works of separation that the data know to some per cent only: their ends in a comparison are those of the profile likelihood, which
+/// a fit by itself finds in another order of steps.
+#[test]
+fn works_in_a_comparison_have_the_ends_of_their_profile_likelihood() {
+    let (name, values, _) = LAWS[3];
+    let folder = tempfile::tempdir().unwrap();
+    let data = pulled(&*law_by_name(name, values).unwrap(), 6, 0.004, 0.006);
+    write_tables(folder.path(), &data, 0.1, 4);
+    let all = "parameters = [\"K\", \"T_n0\", \"T_t0\", \"G_Ic\", \"G_IIc\"]\n";
+    let text = case_text(name, values, 0.1, all);
+    let (works, fit) = opened(folder.path(), &text, |case| {
+        let options = FitOptions { discretisation: Discretisation::Off, ..case.options.clone() };
+        let found = tournament(&case.problem, &options, &names(&[name, "smith-ferrante"])).unwrap();
+        let profile = FitOptions { intervals: Intervals::Profile, bootstrap: Some(0), ..options };
+        (found.laws[0].works.unwrap(), fit(&case.problem, &profile).unwrap())
+    })
+    .unwrap();
+    for (work, place) in works.iter().zip([3, 4]) {
+        let parameter = &fit.parameters[place];
+        println!("{work:?} {:?} +- {:?}", parameter.ends95, parameter.std);
+        let std = parameter.std.unwrap();
+        assert!(std / parameter.value > 0.05, "known too well to be followed");
+        for (end, wanted) in work.ends95.iter().zip(parameter.ends95) {
+            // The search ends within a twentieth of what it looks for.
+            assert!(
+                end.is_some() == wanted.is_some() && (end.unwrap_or(0.0) - wanted.unwrap_or(0.0)).abs() < 0.1 * std
+            );
+        }
+    }
+}
+
+#[test]
+fn a_law_without_values_is_refused_by_its_name_where_the_law_of_the_case_gives_it_no_start() {
+    let (name, values, _) = LAWS[0];
+    let folder = tempfile::tempdir().unwrap();
+    write_tables(folder.path(), &pulled(&*law_by_name(name, values).unwrap(), 2, 0.004, 0.006), 0.0, 1);
+    // A stiffness of 1e340 is no number.
+    let brittle = [1.0, 1e-170, 0.05, 4.0];
+    let laws = "parameters = [\"phi_n\"]\nlaws = [\"smith-ferrante\", \"bilinear-power\"]\n";
+    let error = opened(folder.path(), &case_text(name, &brittle, 0.0, laws), |_| ()).unwrap_err();
+    let words =
+        ["'smith-ferrante' has no values in [cohesive]", "of 'extended-xu-needleman'", "start that nearer", "line "];
+    words.iter().for_each(|word| assert!(error.contains(word), "'{word}' in: {error}"));
 }
 
 #[test]

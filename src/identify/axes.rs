@@ -1,0 +1,115 @@
+//! How far the parameters can go along each axis of their covariance before the objective objects: what linear theory has to be
+//! replaced by where the data hardly know a parameter.
+
+use super::FitError;
+use super::bootstrap::Base;
+use super::fit::Fit;
+use super::intervals::LINEAR_STD;
+use super::objective::Problem;
+use super::options::FitOptions;
+use super::profile_ends::ProfileEnds;
+use super::stage::no_texture;
+use super::statistics::NORMAL_95;
+use super::weights::{InverseCovariance, WeightKind, Weights};
+use crate::mechanics::cohesive::CohesiveLaw;
+
+/// The axes of the likelihood of a fit, in scaled unknowns.
+///
+/// Along an axis of the covariance whose standard deviation is at most [`LINEAR_STD`] linear theory holds. Along the others the
+/// objective is followed to where it is `1.96^2` above its minimum ([`ProfileEnds`]), on either side by itself; a draw goes
+/// there in proportion. Axes are independent of one another, as they are in linear theory.
+#[derive(Debug)]
+pub(super) struct Axes {
+    /// Moves at 1.96 standard deviations below and above, of each axis.
+    ends: Vec<[Vec<f64>; 2]>,
+    /// Works of separation at the ends of their own profiles, below and above, N/mm; `None` without an end.
+    works: [[Option<f64>; 2]; 2],
+}
+
+impl Axes {
+    /// Those of `fit`; `None` where linear theory holds along all of them, or nothing is known of some.
+    ///
+    /// # Errors
+    /// A covariance without inverse.
+    pub fn new(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Result<Option<Self>, FitError> {
+        let Some(statistics) = &fit.statistics else { return Ok(None) };
+        let Some((variances, vectors)) = statistics.covariance.symmetric_eigen() else { return Ok(None) };
+        let stds: Vec<f64> = variances.iter().map(|variance| variance.max(0.0).sqrt()).collect();
+        let wide: Vec<usize> = (0..stds.len()).filter(|&k| stds[k] > LINEAR_STD && stds[k].is_finite()).collect();
+        if wide.is_empty() {
+            return Ok(None);
+        }
+        let weights = match options.weights {
+            WeightKind::Covariance => {
+                let (n, by_boundary) = (problem.observation.instants.len(), statistics.by_boundary.clone());
+                Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?)
+            }
+            kind => problem.diagonal_weights(kind),
+        };
+        let base = Base {
+            problem,
+            evaluation: &fit.evaluation,
+            statistics,
+            weights: &weights,
+            boundary: &fit.boundary,
+            follows_data: false,
+        };
+        let Some(profile) = ProfileEnds::new(&base) else { return Ok(None) };
+        let z = problem.unknowns.scaled(&fit.evaluation.x);
+        let straight = |k: usize| {
+            let move_of = |sign: f64| vectors.column(k).iter().map(|v| sign * NORMAL_95 * stds[k] * v).collect();
+            [move_of(-1.0), move_of(1.0)]
+        };
+        let mut ends: Vec<[Vec<f64>; 2]> = (0..stds.len()).map(straight).collect();
+        let directions: Vec<Vec<f64>> = wide.iter().map(|&k| vectors.column(k).to_vec()).collect();
+        for (&k, found) in wide.iter().zip(profile.as_far_as(&directions)) {
+            ends[k] = found.map(|end| end.iter().zip(&z).map(|(end, z)| end - z).collect());
+        }
+        let by = by_works(problem, &z);
+        let mut works = [[None; 2]; 2];
+        for (mode, found) in profile.along(by.to_vec()).into_iter().enumerate() {
+            works[mode] = found.map(|end| {
+                let law = problem.unknowns.law_at(&problem.unknowns.unscaled(&end?)).ok()?;
+                work_of(&*law, mode)
+            });
+        }
+        Ok(Some(Self { ends, works }))
+    }
+
+    /// The error of the scaled unknowns at so many standard deviations along each axis.
+    pub fn at(&self, t: &[f64]) -> Vec<f64> {
+        let mut error = vec![0.0; t.len()];
+        for (t, ends) in t.iter().zip(&self.ends) {
+            let end = &ends[usize::from(*t > 0.0)];
+            error.iter_mut().zip(end).for_each(|(e, end)| *e += t.abs() / NORMAL_95 * end);
+        }
+        error
+    }
+
+    /// The ends of the profiles of the works of separation in opening and in sliding.
+    pub fn works(&self) -> [[Option<f64>; 2]; 2] {
+        self.works
+    }
+}
+
+/// Names of the work of separation among the parameters of laws, by mode.
+pub(super) const WORKS: [&[&str]; 2] = [&["phi_n", "G_Ic", "G_c"], &["phi_t", "G_IIc"]];
+
+/// The work of separation in opening or in sliding, where it is a parameter of `law` or follows from those.
+fn work_of(law: &dyn CohesiveLaw, mode: usize) -> Option<f64> {
+    let place = law.parameters().iter().position(|p| WORKS[mode].contains(&p.name));
+    place.map(|place| law.values()[place]).or_else(|| law.sliding_work().filter(|_| mode == 1))
+}
+
+/// Derivatives of the logarithms of both works by the scaled unknowns.
+fn by_works(problem: &Problem<'_>, z: &[f64]) -> [Vec<f64>; 2] {
+    const H: f64 = 1e-5;
+    let at = |k: usize, h: f64, mode: usize| {
+        let mut there = z.to_vec();
+        there[k] += h;
+        let law = problem.unknowns.law_at(&problem.unknowns.unscaled(&there)).ok()?;
+        work_of(&*law, mode).map(f64::ln)
+    };
+    let slope = |k: usize, mode: usize| Some((at(k, H, mode)? - at(k, -H, mode)?) / (2.0 * H));
+    [0, 1].map(|mode| (0..z.len()).map(|k| slope(k, mode).unwrap_or(0.0)).collect())
+}

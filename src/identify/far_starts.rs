@@ -1,0 +1,66 @@
+//! Further starts of a fit that ended where it hardly can be right: a joint that is torn apart at once, or not at all, has minima of
+//! its own.
+
+use super::objective::Problem;
+use super::options::FitOptions;
+use super::stage::run;
+use super::trust_region::{End, FitStatus, TrustRegionOptions};
+use super::unknowns::Unknowns;
+use super::weights::Weights;
+use rayon::prelude::*;
+
+/// The objective by its expectation above which the end of a fit is doubted: residuals of twice the noise.
+const DOUBTFUL: f64 = 4.0;
+/// Factors of all tractions and of all jumps, from the start of the fit on.
+const FACTORS: [[f64; 2]; 6] =
+    [[3.0, 1.0], [1.0 / 3.0, 1.0], [1.0, 3.0], [1.0, 1.0 / 3.0], [3.0, 1.0 / 3.0], [1.0 / 3.0, 3.0]];
+/// Evaluations that each of them may take before they are compared.
+const EVALUATIONS: usize = 12;
+
+/// Where a fit does better that ended so, with the objective `omega` under `weights` where the noise is `expected` to leave another: on
+/// the way from laws with a third and three times the tractions and jumps of its start. `None` where it needs none (it came to its
+/// end, with a residual that noise may leave), the user chose starts, or none of them leads lower.
+pub(super) fn further_start(
+    problem: &Problem<'_>,
+    options: &FitOptions,
+    weights: &Weights,
+    (status, omega, expected): (FitStatus, f64, Option<f64>),
+) -> Option<Vec<f64>> {
+    // Of a noise that is not known the expectation is the objective itself.
+    let misfit = problem.noise.sigma.is_some() && expected.is_some_and(|expected| omega > DOUBTFUL * expected);
+    let wanted = options.doubt && options.starts.is_empty() && !status.cut_short();
+    // A law that is compared with others has more starts than one anyway.
+    let stalled = status == FitStatus::Stalled && options.region.standstill == 0.0;
+    if !wanted || !(misfit || stalled) || problem.watch.ended().is_some() {
+        return None;
+    }
+    let start = problem.unknowns.start();
+    let region = TrustRegionOptions { max_evaluations: EVALUATIONS, ..options.region };
+    let boundary = &problem.joint.boundary;
+    let tried: Vec<End> = FACTORS
+        .par_iter()
+        .filter_map(|factors| {
+            let start = scaled_law(&problem.unknowns, &start, *factors);
+            problem.unknowns.law_at(&start).ok()?;
+            Some(run(problem, boundary, weights, &start, None, &region))
+        })
+        .collect();
+    let omega_of = |end: &End| end.local.as_ref().map_or(f64::INFINITY, |local| local.omega);
+    let best = tried.iter().min_by(|a, b| omega_of(a).total_cmp(&omega_of(b)))?;
+    (omega_of(best) < omega).then(|| problem.unknowns.unscaled(&best.z))
+}
+
+/// The unknowns at `x` with all tractions of the law times the first factor and all jumps times the second, within their bounds.
+fn scaled_law(unknowns: &Unknowns, x: &[f64], [traction, jump]: [f64; 2]) -> Vec<f64> {
+    let value = |(unknown, x): (&super::unknowns::Unknown, &f64)| {
+        let factor = match unknown.parameter.unit {
+            "MPa" => traction,
+            "mm" => jump,
+            "N/mm" => traction * jump,
+            "MPa/mm" => traction / jump,
+            _ => 1.0,
+        };
+        (factor * x).clamp(unknown.bounds[0], unknown.bounds[1])
+    };
+    unknowns.list().iter().zip(x).map(value).collect()
+}
