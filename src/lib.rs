@@ -52,8 +52,8 @@
 //! - `cli`: [`cli`], the program (clap); with `store` and `report`.
 
 #[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
+#[doc = include_str!("../docs/guide.md")]
+struct Guide;
 
 #[cfg(doctest)]
 #[doc = include_str!("../docs/mechanics.md")]

@@ -1061,10 +1061,10 @@ fn numpy_and_scipy_read_the_exported_arrays_to_the_same_bits() {
 }
 
 #[test]
-fn the_python_example_of_the_readme_runs() {
-    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
-    let blocks: Vec<_> = readme.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    let [example] = blocks[..] else { panic!("README.md has {} examples in Python", blocks.len()) };
+fn the_python_example_of_the_guide_runs() {
+    let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/guide.md")).unwrap();
+    let blocks: Vec<_> = guide.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    let [example] = blocks[..] else { panic!("docs/guide.md has {} examples in Python", blocks.len()) };
     assert!(example.lines().filter(|line| !line.trim().is_empty()).count() <= 10, "{example}");
     let Some((python, _)) = python() else { return };
     let desk = Desk::with_series();
