@@ -244,13 +244,13 @@ fn pixels_around(mesh: &Mesh<Px>, elements: &[usize], of_zone: &PixelSet) -> Vec
     found
 }
 
-/// Follows the nodes on the faces of cuts that were not measured and see texture (`sees`), from the `displacement` of those that were
-/// and from each other.
+/// Follows the nodes on the faces of cuts that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
+/// those that were measured and from each other.
 pub(super) fn followed(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
     zone_pixels: &[PixelSet],
-    [measured, sees]: [&[bool]; 2],
+    [measured, sees, gone]: [&[bool]; 3],
     displacement: &[[f64; 2]],
 ) -> Vec<Followed> {
     let mut waiting: BTreeMap<usize, (Patch, Vec<usize>)> = BTreeMap::new();
@@ -269,6 +269,8 @@ pub(super) fn followed(
             }
         }
     }
+    // Who has an element left and was not measured has no texture beyond the noise.
+    around.retain(|_, elements| elements.iter().all(|&element| gone[element]));
     for (node, elements) in around {
         let zone = &zone_pixels[mesh.node_zone()[node] as usize];
         let pixels = pixels_around(mesh, &elements, zone);

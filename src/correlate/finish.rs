@@ -232,10 +232,15 @@ impl<B: Backend> Correlator<B> {
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
         let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
+        let gone: Vec<bool> = excluded.iter().zip(level.moments.iter()).map(|(&out, m)| out || m.n == 0.0).collect();
         let faces = match looked_at && excluded.contains(&true) {
-            true => {
-                followed([&self.image, &image], mesh, self.zone_pixels(), [&measured, &level.keep], &full_displacement)
-            }
+            true => followed(
+                [&self.image, &image],
+                mesh,
+                self.zone_pixels(),
+                [&measured, &level.keep, &gone],
+                &full_displacement,
+            ),
             false => Vec::new(),
         };
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);

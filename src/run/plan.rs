@@ -138,9 +138,7 @@ impl Plan {
             return Err("--export none stands alone; give csv, vtu, or both".into());
         }
         let was_so = |key: &str| recorded(key).is_some_and(|so| so.as_bool() == Some(true));
-        let names_zone =
-            !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some();
-        let zone_found = was_so("zone_found") && !names_zone;
+        let zone_found = was_so("zone_found") && !names_zone(asked);
         let mut plan = Self {
             reference,
             reference_named,
@@ -249,6 +247,11 @@ impl Plan {
         }
         .with_drawn(&self.drawn)
     }
+}
+
+/// Whether a zone is named beside the case.
+fn names_zone(asked: &Overlay) -> bool {
+    !asked.roi.is_empty() || !asked.polygon.is_empty() || asked.mask.is_some() || asked.mesh.is_some()
 }
 
 /// The files of frames, by names that hold from anywhere.
