@@ -7,7 +7,7 @@ use quadrille::linalg::{BlockMatrix, Cholesky, LuChoice, LuPlan, Pattern, dissec
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::element::{ElementVector, Q4};
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Model, ModelOptions};
+use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, Kinematics, Model, ModelOptions};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -160,7 +160,8 @@ fn cholesky(mesh: &JointMesh, prescribed: &[u32], repeats: usize) -> (f64, f64) 
         .elements()
         .iter()
         .map(|corners| {
-            let element = Q4::new(corners.map(|node| mesh.nodes()[node as usize])).expect("an element");
+            let element =
+                Q4::new(corners.map(|node| mesh.nodes()[node as usize]), Kinematics::Paper).expect("an element");
             let full = element.tangent(&*law, &ElementVector::zeros()).1;
             let mut upper = [0.0; 36];
             let mut at = 0;

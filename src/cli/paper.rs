@@ -179,7 +179,7 @@ fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
         rows,
     )?;
 
-    let report = JointReport { joint, solution };
+    let report = JointReport::new(joint, solution);
     let delta_t = solution.parameters.iter().position(|s| s.parameter.name == "delta_t");
     let mut rows = Vec::new();
     for instant in SHOWN {

@@ -87,6 +87,9 @@ pub(super) fn of_joint(summary: &JointSummary, output: &Path) {
     if let Some(message) = summary.instants.iter().find_map(|instant| instant.message.as_ref()) {
         eprintln!("{message}");
     }
+    if let Some(balance) = &summary.energy_balance {
+        eprintln!("{}", balance.text());
+    }
     let n = summary.instants.iter().filter(|instant| instant.message.is_none()).count();
     let total = plural(summary.instants.len(), "instant");
     eprintln!("{n} of {total} converged in {:.3} s, results in {}", summary.seconds, output.display());

@@ -1,11 +1,11 @@
 //! `quadrille virtual`: the virtual test with its images, its truth, and a case file to run.
 
-use super::args::{VirtualArgs, VirtualDepth, VirtualMixity};
+use super::args::{VirtualArgs, VirtualDepth, VirtualKinematics, VirtualMixity};
 use super::{Outcome, Result};
 use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
-use crate::mechanics::JointMesh;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::{JointMesh, Kinematics};
 use crate::synth::Depth;
 use crate::virtual_test::{
     ALUMINIUM, BAND_PX, ELEMENT_PX, Mixity, PIXEL_MM, SIZE, VirtualOptions, VirtualTest, faces_px, zones_px,
@@ -30,8 +30,12 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
         VirtualMixity::Mixed => Mixity::Mixed,
         VirtualMixity::Sliding => Mixity::Sliding,
     };
-    let options =
-        VirtualOptions { seed: args.seed, depth, noise_grey: args.noise, mixity, ..VirtualOptions::default() };
+    let kinematics = match args.kinematics {
+        VirtualKinematics::Paper => Kinematics::Paper,
+        VirtualKinematics::Finite => Kinematics::Finite,
+    };
+    let (seed, noise_grey) = (args.seed, args.noise);
+    let options = VirtualOptions { seed, depth, noise_grey, mixity, kinematics, ..VirtualOptions::default() };
     if args.output.join(TRUTH).exists() && !args.overwrite {
         return Err(format!(
             "{}: holds another virtual test; choose another --output folder, or replace it with --overwrite",

@@ -350,8 +350,9 @@ fn jump_errors(
     let instant = &fit.solution().instants[observation.instants[i].index];
     let n = problem.unknowns.n();
     let slopes = problem.unknowns.slopes(&fit.evaluation.x);
+    let changes = |by: &Vec<[f64; 2]>| model.jump_changes(&instant.displacement, by);
     let by_unknown: Vec<Vec<Jump>> =
-        (problem.unknowns.list().iter()).map(|unknown| model.jumps(&instant.sensitivities[unknown.index])).collect();
+        (problem.unknowns.list().iter()).map(|unknown| changes(&instant.sensitivities[unknown.index])).collect();
     let n_pairs = model.mesh().pairs().len();
     let component = |jump: Jump, c: usize| if c == 0 { jump.normal } else { jump.tangential };
     let by_z = Dense::from_fn(n, 2 * n_pairs, |k, at| slopes[k] * component(by_unknown[k][at / 2], at % 2));
@@ -361,7 +362,7 @@ fn jump_errors(
     }
     let columns = problem.unit_motions();
     let fields = model.linearise(law, &instant.displacement)?.by_boundary(columns.instants());
-    let by_boundary: Vec<Vec<Jump>> = fields.iter().map(|field| model.jumps(field)).collect();
+    let by_boundary: Vec<Vec<Jump>> = fields.iter().map(changes).collect();
     let sigma2 = noise_factor(fit) * statistics.sigma * statistics.sigma;
     let products = |a: &Dense, b: &Dense, add: &dyn Fn(usize, usize) -> f64| -> Vec<[[f64; 2]; 2]> {
         let entry = |r: usize, c: usize| dot(a.column(r), b.column(c)) + add(r, c);

@@ -192,12 +192,12 @@ impl Problem<'_> {
                             let fields = by_group.entry(group).or_insert_with(|| tangent.by_material(group));
                             add(&mut nodes, 1.0, fields.get(*index)?);
                         }
-                        let jumps = model.jumps(&nodes);
+                        let jumps = model.jump_changes(u, &nodes);
                         Some(Change { nodes, jumps })
                     }
                     ConstantKind::Law { index } => {
                         let nodes = instant.sensitivities.get(*index)?.clone();
-                        let jumps = model.jumps(&nodes);
+                        let jumps = model.jump_changes(u, &nodes);
                         Some(Change { nodes, jumps })
                     }
                     ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
@@ -209,7 +209,8 @@ impl Problem<'_> {
                     ConstantKind::PixelSize => {
                         // Were all parameters of the law to grow by their power of mm, the solution would grow as the data do:
                         // what a prescribed one, which does not, takes away. Those fitted follow, see below.
-                        let (mut nodes, mut all) = (still(), u.clone());
+                        let small = model.options().kinematics.is_small();
+                        let (mut nodes, mut all) = (still(), if small { u.clone() } else { still() });
                         let fitted = |index: usize| self.unknowns.list().iter().any(|unknown| unknown.index == index);
                         for (index, (p, value)) in law.parameters().iter().zip(law.values()).enumerate() {
                             let grown = -power_of_length(p.unit) * value;
@@ -219,7 +220,17 @@ impl Problem<'_> {
                                 add(&mut nodes, grown, field);
                             }
                         }
-                        Some(Change { nodes, jumps: model.jumps(&all) })
+                        let mut jumps = model.jump_changes(u, &all);
+                        if !small {
+                            // All lengths grow alike: the jumps as well, whatever has turned.
+                            jumps.iter_mut().zip(model.jumps(u)).for_each(|(sum, jump)| {
+                                *sum = Jump {
+                                    normal: sum.normal + jump.normal,
+                                    tangential: sum.tangential + jump.tangential,
+                                };
+                            });
+                        }
+                        Some(Change { nodes, jumps })
                     }
                     ConstantKind::NoiseLevel => None,
                 }

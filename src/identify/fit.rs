@@ -12,6 +12,7 @@ use super::objective::{Evaluation, Problem};
 use super::options::{Discretisation, FitOptions, Intervals};
 use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
+use super::rotations::Rotations;
 use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
@@ -75,6 +76,8 @@ pub struct Fit {
     pub intervals: Option<IntervalBasis>,
     /// What elements half as large would change; `None` where that was not asked for or could not be computed.
     pub refinement: Option<Refinement>,
+    /// What finite rotations would change; `None` where they are finite, and where that was not asked for.
+    pub rotations: Option<Rotations>,
     /// The objective's ingredients at the end.
     pub evaluation: Evaluation,
     /// The prescribed displacements of the end: as measured, or as estimated.
@@ -195,6 +198,15 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         jumps: refined.jumps.clone(),
         included: options.discretisation == Discretisation::Included,
     });
+    let rotations = match &statistics {
+        Some(statistics) if options.doubt && problem.is_small() && watch.ended().is_none() => {
+            watch.begins("finite rotations");
+            let turned = problem.turned(&evaluation, &boundary);
+            Some(Rotations::new(turned.map(|change| statistics.shift(&change)), &slopes))
+        }
+        _ => None,
+    }
+    .filter(|rotations| rotations.change.is_some() || watch.ended().is_none());
     let by_refinement: Option<Vec<f64>> =
         refinement.as_ref().map(|finer| finer.scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
     let (budget, quantities, covariance) = budget(
@@ -337,6 +349,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         implausible: implausible_result(problem, &*law),
         intervals,
         refinement,
+        rotations,
         evaluation,
         boundary,
         largest_correction,

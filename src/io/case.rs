@@ -22,7 +22,7 @@ pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
 pub use guard::CaseGuard;
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
-    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
+    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
 };
 pub use law::{
     CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
@@ -35,6 +35,7 @@ pub use setup::CaseReport;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Every section that a case file may have; what it does not say is `None` or empty, and left to the command line and the
@@ -80,6 +81,12 @@ pub struct Case {
     /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
     /// `gap_mm` together). `quadrille run` takes that of its correlation: there only `refine` can be given.
     pub mesh: Option<CaseJointMesh>,
+    /// Groups of nodes whose reaction is given, by name: a condition on the position in mm, as `grip = "y = max and x < 2.5"` (`=`,
+    /// `<`, `<=`, `>`, `>=`; `min` and `max` are the ends of the mesh), or a list of node numbers of the mesh file. Without it those
+    /// that the mesh file names, or the prescribed nodes of each strip.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(with = "BTreeMap<String, joint::NodeGroupKey>")]
+    pub groups: BTreeMap<String, CaseNodeGroup>,
     /// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is
     /// given.
     pub boundary: Option<CaseBoundary>,

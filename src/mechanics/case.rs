@@ -6,6 +6,7 @@ use super::cohesive::{
 };
 use super::element::{Kinematics, Quadrature};
 use super::error::{BoundaryFault, MeshFault, ModelError};
+use super::groups::{NodeGroup, select_nodes};
 use super::joint::{Carry, JointMesh};
 use super::model::{Model, ModelOptions};
 use super::parts::JointParts;
@@ -14,8 +15,8 @@ use super::substrate::{
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
-    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion, CaseSubstrate,
-    EXACT, LawKey, LawKeys, STD,
+    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CaseNodeGroup, CasePlane, CaseQuadrature, CaseRigidMotion,
+    CaseSubstrate, EXACT, LawKey, LawKeys, STD,
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
 use std::collections::BTreeMap;
@@ -38,6 +39,8 @@ pub struct Joint {
     pub boundary: BoundaryHistory,
     /// The mesh that displacements were measured on, and what leads from it to that of the model.
     pub measured: MeasuredMesh,
+    /// Groups of nodes whose reactions are given.
+    pub groups: Vec<NodeGroup>,
     /// The rigid motion that was taken off at each instant; empty when none was asked to be.
     pub removed: Vec<RigidMotion>,
     /// What is possible, but hardly meant.
@@ -206,7 +209,8 @@ impl Joint {
         let materials = materials_of_case(&case.substrate, mesh.groups())?;
         let options = ModelOptions { kinematics, quadrature, ..ModelOptions::default() };
         let model = Model::new(mesh, materials, boundary.nodes(), options)?;
-        let mut joint = Self { model, law, boundary, measured, removed, doubts };
+        let groups = node_groups(input, &model, measured.carry.as_ref())?;
+        let mut joint = Self { model, law, boundary, measured, groups, removed, doubts };
         joint.doubt_units();
         Ok(joint)
     }
@@ -246,6 +250,43 @@ fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
                 .map_err(|fault| JointError::Mesh { place: OF_MESH.to_owned(), fault })
         }
     }
+}
+
+/// The groups of nodes of the case, else those of the mesh file of which some node is prescribed, else the prescribed nodes of
+/// each strip.
+fn node_groups(input: &JointInput, model: &Model, carry: Option<&Carry>) -> Result<Vec<NodeGroup>, JointError> {
+    let mesh = model.mesh();
+    let held = |group: &NodeGroup| group.nodes.iter().any(|node| model.prescribed().contains(node));
+    let carried = |nodes: &Vec<u32>| carry.map_or_else(|| nodes.clone(), |carry| carry.nodes_between(nodes));
+    let of_case = |(name, given): (&String, &CaseNodeGroup)| {
+        let refused = |what: String| wrong("groups", Some(name), format!("{name}: {what}"));
+        let nodes = match given {
+            CaseNodeGroup::Where(text) => select_nodes(text, mesh).map_err(refused)?,
+            CaseNodeGroup::List(list) => {
+                let n = mesh.nodes().len();
+                if let Some(node) = list.iter().find(|&&node| node as usize >= n) {
+                    return Err(refused(format!("there is no node {node}; the mesh has {n} (counted from 0)")));
+                }
+                carried(list)
+            }
+        };
+        let group = NodeGroup::new(name, nodes);
+        match (group.nodes.is_empty(), held(&group)) {
+            (true, _) => Err(refused("no node of the mesh is there".to_owned())),
+            (_, false) => Err(refused("none of its nodes is prescribed, so that nothing holds it".to_owned())),
+            _ => Ok(group),
+        }
+    };
+    if !input.case.groups.is_empty() {
+        return input.case.groups.iter().map(of_case).collect();
+    }
+    let named: Vec<NodeGroup> = match &input.mesh {
+        MeshInput::File(file) | MeshInput::Run(file) => {
+            file.node_groups.iter().map(|(name, nodes)| NodeGroup::new(name, carried(nodes))).filter(held).collect()
+        }
+        MeshInput::Rectangle { .. } => Vec::new(),
+    };
+    Ok(if named.is_empty() { NodeGroup::of_strips(mesh, model.prescribed()) } else { named })
 }
 
 /// The prescribed displacements of a table, for the nodes of `mesh`.
@@ -347,6 +388,7 @@ impl From<CaseKinematics> for Kinematics {
         match kinematics {
             CaseKinematics::Paper => Self::Paper,
             CaseKinematics::Objective => Self::Objective,
+            CaseKinematics::Finite => Self::Finite,
         }
     }
 }

@@ -358,6 +358,12 @@ impl Carry {
         coarse
     }
 
+    /// The nodes of the fine mesh that lie between those `nodes` of the coarse one alone, these included.
+    pub fn nodes_between(&self, nodes: &[u32]) -> Vec<u32> {
+        let between = |weights: &Vec<(u32, f64)>| weights.iter().all(|(node, _)| nodes.contains(node));
+        (0u32..).zip(&self.weights).filter(|(_, weights)| between(weights)).map(|(node, _)| node).collect()
+    }
+
     /// Values at the nodes of the fine mesh, from those at the nodes of the coarse one.
     pub fn values(&self, coarse: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let at = |weights: &Vec<(u32, f64)>, c: usize| -> f64 {
@@ -383,7 +389,7 @@ fn check_strips(nodes: &[[f64; 2]], elements: &[[u32; 4]]) -> Result<(), MeshFau
         }
         corners.iter().for_each(|&node| used[node as usize] = true);
         let positions = corners.map(|node| nodes[node as usize]);
-        if Q4::new(positions).is_none() {
+        if Q4::new(positions, Kinematics::Paper).is_none() {
             let at = [0, 1].map(|c| positions.iter().map(|p| p[c]).sum::<f64>() / 4.0);
             return Err(MeshFault::BadElement { element, x: at[0], y: at[1] });
         }

@@ -5,7 +5,7 @@ use super::cohesive::{CohesiveLaw, Jump, Traction};
 use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Quadrature};
 use super::error::ModelError;
 use super::joint::JointMesh;
-use super::substrate::{Stress, SubstrateLaw, SubstrateState};
+use super::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateState};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -21,7 +21,7 @@ const GRAIN: usize = 128;
 /// How the joint is modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ModelOptions {
-    /// What counts as jump.
+    /// What counts as jump, and whether rotations are small.
     pub kinematics: Kinematics,
     /// Where tractions are evaluated.
     pub quadrature: Quadrature,
@@ -109,7 +109,8 @@ impl Model {
             }
         }
         let at = |corners: &[u32; 4]| corners.map(|node| mesh.nodes()[node as usize]);
-        let quads = mesh.elements().iter().map(|corners| Q4::new(at(corners)).expect("a checked element")).collect();
+        let quad = |corners| Q4::new(at(corners), options.kinematics).expect("a checked element");
+        let quads = mesh.elements().iter().map(quad).collect();
         let interface = |corners| {
             Interface::new(at(corners), options.quadrature, options.kinematics).expect("a checked interface element")
         };
@@ -398,10 +399,24 @@ impl Model {
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn jumps(&self, u: &[[f64; 2]]) -> Vec<Jump> {
-        let pairs = self.mesh.pairs();
-        let mut sums = vec![[0.0; 3]; pairs.len()];
-        self.for_each_end(|pair, element, end| {
-            let jump = end.jump(&self.gather(element, u));
+        self.means_of_ends(|element, interface, end| interface.jump(end, &self.gather(element, u)))
+    }
+
+    /// The change of the jump at each node pair, to first order, where the displacements `u` change by `by`; where rotations
+    /// are small that is the jump of `by`.
+    ///
+    /// # Panics
+    /// When `u` or `by` has not one displacement per node.
+    pub fn jump_changes(&self, u: &[[f64; 2]], by: &[[f64; 2]]) -> Vec<Jump> {
+        self.means_of_ends(|element, interface, end| {
+            interface.jump_change(end, &self.gather(element, u), &self.gather(element, by))
+        })
+    }
+
+    fn means_of_ends(&self, of_end: impl Fn(usize, &Interface, &InterfacePoint) -> Jump) -> Vec<Jump> {
+        let mut sums = vec![[0.0; 3]; self.mesh.pairs().len()];
+        self.for_each_end(|pair, element, interface, end| {
+            let jump = of_end(element, interface, end);
             let sum = &mut sums[pair];
             *sum = [sum[0] + end.weight * jump.normal, sum[1] + end.weight * jump.tangential, sum[2] + end.weight];
         });
@@ -436,33 +451,55 @@ impl Model {
             .collect()
     }
 
-    /// Unit normal of the joint at each node pair, from the lower to the upper strip; its tangent is `(n_y, -n_x)`.
+    /// Unit normal of the joint at rest at each node pair, from the lower to the upper strip; its tangent is `(n_y, -n_x)`.
     pub fn pair_normals(&self) -> Vec<[f64; 2]> {
         let mut sums = vec![[0.0; 2]; self.mesh.pairs().len()];
-        self.for_each_end(|pair, _, end| {
+        self.for_each_end(|pair, _, _, end| {
             (0..2).for_each(|c| sums[pair][c] += end.weight * end.normal[c]);
         });
         sums.into_iter().map(|n| n.map(|v| v / n[0].hypot(n[1]))).collect()
     }
 
-    /// Calls `each` with the number of the pair, the element's number, and the point, for both ends of each
+    /// Calls `each` with the number of the pair, the element's number, the element, and the point, for both ends of each
     /// interface element.
-    fn for_each_end(&self, mut each: impl FnMut(usize, usize, &InterfacePoint)) {
+    fn for_each_end(&self, mut each: impl FnMut(usize, usize, &Interface, &InterfacePoint)) {
         for (k, (interface, pairs)) in self.interfaces.iter().zip(&self.end_pairs).enumerate() {
             for (end, &pair) in interface.ends().iter().zip(pairs) {
-                each(pair as usize, self.quads.len() + k, end);
+                each(pair as usize, self.quads.len() + k, interface, end);
             }
         }
     }
 
-    /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+).
+    /// The jump at every quadrature point of the interface, with the length (mm) that it stands for.
+    pub(super) fn weighted_jumps(&self, u: &[[f64; 2]]) -> Vec<(f64, Jump)> {
+        let mut jumps = Vec::with_capacity(2 * self.interfaces.len());
+        for (k, interface) in self.interfaces.iter().enumerate() {
+            let u = self.gather(self.quads.len() + k, u);
+            jumps.extend(interface.points().iter().map(|point| (point.weight, interface.jump(point, &u))));
+        }
+        jumps
+    }
+
+    /// Material, area (mm^2) and strain of every Gauss point of the strips.
+    pub(super) fn each_strain(
+        &self,
+        u: &[[f64; 2]],
+    ) -> impl Iterator<Item = (&dyn SubstrateLaw, f64, EngineeringStrain)> {
+        self.quads.iter().enumerate().flat_map(move |(element, quad)| {
+            let u = self.gather(element, u);
+            quad.points().map(|point| (self.material(element), point.weight, quad.strain(&point, &u)))
+        })
+    }
+
+    /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+); with finite rotations
+    /// the second Piola-Kirchhoff stress, in the axes of the body at rest.
     ///
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn stresses(&self, u: &[[f64; 2]]) -> Vec<[Stress; 4]> {
         let stresses = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
-            quad.points().map(|point| self.material(element).stress(point.strain(&u)))
+            quad.points().map(|point| self.material(element).stress(quad.strain(&point, &u)))
         };
         self.quads.iter().enumerate().map(stresses).collect()
     }
@@ -474,7 +511,7 @@ impl Model {
     pub fn states(&self, u: &[[f64; 2]]) -> Vec<[SubstrateState; 4]> {
         let states = |(element, quad): (usize, &Q4)| {
             let u = self.gather(element, u);
-            quad.points().map(|point| self.material(element).state(point.strain(&u)))
+            quad.points().map(|point| self.material(element).state(quad.strain(&point, &u)))
         };
         self.quads.iter().enumerate().map(states).collect()
     }

@@ -105,7 +105,7 @@ impl Model {
 }
 
 /// Where a run stands: a converged field, and the factor of its tangent.
-struct Path<'a> {
+pub(super) struct Path<'a> {
     model: &'a Model,
     law: &'a dyn CohesiveLaw,
     options: NewtonOptions,
@@ -154,7 +154,7 @@ impl Balance {
 }
 
 impl<'a> Path<'a> {
-    fn new(
+    pub(super) fn new(
         model: &'a Model,
         law: &'a dyn CohesiveLaw,
         options: NewtonOptions,
@@ -183,8 +183,15 @@ impl<'a> Path<'a> {
         (self.go_on)(self.instant)
     }
 
+    /// Goes on from `u`, a solution.
+    pub(super) fn start_at(&mut self, u: &[[f64; 2]]) {
+        self.u.copy_from_slice(u);
+        self.last.copy_from_slice(u);
+        self.ready = false;
+    }
+
     /// Moves the border to `target`, in as many increments as it takes.
-    fn advance(&mut self, target: &[[f64; 2]]) -> Instant {
+    pub(super) fn advance(&mut self, target: &[[f64; 2]]) -> Instant {
         let from: Vec<[f64; 2]> = self.model.prescribed().iter().map(|&node| self.u[node as usize]).collect();
         let between = |share: f64| -> Vec<[f64; 2]> {
             if share == 1.0 {
@@ -213,8 +220,9 @@ impl<'a> Path<'a> {
             }
             if !converged {
                 let mut rescue = 0;
-                converged =
-                    self.relax(&border, &mut effort, &mut rescue) || self.secant(&border, &mut effort, &mut rescue);
+                // Secants give the forces of small rotations only.
+                converged = self.relax(&border, &mut effort, &mut rescue)
+                    || (self.model.options().kinematics.is_small() && self.secant(&border, &mut effort, &mut rescue));
                 instant.rescue_iterations += rescue;
                 if converged {
                     instant.status = Status::Rescued;
@@ -274,9 +282,12 @@ impl<'a> Path<'a> {
 
     /// Whether some pair opened much further than foretold.
     fn strays(&self) -> bool {
-        let allowed = 0.2 * self.law.front_opening();
+        let open = self.law.front_opening();
+        let allowed = 0.2 * open;
         let found = self.model.jumps(&self.u);
-        found.iter().zip(&self.foretold).any(|(a, b)| (a.normal - b.normal).abs() > allowed)
+        // Arms that turn far go on their own circle, and no tangent foretells it; where they are apart already that is no snap.
+        let apart = |a: &Jump, b: &Jump| !self.model.options().kinematics.is_small() && a.normal.min(b.normal) > open;
+        found.iter().zip(&self.foretold).any(|(a, b)| (a.normal - b.normal).abs() > allowed && !apart(a, b))
     }
 
     /// Back to the last accepted solution, if an increment went on to another.

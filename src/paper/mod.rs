@@ -183,7 +183,8 @@ fn joint_of(mesh: JointMesh, boundary: BoundaryHistory, law: ExtendedXuNeedleman
     let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
     let measured = MeasuredMesh { mesh: mesh.clone(), prescribed: boundary.nodes().to_vec(), carry: None };
     let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
-    Ok(Joint { model, law: Box::new(law), boundary, measured, removed: Vec::new(), doubts: Vec::new() })
+    let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
+    Ok(Joint { model, law: Box::new(law), boundary, measured, groups, removed, doubts })
 }
 
 /// What the larger joint of `test` does to the outer nodes of `mesh`, whose left edge is at x = 0 and middle at y = 0.

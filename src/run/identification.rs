@@ -71,7 +71,7 @@ pub fn identify(
     folder.write("budget.csv", |out| report.write_budget(out))?;
     let save = |name: String, picture: Picture| save(&folder, &name, &picture);
     let asked = input.case.output.figures.as_deref();
-    let chosen = JointReport { joint: &joint, solution: found.solution() }.chosen(asked);
+    let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
     report.draw(&chosen, save)?;
     if !of_case.laws.is_empty() && found.cut_short.is_none() {
         compared(&mut of_case, &folder, absolute(case), json.warnings.clone(), pool, stop, watcher)?;
@@ -79,7 +79,7 @@ pub fn identify(
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
     joint.law = law;
-    let of_joint = JointReport { joint: &joint, solution: found.solution() };
+    let of_joint = JointReport::new(&joint, found.solution());
     write_solution(&folder, &of_joint)?;
     folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
     of_joint.draw(&chosen, save)?;

@@ -67,7 +67,7 @@ pub fn identify_several(
         own.clear(false, true)?;
         own.make(FIGURES)?;
         own.write("traction-bands.csv", |out| report.write_bands(out))?;
-        let chosen = JointReport { joint, solution: test.fit.solution() }.chosen(asked);
+        let chosen = JointReport::new(joint, test.fit.solution()).chosen(asked);
         report.draw(&chosen, |name: String, picture: Picture| save(&own, &name, &picture))?;
     }
     let law = |k: usize| of_case.tests[k].case.problem.unknowns.law_at(&found.tests[k].fit.evaluation.x);
@@ -113,7 +113,7 @@ fn write_test(
     seconds: f64,
     asked: Option<&[usize]>,
 ) -> Result<()> {
-    let report = JointReport { joint, solution };
+    let report = JointReport::new(joint, solution);
     write_solution(folder, &report)?;
     folder.write_summary(&report.summary(case.to_owned(), seconds, joint.doubts.clone()))?;
     report.draw(&report.chosen(asked), |name, picture| save(folder, &name, &picture))

@@ -9,12 +9,15 @@ use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::Case;
 use crate::io::joint::read_joint;
-use crate::mechanics::ForwardOptions;
+use crate::mechanics::{EnergyOptions, ForwardOptions};
 use crate::report::Picture;
 use crate::report::joint::{JointReport, JointSummary};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
+
+/// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each instant.
+const ENERGIES_UP_TO: usize = 20_000;
 
 /// Computes the joint of the case file `case` and writes displacements, tractions, sensitivities and figures into `output`; when
 /// `stop` is asked, of the instants so far.
@@ -52,8 +55,15 @@ pub fn simulate(
         joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on)
     })?;
     let seconds = begin.elapsed().as_secs_f64();
+    let energies = match input.case.output.energies.unwrap_or(joint.model.n_unknowns() <= ENERGIES_UP_TO) {
+        true => heard.during(pool, watcher, || {
+            let go_on = || watch.ended().is_none();
+            joint.model.energies(&*joint.law, &joint.boundary, &solution, &EnergyOptions::default(), &go_on)
+        }),
+        false => Vec::new(),
+    };
 
-    let report = JointReport { joint: &joint, solution: &solution };
+    let report = JointReport { energies: &energies, ..JointReport::new(&joint, &solution) };
     let asked = input.case.output.figures.as_deref();
     let mut warnings = joint.doubts.clone();
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
@@ -62,6 +72,9 @@ pub fn simulate(
     }
     let summary = report.summary(absolute(case), seconds, warnings);
     write_solution(&folder, &report)?;
+    if !energies.is_empty() {
+        folder.write("energies.csv", |out| report.write_energies(out))?;
+    }
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
     watcher(Event::Simulated { summary: &summary, folder: output });
@@ -84,6 +97,7 @@ pub(super) fn save(folder: &RunFolder, name: &str, picture: &Picture) -> Result<
 pub(super) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result<()> {
     folder.write("solution.csv", |out| report.write_solution(out))?;
     folder.write("tractions.csv", |out| report.write_tractions(out))?;
+    folder.write("reactions.csv", |out| report.write_reactions(out))?;
     folder.write("sensitivities.csv", |out| report.write_sensitivities(out))?;
     let mut numbers = Vec::new();
     for (number, instant) in report.solved() {

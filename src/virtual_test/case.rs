@@ -1,6 +1,7 @@
 //! The case file of a virtual test.
 
 use super::{ALUMINIUM, ELEMENT_PX, PIXEL_MM, VirtualTest, zones_px};
+use crate::mechanics::Kinematics;
 use crate::mechanics::cohesive::CohesiveLaw;
 
 impl VirtualTest {
@@ -16,6 +17,10 @@ impl VirtualTest {
         let [upper, lower] = zones_px();
         let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
         let r = self.law.values()[3];
+        let kinematics = match self.options.kinematics {
+            Kinematics::Paper => String::new(),
+            other => format!("kinematics = {:?}                 # as the images were computed\n", other.name()),
+        };
         format!(
             "# The virtual test. Run it with: quadrille run case.toml --output run\n\
              \n\
@@ -57,7 +62,7 @@ impl VirtualTest {
              phi_n_N_per_mm = 1.5\n\
              delta_n_mm = 0.0035\n\
              delta_t_mm = 0.07\n\
-             r = {r:?}\n\
+             {kinematics}r = {r:?}\n\
              exact = true                          # and with this r; else state r_std = ...\n\
              \n\
              [measurement]\n\

@@ -98,7 +98,8 @@ impl VirtualTest {
         let boundary = remote_boundary(&mesh, options.instants, options.mixity);
         let aluminium: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress)?);
         let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
-        let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
+        let model_options = ModelOptions { kinematics: options.kinematics, ..ModelOptions::default() };
+        let model = Model::new(mesh, materials, boundary.nodes(), model_options)?;
         let solution = model.forward(&law, &boundary, &ForwardOptions::default())?;
         if let Some(at) = solution.instants.iter().position(|instant| !instant.status.converged()) {
             return Err(VirtualError::NoSolution { instant: at + 1 });

@@ -2,7 +2,7 @@
 
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::substrate::SubstrateError;
-use crate::mechanics::{MeshFault, ModelError};
+use crate::mechanics::{Kinematics, MeshFault, ModelError};
 use crate::synth::{Depth, SynthError};
 use thiserror::Error;
 
@@ -46,13 +46,16 @@ pub struct VirtualOptions {
     pub law: [f64; 4],
     /// How it is loaded.
     pub mixity: Mixity,
+    /// How it is computed: with small rotations as in the paper, or with finite ones.
+    pub kinematics: Kinematics,
 }
 
 impl Default for VirtualOptions {
     /// 19 instants of a joint with the parameters of Table 1 of Fedele et al. (2009) and r = 4, 8 bit, noise of 2 grey levels.
     fn default() -> Self {
         let (law, mixity) = ([1.0, 0.005, 0.05, 4.0], Mixity::Mixed);
-        Self { seed: 1, depth: Depth::U8, noise_grey: 2.0, speckle_px: 4.5, instants: 19, law, mixity }
+        let kinematics = Kinematics::Paper;
+        Self { seed: 1, depth: Depth::U8, noise_grey: 2.0, speckle_px: 4.5, instants: 19, law, mixity, kinematics }
     }
 }
 

@@ -209,7 +209,7 @@ fn faults_in_the_sections_of_a_joint_are_told_with_line_section_key_and_the_key_
         (
             "\"objective\"",
             "\"exact\"",
-            "`kinematics` in [cohesive]: unknown word `exact`, expected `paper` or `objective`",
+            "`kinematics` in [cohesive]: unknown word `exact`, expected one of `paper`, `objective`, `finite`",
         ),
         ("\"free\"", "\"fre\"", "`nodes` in [measurement]: unknown word `fre`, expected `selected` or `free`"),
         ("\"free\"", "1.5", "`nodes` in [measurement]: is the number `1.5`, expected \"selected\", \"free\" or a list"),

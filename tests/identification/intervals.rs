@@ -64,7 +64,8 @@ impl Known {
         let model = Model::new(self.mesh.clone(), materials, &nodes, ModelOptions::default()).unwrap();
         let measured = MeasuredMesh { mesh: self.mesh.clone(), prescribed: nodes, carry: None };
         let law = Box::new(adhesive([1.0; 4]));
-        Joint { model, law, boundary, measured, removed: Vec::new(), doubts: Vec::new() }
+        let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
+        Joint { model, law, boundary, measured, groups, removed, doubts }
     }
 
     /// What is to be fitted to `fields`, the border being prescribed as they say.

@@ -84,15 +84,34 @@ fn a_case_gives_all_its_files_with_finite_numbers() {
         "instant,node,dux_dphi_n,dux_ddelta_n,dux_ddelta_t,dux_dr,duy_dphi_n,duy_ddelta_n,duy_ddelta_t,duy_dr"
     );
     assert!(rows.len() == 3 * n && rows.iter().flatten().all(|v| v.is_finite()));
+    let (header, rows) = read(out.join("energies.csv"));
+    assert_eq!(header.join(","), "instant,work,elastic,plastic,adhesive,imbalance,settled");
+    assert!(rows.len() == 3 && rows[2][1] > 0.0 && rows[2][5].abs() < 1e-6 * rows[2][1], "{rows:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("energies balance to "), "{said}");
+    let reactions = std::fs::read_to_string(out.join("reactions.csv")).unwrap();
+    assert!(reactions.contains("instant,group,ux_mm,uy_mm,Fx_N_per_mm,Fy_N_per_mm") && reactions.contains("3,upper,"));
     let summary: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    let force = |group: &str| summary["instants"][2]["reactions"][group]["force_N_per_mm"][1].as_f64().unwrap();
+    assert!(force("upper") > 1.0);
+    assert_close(force("upper"), -force("lower"), 1e-10, "what the strips hold each other with");
+    assert!(summary["energy_balance"]["relative"].as_f64().unwrap() < 1e-6);
     assert!(summary["seconds"].as_f64().unwrap() > 0.0);
     let instants = summary["instants"].as_array().unwrap();
     assert!(instants.len() == 3 && instants.iter().all(|instant| instant["status"] == "converged"));
     for name in ["series.pvd", "interface.pvd", "vtu/000003.vtu", "vtu/000003-interface.vtu"] {
         assert!(out.join(name).is_file(), "{name}");
     }
-    for name in ["000003-deformed", "000003-tn", "000003-tt", "000003-dux_dphi_n", "000003-duy_dr"] {
+    for name in [
+        "000003-deformed",
+        "000003-tn",
+        "000003-tt",
+        "000003-dux_dphi_n",
+        "000003-duy_dr",
+        "load-displacement",
+        "energies",
+    ] {
         let path = out.join("figures").join(format!("{name}.png"));
         assert!(std::fs::metadata(&path).is_ok_and(|file| file.len() > 2000), "{name}");
     }
@@ -369,6 +388,12 @@ fn wrong_input_gives_one_clear_line_and_status_2() {
     refused(&case("nu = 0.33", "nu = 0.5"), &border, &["nu", "0.5", "below 0.5"]);
     refused(&case("delta_n_mm = 0.005", "delta_n_mm = -0.005"), &border, &["delta_n_mm", "-0.005", "above zero"]);
     refused(&case("phi_n_N_per_mm = 1.0", "phi_n_N_per_mm = 0"), &border, &["phi_n_N_per_mm"]);
+    let with_groups = |line: &str| format!("{good}[groups]\n{line}\n");
+    refused(&with_groups("grip = \"y = top\""), &border, &["groups", "grip", "y = top", "max"]);
+    refused(&with_groups("grip = \"x = 7\""), &border, &["groups", "grip", "no node"]);
+    refused(&with_groups("grip = [0, 4000]"), &border, &["grip", "4000", "72"]);
+    refused(&with_groups("grip = \"x = 0.0309 and y = -0.0609\""), &border, &["grip", "prescribed"]);
+    refused(&with_groups("grip = 3"), &border, &["grip", "condition", "list"]);
     refused(&case("phi_n_N_per_mm = 1.0", "phi_n_N_per_mm = nan"), &border, &["phi_n_N_per_mm", "NaN"]);
     refused(&case("r = 4.0", ""), &border, &["case.toml, line", "[cohesive] r is missing"]);
     refused(&case("r = 4.0", "r = \"four\""), &border, &["line", "`r` in [cohesive]", "expected a number"]);
@@ -455,4 +480,24 @@ fn units_that_cannot_be_right_are_warned_of() {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code().is_some_and(|code| code < 2), "{said}");
     assert!(said.contains("are all lengths in mm?"), "{said}");
+}
+
+#[test]
+fn groups_of_nodes_are_named_by_the_case_or_by_the_mesh_and_kept_when_it_is_refined() {
+    let groups = "[groups]\ngrip = \"y = max\"\nfoot = [0, 1, 2, 3, 4, 5, 6, 7, 8]\n[output]\nenergies = false\n";
+    let case = format!("{RECTANGLE}refine = 2\n{BOUNDARY}{SUBSTRATE}{COHESIVE}kinematics = \"finite\"\n{groups}");
+    let folder = folder(&case, &border());
+    let output = simulate(folder.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let out = folder.path().join("out");
+    assert!(!out.join("energies.csv").exists());
+    let text = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(summary["kinematics"], "finite");
+    let of = |group: &str| &summary["instants"][2]["reactions"][group];
+    // The border opens as in a mirror.
+    let [grip, foot] = ["grip", "foot"].map(|group| of(group)["force_N_per_mm"][1].as_f64().unwrap());
+    assert!(grip > 0.5 && (grip + foot).abs() < 1e-6 * grip, "{grip} {foot}");
+    let moved = of("grip")["displacement_mm"][1].as_f64().unwrap();
+    assert_close(moved, 0.012 * (0.3 + 4.0 * 4.0 * 0.0309), 1e-12, "mean displacement");
 }

@@ -63,6 +63,15 @@ pub enum VirtualMixity {
     Sliding,
 }
 
+/// How a virtual test is computed.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum VirtualKinematics {
+    /// Small rotations, the jump of the paper.
+    Paper,
+    /// Rotations of any size.
+    Finite,
+}
+
 /// Arguments of `quadrille virtual`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
@@ -88,6 +97,9 @@ pub struct VirtualArgs {
     /// How the joint is loaded: an opening and a sliding test tell together what neither tells alone.
     #[arg(long, value_enum, default_value = "mixed")]
     pub mixity: VirtualMixity,
+    /// How it is computed; the case file says the same.
+    #[arg(long, value_enum, default_value = "paper")]
+    pub kinematics: VirtualKinematics,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -9,6 +9,7 @@ use super::super::objective::{Evaluation, Problem};
 use super::super::options::Discretisation;
 use super::super::plausibility::implausible_result;
 use super::super::released::Released;
+use super::super::rotations::Rotations;
 use super::super::statistics::Statistics;
 use super::super::trust_region::FitStatus;
 use super::super::verdict::{Grounds, LARGEST_STD, Verdict};
@@ -220,6 +221,26 @@ fn put_together(
         Some(led) => led.statistics.into_iter().map(Some).collect(),
         None => tests.iter().map(|_| None).collect(),
     };
+    let slopes = unknowns.slopes(&known.evaluations[0].x);
+    // Every test moves the parameters of all.
+    let small = tests.iter().any(|test| test.problem.is_small()) && tests[0].options.doubt;
+    let rotations =
+        statistics.iter().all(Option::is_some).then_some(()).filter(|()| small && cut_short.is_none()).map(|()| {
+            let mut sum = Some(vec![0.0; slopes.len()]);
+            for ((test, evaluation), statistics) in
+                tests.iter().zip(&known.evaluations).zip(statistics.iter().flatten())
+            {
+                if !test.problem.is_small() {
+                    continue;
+                }
+                let moved = test.problem.turned(evaluation, &test.problem.joint.boundary);
+                sum = sum.zip(moved).map(|(mut sum, moved)| {
+                    sum.iter_mut().zip(statistics.shift(&moved)).for_each(|(sum, z)| *sum += z);
+                    sum
+                });
+            }
+            Rotations::new(sum, &slopes)
+        });
     let mut list = Vec::with_capacity(tests.len());
     for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {
         let statistics = statistics[k].take();
@@ -246,6 +267,7 @@ fn put_together(
             implausible: implausible_result(tests[k].problem, &*law),
             intervals: made.intervals.clone(),
             refinement: made.refinement(refined[k].as_ref()),
+            rotations: rotations.clone(),
             evaluation,
             boundary: tests[k].problem.joint.boundary.clone(),
             largest_correction: None,

@@ -69,7 +69,7 @@ const OF_CORRELATION: [&str; 11] = [
     "report",
 ];
 const INTERFACE: &str = "interface";
-const OF_JOINT: [&str; 7] = ["mesh", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+const OF_JOINT: [&str; 8] = ["mesh", "groups", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
 const TESTS: &str = "test";
 /// What a case of several tests has beside them.
 const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
@@ -153,6 +153,7 @@ impl CaseDocument {
             run,
             interface,
             mesh,
+            groups,
             boundary,
             substrate,
             cohesive,
@@ -176,8 +177,19 @@ impl CaseDocument {
             cracks,
             run,
         };
-        let joint =
-            Case { interface, mesh, boundary, substrate, cohesive, tests, output, measurement, fit, ..Case::default() };
+        let joint = Case {
+            interface,
+            mesh,
+            groups,
+            boundary,
+            substrate,
+            cohesive,
+            tests,
+            output,
+            measurement,
+            fit,
+            ..Case::default()
+        };
         (of_correlation, joint)
     }
 }

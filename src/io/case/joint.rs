@@ -25,6 +25,55 @@ pub struct CaseInterface {
     pub thickness_mm: Option<f64>,
 }
 
+/// Nodes with a name, whose reaction is given.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CaseNodeGroup {
+    /// Conditions on the position, as `y = max and x < 2.5`.
+    Where(String),
+    /// Numbers of nodes of the mesh file, from 0.
+    List(Vec<u32>),
+}
+
+/// What a case file holds for [`CaseNodeGroup`].
+#[derive(Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum NodeGroupKey {
+    Where(String),
+    List(Vec<u32>),
+}
+
+impl Serialize for CaseNodeGroup {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Where(text) => NodeGroupKey::Where(text.clone()),
+            Self::List(list) => NodeGroupKey::List(list.clone()),
+        }
+        .serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for CaseNodeGroup {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Group;
+        impl<'de> Visitor<'de> for Group {
+            type Value = CaseNodeGroup;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a condition such as \"y = max\" or a list of numbers")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<CaseNodeGroup, E> {
+                Ok(CaseNodeGroup::Where(text.to_owned()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<CaseNodeGroup, A::Error> {
+                Vec::deserialize(de::value::SeqAccessDeserializer::new(list)).map(CaseNodeGroup::List)
+            }
+        }
+        deserializer.deserialize_any(Group)
+    }
+}
+
 /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and `gap_mm`
 /// together). `quadrille run` takes that of its correlation: there only `refine` can be given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -80,6 +129,8 @@ pub enum CaseRigidMotion {
 pub struct CaseJointOutput {
     /// Instants to draw, from 1. Without it the first, the middle and the last.
     pub figures: Option<Vec<usize>>,
+    /// Whether the energies are computed, for which the path between instants is followed. Without it they are, up to 20000 unknowns.
+    pub energies: Option<bool>,
     /// Also the derivatives of the displacements by the parameters of the strips.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(extend("default" = false))]

@@ -46,7 +46,7 @@ pub struct CaseCohesive {
     /// The law.
     #[schemars(extend("default" = "extended-xu-needleman"))]
     pub model: Option<String>,
-    /// What counts as jump between faces that are a distance apart.
+    /// What counts as jump between faces that are a distance apart, and whether rotations are small.
     #[schemars(extend("default" = "paper"))]
     pub kinematics: Option<CaseKinematics>,
     /// Where the tractions of an interface element are summed.
@@ -71,7 +71,7 @@ pub enum CasePlane {
     Strain,
 }
 
-/// What counts as jump between faces that are a distance apart.
+/// What counts as jump between faces that are a distance apart, and whether rotations are small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CaseKinematics {
@@ -80,6 +80,8 @@ pub enum CaseKinematics {
     Paper,
     /// Less what the rotation of the mid-line contributes.
     Objective,
+    /// Strips and joint may turn by any angle; a rotation gives neither stress nor traction.
+    Finite,
 }
 
 /// Where the tractions of an interface element are summed.

@@ -2,8 +2,9 @@
 
 use crate::io::case::{
     CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseSubstrate, CaseText, Reader, read_document,
+    CaseNodeGroup, CaseSubstrate, CaseText, Reader, read_document,
 };
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// What `quadrille simulate` and `quadrille identify` take of a case file; what it does not say is `None`.
@@ -15,6 +16,8 @@ pub struct JointCase {
     pub text: CaseText,
     /// The section `[mesh]`.
     pub mesh: CaseJointMesh,
+    /// The section `[groups]`.
+    pub groups: BTreeMap<String, CaseNodeGroup>,
     /// The section `[boundary]`.
     pub boundary: CaseBoundary,
     /// The section `[substrate]`, with `[substrate.NAME]` where groups of elements have their own material.
@@ -43,6 +46,7 @@ impl CaseDocument {
             mesh: case
                 .mesh
                 .ok_or_else(|| missing("mesh", "give file = \"mesh.json\" or store = \"run/fields.zarr\""))?,
+            groups: case.groups,
             boundary: (case.boundary).ok_or_else(|| {
                 missing("boundary", "give file = \"displacements.csv\" or store = \"run/fields.zarr\"")
             })?,

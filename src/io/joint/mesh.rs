@@ -3,7 +3,7 @@
 use super::{JointFileError, bytes_of};
 use crate::io::mesh_file::{MeshFile, parse_mesh};
 use serde::Deserialize;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 /// What a mesh file holds.
@@ -25,6 +25,8 @@ pub struct JointMeshFile {
     pub prescribed: Option<Vec<u32>>,
     /// Nodes that the file selects for comparison with a measurement.
     pub selected: Option<Vec<u32>>,
+    /// Groups of nodes by name, where the file has such.
+    pub node_groups: BTreeMap<String, Vec<u32>>,
     /// Names of the groups of elements; empty for one group.
     pub groups: Vec<String>,
     /// Group of each element.
@@ -52,6 +54,8 @@ struct MeshJson {
     dirichlet_nodes: Option<Vec<u32>>,
     selected_nodes: Option<Vec<u32>>,
     #[serde(default)]
+    node_groups: BTreeMap<String, Vec<u32>>,
+    #[serde(default)]
     groups: Vec<String>,
     #[serde(default)]
     quad_group: Vec<u32>,
@@ -59,8 +63,8 @@ struct MeshJson {
 
 /// Reads a mesh of a joint: JSON (`nodes`, `quads`, `cohesive`; optional `groups` and `quad_group`), Gmsh `.msh`,
 /// or `.vtu`, told by content. Coordinates are mm with y up. JSON may also list `lower_face`, `upper_face`,
-/// `dirichlet_nodes` and `selected_nodes`; a `.msh` file says the same by physical groups of curves named `lower_face`, `upper_face` and
-/// `boundary`. In `.msh` and `.vtu` the physical groups of surfaces
+/// `dirichlet_nodes`, `selected_nodes` and `node_groups` (lists by name); a `.msh` file says the same by physical groups of curves named
+/// `lower_face`, `upper_face`, `boundary` and whatever else. In `.msh` and `.vtu` the physical groups of surfaces
 /// (or the cell data `zone`) are groups of elements; nodes of different groups at the same place are one node, so that
 /// the layers of a strip hang together; nodes are numbered in the order of the groups.
 ///
@@ -73,7 +77,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
         let mut mesh: MeshJson = serde_json::from_slice(&bytes).map_err(json)?;
         mesh.lower_face.append(&mut mesh.upper_face);
         let lists = mesh.dirichlet_nodes.iter().chain(&mesh.selected_nodes);
-        let listed = mesh.lower_face.iter().chain(lists.flatten());
+        let listed = mesh.lower_face.iter().chain(lists.flatten()).chain(mesh.node_groups.values().flatten());
         if let Some(node) = listed.copied().find(|&node| node as usize >= mesh.nodes.len()) {
             let reason = format!("a list of nodes names node {node}, there are {} (counted from 0)", mesh.nodes.len());
             return Err(JointFileError::Json { path: path.to_owned(), reason });
@@ -87,6 +91,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
             lower: None,
             prescribed: mesh.dirichlet_nodes,
             selected: mesh.selected_nodes,
+            node_groups: mesh.node_groups,
             groups: mesh.groups,
             element_group: mesh.quad_group,
             by_position: false,
@@ -120,7 +125,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
         match curve.name.as_str() {
             LOWER_FACE | UPPER_FACE => mesh.faces.extend(nodes),
             BOUNDARY => mesh.prescribed.get_or_insert_default().extend(nodes),
-            _ => {}
+            _ => mesh.node_groups.entry(curve.name).or_default().extend(nodes),
         }
     }
     Ok(mesh)

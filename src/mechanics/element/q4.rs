@@ -1,9 +1,10 @@
-//! Bilinear quadrilaterals with 2 x 2 Gauss points, for small strains and unit thickness.
+//! Bilinear quadrilaterals with 2 x 2 Gauss points, for small strains and unit thickness; rotations small or of any size.
 
+use super::Kinematics;
 use super::{ElementStiffness, ElementVector};
-use crate::mechanics::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateStiffness};
+use crate::mechanics::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateResponse, SubstrateStiffness};
 use crate::mesh::{CORNERS, ElementGeometry, GAUSS_POINTS, GAUSS_WEIGHT};
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Matrix3x2, Vector2};
 
 /// One Gauss point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +25,66 @@ impl Q4Point {
             strain.gamma_xy += gy * u[2 * k] + gx * u[2 * k + 1];
         }
         strain
+    }
+
+    /// The deformation gradient `F = I + du/dX`.
+    fn deformation(&self, u: &ElementVector) -> Matrix2<f64> {
+        let mut f = Matrix2::identity();
+        for (k, &[gx, gy]) in self.gradients.iter().enumerate() {
+            f += Matrix2::new(u[2 * k] * gx, u[2 * k] * gy, u[2 * k + 1] * gx, u[2 * k + 1] * gy);
+        }
+        f
+    }
+
+    /// The Green-Lagrange strain `(F^T F - I)/2`: nothing under any rotation (THEORY 14).
+    pub fn green_lagrange(&self, u: &ElementVector) -> EngineeringStrain {
+        let mut gradient = Matrix2::zeros();
+        for (k, &[gx, gy]) in self.gradients.iter().enumerate() {
+            gradient += Matrix2::new(u[2 * k] * gx, u[2 * k] * gy, u[2 * k + 1] * gx, u[2 * k + 1] * gy);
+        }
+        // Not F^T F - I: small strains would lose their last digits against the 1.
+        let [x, y] = [gradient.column(0), gradient.column(1)];
+        EngineeringStrain {
+            xx: x[0] + 0.5 * x.norm_squared(),
+            yy: y[1] + 0.5 * y.norm_squared(),
+            gamma_xy: x[1] + y[0] + x.dot(&y),
+        }
+    }
+
+    /// Adds the nodal forces of the second Piola-Kirchhoff stress `stress` under the deformation gradient `f`.
+    fn add_turned_force(&self, Stress([x, y, shear]): Stress, f: &Matrix2<f64>, force: &mut ElementVector) {
+        let first = f * Matrix2::new(x, shear, shear, y) * self.weight;
+        for (k, &[gx, gy]) in self.gradients.iter().enumerate() {
+            force[2 * k] += first[(0, 0)] * gx + first[(0, 1)] * gy;
+            force[2 * k + 1] += first[(1, 0)] * gx + first[(1, 1)] * gy;
+        }
+    }
+
+    /// Adds what the material and the stress itself (the geometric stiffness) resist with; only what is on and right of the
+    /// diagonal blocks.
+    fn add_turned_stiffness(&self, response: &SubstrateResponse, f: &Matrix2<f64>, stiffness: &mut ElementStiffness) {
+        let Stress([x, y, shear]) = response.stress;
+        let stress = Matrix2::new(x, shear, shear, y) * self.weight;
+        let d = response.tangent * self.weight;
+        // Derivative of (E_xx, E_yy, 2 E_xy) by the two components of a node.
+        let strains = self.gradients.map(|[gx, gy]| {
+            Matrix3x2::new(
+                f[(0, 0)] * gx,
+                f[(1, 0)] * gx,
+                f[(0, 1)] * gy,
+                f[(1, 1)] * gy,
+                f[(0, 0)] * gy + f[(0, 1)] * gx,
+                f[(1, 0)] * gy + f[(1, 1)] * gx,
+            )
+        });
+        for (b, &[bx, by]) in self.gradients.iter().enumerate() {
+            let of_b = d * strains[b];
+            let pull = stress * Vector2::new(bx, by);
+            for (a, &[ax, ay]) in self.gradients.iter().enumerate().take(b + 1) {
+                let mut block = stiffness.fixed_view_mut::<2, 2>(2 * a, 2 * b);
+                block += strains[a].tr_mul(&of_b) + Matrix2::identity() * (ax * pull.x + ay * pull.y);
+            }
+        }
     }
 
     /// Adds the nodal forces of `stress` to `force`.
@@ -60,12 +121,14 @@ impl Q4Point {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Q4 {
     points: [Q4Point; 4],
+    small: bool,
 }
 
 impl Q4 {
-    /// The element with the given corners, counter-clockwise with y up; of a triangle the last one twice.
+    /// The element with the given corners, counter-clockwise with y up; of a triangle the last one twice. Rotations are small
+    /// or of any size, as `kinematics` says.
     /// `None` when it is inverted, folded, or without area.
-    pub fn new(corners: [[f64; 2]; 4]) -> Option<Self> {
+    pub fn new(corners: [[f64; 2]; 4], kinematics: Kinematics) -> Option<Self> {
         let geometry = ElementGeometry::new(corners);
         // Positive at the corners, then everywhere (it is linear); in the corner of a triangle that two nodes
         // share it is zero by itself.
@@ -78,7 +141,12 @@ impl Q4 {
             let map = geometry.map_at(at);
             Q4Point { gradients: map.gradients(), weight: GAUSS_WEIGHT * map.determinant }
         });
-        Some(Self { points })
+        Some(Self { points, small: kinematics.is_small() })
+    }
+
+    /// The strain at `point`, one of this element, under the nodal displacements `u` (mm): small, or Green-Lagrange.
+    pub fn strain(&self, point: &Q4Point, u: &ElementVector) -> EngineeringStrain {
+        if self.small { point.strain(u) } else { point.green_lagrange(u) }
     }
 
     /// The Gauss points.
@@ -90,7 +158,11 @@ impl Q4 {
     pub fn force(&self, law: &dyn SubstrateLaw, u: &ElementVector) -> ElementVector {
         let mut force = ElementVector::zeros();
         for point in &self.points {
-            point.add_force(law.stress(point.strain(u)), &mut force);
+            if self.small {
+                point.add_force(law.stress(point.strain(u)), &mut force);
+            } else {
+                point.add_turned_force(law.stress(point.green_lagrange(u)), &point.deformation(u), &mut force);
+            }
         }
         force
     }
@@ -99,15 +171,21 @@ impl Q4 {
     pub fn tangent(&self, law: &dyn SubstrateLaw, u: &ElementVector) -> (ElementVector, ElementStiffness) {
         let (mut force, mut stiffness) = (ElementVector::zeros(), ElementStiffness::zeros());
         for point in &self.points {
-            let response = law.response(point.strain(u));
-            point.add_force(response.stress, &mut force);
-            point.add_stiffness(&response.tangent, &mut stiffness);
+            let response = law.response(self.strain(point, u));
+            if self.small {
+                point.add_force(response.stress, &mut force);
+                point.add_stiffness(&response.tangent, &mut stiffness);
+            } else {
+                let f = point.deformation(u);
+                point.add_turned_force(response.stress, &f, &mut force);
+                point.add_turned_stiffness(&response, &f, &mut stiffness);
+            }
         }
         stiffness.fill_lower_triangle_with_upper_triangle();
         (force, stiffness)
     }
 
-    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law.
+    /// The matrix that gives the same forces when multiplied with `u`, from the secants of the law; of small rotations alone.
     pub fn secant(&self, law: &dyn SubstrateLaw, u: &ElementVector) -> ElementStiffness {
         let mut stiffness = ElementStiffness::zeros();
         for point in &self.points {
@@ -122,9 +200,13 @@ impl Q4 {
         let n = law.parameters().len();
         let (mut forces, mut by) = (vec![ElementVector::zeros(); n], vec![Stress::default(); n]);
         for point in &self.points {
-            law.by_parameters(point.strain(u), &mut by);
+            law.by_parameters(self.strain(point, u), &mut by);
+            let f = (!self.small).then(|| point.deformation(u));
             for (force, &stress) in forces.iter_mut().zip(&by) {
-                point.add_force(stress, force);
+                match &f {
+                    None => point.add_force(stress, force),
+                    Some(f) => point.add_turned_force(stress, f, force),
+                }
             }
         }
         forces

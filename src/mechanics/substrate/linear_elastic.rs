@@ -1,8 +1,8 @@
 //! Isotropic linear elasticity.
 
 use super::{
-    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
-    SubstrateStiffness, check_elastic, exactly, isotropic,
+    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateEnergy, SubstrateError, SubstrateLaw, SubstrateResponse,
+    SubstrateState, SubstrateStiffness, check_elastic, exactly, isotropic,
 };
 
 /// `stress = D strain` with Young's modulus `E` and Poisson's ratio `nu`.
@@ -109,6 +109,12 @@ impl SubstrateLaw for LinearElastic {
         };
         let squares = (x - y).powi(2) + (y - z).powi(2) + (z - x).powi(2);
         SubstrateState { equivalent_stress: (0.5 * squares + 3.0 * shear * shear).sqrt(), plastic_strain: 0.0 }
+    }
+
+    fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy {
+        let Stress([x, y, shear]) = self.stress(strain);
+        let whole = x * strain.xx + y * strain.yy + shear * strain.gamma_xy;
+        SubstrateEnergy { elastic: 0.5 * whole, plastic: 0.0 }
     }
 
     fn yield_strain(&self) -> Option<f64> {

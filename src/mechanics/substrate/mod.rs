@@ -40,6 +40,15 @@ pub struct SubstrateState {
     pub plastic_strain: f64,
 }
 
+/// Energy of a point, by volume of the body at rest, MPa (N mm per mm^3).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SubstrateEnergy {
+    /// What a release of the load gives back.
+    pub elastic: f64,
+    /// Work on the plastic strain; of a holonomic law it is stored as well.
+    pub plastic: f64,
+}
+
 /// What happens out of the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PlaneState {
@@ -94,6 +103,9 @@ pub trait SubstrateLaw: Debug + Send + Sync {
 
     /// Equivalent stress and plastic strain.
     fn state(&self, strain: EngineeringStrain) -> SubstrateState;
+
+    /// Elastic energy and plastic work: their sum is `int stress . d strain` from rest.
+    fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy;
 
     /// Strain at which the material yields, if it does: what rotations of the strips are measured by.
     fn yield_strain(&self) -> Option<f64>;

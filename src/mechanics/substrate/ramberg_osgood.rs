@@ -1,8 +1,8 @@
 //! Ramberg-Osgood deformation plasticity: metals that harden by a power law, without history (THEORY 3).
 
 use super::{
-    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateError, SubstrateLaw, SubstrateResponse, SubstrateState,
-    SubstrateStiffness, check_elastic, check_positive, exactly, isotropic,
+    EngineeringStrain, Parameter, PlaneState, Stress, SubstrateEnergy, SubstrateError, SubstrateLaw, SubstrateResponse,
+    SubstrateState, SubstrateStiffness, check_elastic, check_positive, exactly, isotropic,
 };
 use nalgebra::Vector3;
 
@@ -306,6 +306,15 @@ impl SubstrateLaw for RambergOsgood {
     fn state(&self, strain: EngineeringStrain) -> SubstrateState {
         let Point { q, h } = self.point(strain);
         SubstrateState { equivalent_stress: q, plastic_strain: h * q }
+    }
+
+    fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy {
+        let Point { q, h } = self.point(strain);
+        let Stress([x, y, shear]) = self.stress_at(strain, h);
+        let whole = x * strain.xx + y * strain.yy + shear * strain.gamma_xy;
+        // The plastic strain grows as q^n.
+        let of_plastic = q * q * h;
+        SubstrateEnergy { elastic: 0.5 * (whole - of_plastic), plastic: self.n / (self.n + 1.0) * of_plastic }
     }
 
     fn yield_strain(&self) -> Option<f64> {

@@ -87,6 +87,10 @@ pub struct FitRecord {
     pub released: Option<ReleasedRecord>,
     /// The error budget: what noise, each constant and the size of the elements add to the intervals.
     pub budget: Vec<BudgetRecord>,
+    /// What finite rotations would change of each parameter of a fit with small ones, to first order; without it they are finite,
+    /// or it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change_by_finite_rotations: Option<BTreeMap<Name, f64>>,
     /// The profile likelihood, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileRecord>,
@@ -641,6 +645,7 @@ impl FitReport<'_> {
             );
         }
         warnings.extend(of_intervals(fit));
+        warnings.extend(fit.rotations.as_ref().and_then(|rotations| rotations.warning(&fit.parameters)));
         let agreement = |end: &&crate::identify::StartEnd| end.status == crate::identify::FitStatus::Converged;
         let agreement = fit.starts.iter().filter(agreement).fold(0.0_f64, |most, end| most.max(end.distance));
         if agreement > 1e-6 {
@@ -727,6 +732,9 @@ impl FitReport<'_> {
             misfit: fit.misfit.as_ref().map(MisfitRecord::of),
             released: fit.released.as_ref().map(ReleasedRecord::of),
             budget: BudgetRecord::list(fit),
+            change_by_finite_rotations: (fit.rotations.as_ref()).and_then(|rotations| rotations.change.as_ref()).map(
+                |change| fit.parameters.iter().map(|p| p.parameter.name.into()).zip(change.iter().copied()).collect(),
+            ),
             profile: self.profile.as_ref().map(|p| ProfileRecord {
                 parameter: p.name.into(),
                 values: p.values.clone(),

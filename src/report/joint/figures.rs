@@ -19,7 +19,8 @@ impl JointReport<'_> {
         chosen
     }
 
-    /// Draws the deformed joint and the tractions at the `chosen` instants and the derivatives at the last of them; `save` is
+    /// Draws the deformed joint and the tractions at the `chosen` instants, loads and energies over all of them, and the derivatives
+    /// at the last of those chosen; `save` is
     /// called with the name (without ending) of each picture.
     ///
     /// # Errors
@@ -39,6 +40,12 @@ impl JointReport<'_> {
         ];
         for (name, profiles) in profiles {
             save(format!("{last:06}-{name}"), profiles.draw()?)?;
+        }
+        if !self.joint.groups.is_empty() {
+            save("load-displacement".to_owned(), self.load_displacement()?)?;
+        }
+        if self.energies.iter().any(Option::is_some) {
+            save("energies".to_owned(), self.energy_curves()?)?;
         }
         for (k, sensitivity) in self.solution.parameters.iter().enumerate() {
             let name = self.name_of(sensitivity);

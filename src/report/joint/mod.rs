@@ -3,13 +3,15 @@
 mod drawing;
 mod figures;
 mod grids;
+mod loads;
 mod summary;
 mod tables;
 
 pub use drawing::{JointMap, JointProfiles};
+pub use loads::{Balance, EnergySummary, ReactionSummary};
 pub use summary::{InstantSummary, JointSummary, LawSummary};
 
-use crate::mechanics::{Instant, Joint, Sensitivity, Solution};
+use crate::mechanics::{Energies, Instant, Joint, Sensitivity, Solution};
 
 /// A joint and its solution.
 #[derive(Debug, Clone, Copy)]
@@ -18,9 +20,16 @@ pub struct JointReport<'a> {
     pub joint: &'a Joint,
     /// Its solution.
     pub solution: &'a Solution,
+    /// Its energies, by instant; empty where they were not computed.
+    pub energies: &'a [Option<Energies>],
 }
 
 impl<'a> JointReport<'a> {
+    /// Without energies.
+    pub fn new(joint: &'a Joint, solution: &'a Solution) -> Self {
+        Self { joint, solution, energies: &[] }
+    }
+
     /// The instants that have a solution, with their numbers from 1.
     pub fn solved(&self) -> impl Iterator<Item = (usize, &'a Instant)> {
         (1..).zip(&self.solution.instants).filter(|(_, instant)| instant.status.converged())

@@ -1,6 +1,7 @@
 //! `summary.json` of a run of the mechanics.
 
 use super::JointReport;
+use super::loads::{Balance, EnergySummary, ReactionSummary};
 use crate::field::RigidMotion;
 use crate::mechanics::cohesive::Parameter;
 use crate::mechanics::{Instant, Joint, Status};
@@ -42,6 +43,9 @@ pub struct JointSummary {
     /// What was taken off at each instant.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rigid_motion_removed: Vec<RigidMotion>,
+    /// How the energies balance; absent where they were not computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy_balance: Option<Balance>,
     /// What a user should look at.
     pub warnings: Vec<String>,
     /// Every instant.
@@ -86,6 +90,12 @@ pub struct InstantSummary {
     /// Rotation of the strip that turns most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub largest_strip_rotation_rad: Option<f64>,
+    /// Reactions by group of nodes.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub reactions: BTreeMap<String, ReactionSummary>,
+    /// Energies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<EnergySummary>,
     /// Node pairs (lower, upper) that snapped, or moved most where the instant failed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub snapped_pairs: Vec<[u32; 2]>,
@@ -118,6 +128,7 @@ impl JointReport<'_> {
             quadrature: model.options().quadrature.name(),
             remove_rigid_motion: if removed.is_empty() { "none" } else { "overall" },
             rigid_motion_removed: removed.clone(),
+            energy_balance: self.balance(),
             warnings,
             instants: (1..).zip(&self.solution.instants).map(|(k, instant)| self.summary_of(k, instant)).collect(),
         }
@@ -149,6 +160,8 @@ impl JointReport<'_> {
             residual: instant.residual,
             crack_front_mm: if converged { model.crack_front(&**law, &instant.displacement) } else { None },
             largest_strip_rotation_rad: rotation,
+            reactions: if converged { self.reactions_of(instant) } else { BTreeMap::new() },
+            energy: self.energies.get(number - 1).copied().flatten().map(EnergySummary::from),
             snapped_pairs,
             message,
             warnings: rotation.and_then(|w| too_large(self.joint, w)).into_iter().collect(),
@@ -168,11 +181,14 @@ fn largest_rotation(joint: &Joint, u: &[[f64; 2]]) -> f64 {
 
 /// What is to be said when small strains do not hold under the rotation `w` of a strip.
 fn too_large(joint: &Joint, w: f64) -> Option<String> {
+    if !joint.model.options().kinematics.is_small() {
+        return None;
+    }
     let yields = joint.model.materials().iter().filter_map(|law| law.yield_strain()).fold(f64::INFINITY, f64::min);
     (0.5 * w * w > SMALL_ROTATION * yields).then(|| {
         format!(
             "a strip turns by {w:.2e} rad: w^2/2 = {:.1e} is more than a tenth of the yield strain {yields:.1e}; \
-             small strains no longer hold",
+             small rotations no longer hold: take kinematics = \"finite\"",
             0.5 * w * w
         )
     })

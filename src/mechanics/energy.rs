@@ -1,0 +1,284 @@
+//! Reactions, and where the work that they do goes (THEORY 15).
+//!
+//! Along a path of equilibria `dW = F . du_D = dU + dA`: the work of the reactions is stored in the strips or done on the adhesive.
+//! `U` is a function of the strain, exactly. `W` is summed along the path by Simpson's rule; `A = sum w int T . d(jump)` along
+//! the path of each jump, which is taken as straight from one state to the next: exact for a law with a potential, else wrong
+//! with the square of the step. Between two instants states are put in, each solved for, until neither sum changes any more.
+
+use super::boundary::BoundaryHistory;
+use super::cohesive::{CohesiveLaw, Jump, Traction};
+use super::groups::NodeGroup;
+use super::model::Model;
+use super::newton::{NewtonOptions, Path};
+use super::solution::{Solution, Status};
+use super::substrate::SubstrateEnergy;
+use crate::mesh::GAUSS;
+
+/// Energies at an instant, N mm per mm of width (mJ/mm).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Energies {
+    /// Work that the reactions have done since rest.
+    pub work: f64,
+    /// Elastic energy of the strips.
+    pub elastic: f64,
+    /// Plastic work in the strips.
+    pub plastic: f64,
+    /// Work done on the adhesive.
+    pub adhesive: f64,
+    /// Whether the sums along the path have settled: not where pairs snapped, or where more states were needed than
+    /// [`EnergyOptions`] allows.
+    pub settled: bool,
+}
+
+impl Energies {
+    /// What is missing of the balance: work less all energies. Of a snap it is the energy that the test lost in it.
+    pub fn imbalance(&self) -> f64 {
+        self.work - self.elastic - self.plastic - self.adhesive
+    }
+}
+
+/// How finely the path between instants is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyOptions {
+    /// Error of a sum over all instants, relative to the work, at which it has settled.
+    pub tolerance: f64,
+    /// A step between two instants is halved up to so many times.
+    pub max_halvings: u32,
+    /// States that are solved for, in all.
+    pub max_states: usize,
+    /// How each is solved for.
+    pub newton: NewtonOptions,
+}
+
+impl Default for EnergyOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-7, max_halvings: 12, max_states: 20_000, newton: NewtonOptions::default() }
+    }
+}
+
+/// A state of the path from one instant to the next.
+struct State {
+    /// Share of the step.
+    share: f64,
+    u: Vec<[f64; 2]>,
+    /// `dW/dshare`.
+    power: f64,
+    /// Jumps at the quadrature points, and their lengths, element by element.
+    jumps: Vec<(f64, Jump)>,
+}
+
+/// Sums over a part of a step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    work: f64,
+    adhesive: f64,
+}
+
+struct Follower<'a> {
+    model: &'a Model,
+    law: &'a dyn CohesiveLaw,
+    path: Path<'a>,
+    /// Border at the begin of the step, and how it moves over the step.
+    from: Vec<[f64; 2]>,
+    step: Vec<[f64; 2]>,
+    /// Error of a whole step that is allowed, N.
+    allowed: f64,
+    max_halvings: u32,
+    states_left: usize,
+    settled: bool,
+}
+
+/// Halvings of a step in which pairs snapped: closer the jump of the reaction is not looked for.
+const IN_A_SNAP: u32 = 5;
+
+impl Model {
+    /// The reaction of each of `groups` under the displacements `u`, a solution: the force that holds its prescribed nodes, N per
+    /// mm of width.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn reactions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], groups: &[NodeGroup]) -> Vec<[f64; 2]> {
+        let forces = self.forces(law, u);
+        let held = |node: u32, c: usize| self.unknown(node as usize, c).is_none();
+        let sum = |group: &NodeGroup| {
+            [0, 1].map(|c| {
+                group.nodes.iter().filter(|&&node| held(node, c)).map(|&node| forces[node as usize][c]).sum::<f64>()
+            })
+        };
+        groups.iter().map(sum).collect()
+    }
+
+    /// Elastic energy and plastic work of the strips under the displacements `u`.
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn strip_energy(&self, u: &[[f64; 2]]) -> SubstrateEnergy {
+        self.each_strain(u).fold(SubstrateEnergy::default(), |sum, (law, weight, strain)| {
+            let energy = law.energy(strain);
+            SubstrateEnergy {
+                elastic: sum.elastic + weight * energy.elastic,
+                plastic: sum.plastic + weight * energy.plastic,
+            }
+        })
+    }
+
+    /// The energies at every instant of `solution`, which is that of `boundary` under `law`; `None` where there is no solution.
+    /// `go_on` is asked before every state that is solved for; where it says no, nothing more is put in.
+    pub fn energies(
+        &self,
+        law: &dyn CohesiveLaw,
+        boundary: &BoundaryHistory,
+        solution: &Solution,
+        options: &EnergyOptions,
+        go_on: &dyn Fn() -> bool,
+    ) -> Vec<Option<Energies>> {
+        let solved = solution.instants.iter().take_while(|instant| instant.status.converged()).count();
+        let yes = |_: usize| true;
+        let rest = vec![[0.0; 2]; boundary.nodes().len()];
+        let mut follower = Follower {
+            model: self,
+            law,
+            path: Path::new(self, law, options.newton, &yes),
+            from: rest.clone(),
+            step: rest.clone(),
+            allowed: 0.0,
+            max_halvings: options.max_halvings,
+            states_left: options.max_states,
+            settled: true,
+        };
+        // What a trapezoid over each step gives is the scale of what is negligible.
+        let mut scale = 0.0;
+        let mut before = (rest.clone(), vec![[0.0; 2]; rest.len()]);
+        for (k, border) in boundary.instants().iter().enumerate().take(solved) {
+            let forces = self.forces(law, &solution.instants[k].displacement);
+            let held: Vec<[f64; 2]> = boundary.nodes().iter().map(|&node| forces[node as usize]).collect();
+            let mut work = 0.0;
+            for (((f0, f1), x0), x1) in before.1.iter().zip(&held).zip(&before.0).zip(border) {
+                work += (0..2).map(|c| 0.5 * (f0[c] + f1[c]) * (x1[c] - x0[c])).sum::<f64>();
+            }
+            scale += work.abs();
+            before = (border.clone(), held);
+        }
+        follower.allowed = options.tolerance * scale / solved.max(1) as f64;
+        let mut total = Sums::default();
+        let mut found = Vec::with_capacity(solution.instants.len());
+        let still = vec![[0.0; 2]; self.mesh().nodes().len()];
+        let mut from = (rest, &still);
+        for (k, instant) in solution.instants.iter().enumerate() {
+            if k >= solved {
+                found.push(None);
+                continue;
+            }
+            let to = &boundary.instants()[k];
+            follower.step = to.iter().zip(&from.0).map(|(b, a)| [b[0] - a[0], b[1] - a[1]]).collect();
+            follower.from.clone_from(&from.0);
+            let (a, b) = (follower.state(0.0, from.1), follower.state(1.0, &instant.displacement));
+            // Through a snap no path of equilibria leads.
+            let snapped = instant.status == Status::Rescued;
+            follower.settled &= !snapped;
+            follower.max_halvings = if snapped { IN_A_SNAP.min(options.max_halvings) } else { options.max_halvings };
+            let sums = follower.over(&a, &b, go_on);
+            total = Sums { work: total.work + sums.work, adhesive: total.adhesive + sums.adhesive };
+            let SubstrateEnergy { elastic, plastic } = self.strip_energy(&instant.displacement);
+            let Sums { work, adhesive } = total;
+            found.push(Some(Energies { work, elastic, plastic, adhesive, settled: follower.settled }));
+            from = (to.clone(), &instant.displacement);
+        }
+        found
+    }
+}
+
+impl Follower<'_> {
+    fn state(&self, share: f64, u: &[[f64; 2]]) -> State {
+        let forces = self.model.forces(self.law, u);
+        let nodes = self.model.prescribed();
+        let power = nodes.iter().zip(&self.step).map(|(&node, by)| {
+            let force = forces[node as usize];
+            force[0] * by[0] + force[1] * by[1]
+        });
+        State { share, u: u.to_vec(), power: power.sum(), jumps: self.model.weighted_jumps(u) }
+    }
+
+    /// The state at `share` of the step, from `a`, which comes before.
+    fn between(&mut self, a: &State, share: f64) -> Option<State> {
+        let border: Vec<[f64; 2]> =
+            self.from.iter().zip(&self.step).map(|(x, by)| [0, 1].map(|c| x[c] + share * by[c])).collect();
+        self.path.start_at(&a.u);
+        let found = self.path.advance(&border);
+        self.settled &= found.status == Status::Converged;
+        found.status.converged().then(|| self.state(share, &found.displacement))
+    }
+
+    /// The sums from `a` to `b`, whose middle is not known yet.
+    fn over(&mut self, a: &State, b: &State, go_on: &dyn Fn() -> bool) -> Sums {
+        match self.middle(a, b, 0, go_on) {
+            None => Sums { work: 0.5 * (b.share - a.share) * (a.power + b.power), adhesive: self.straight(a, b) },
+            Some(m) => self.over_halves(a, &m, b, 0, go_on),
+        }
+    }
+
+    fn middle(&mut self, a: &State, b: &State, halvings: u32, go_on: &dyn Fn() -> bool) -> Option<State> {
+        if halvings >= self.max_halvings || self.states_left == 0 || !go_on() {
+            self.settled = false;
+            return None;
+        }
+        self.states_left -= 1;
+        let middle = self.between(a, 0.5 * (a.share + b.share));
+        self.settled &= middle.is_some();
+        middle
+    }
+
+    /// The sums from `a` over `m` to `b`: each half is halved once more, and what that changes tells the error.
+    fn over_halves(&mut self, a: &State, m: &State, b: &State, halvings: u32, go_on: &dyn Fn() -> bool) -> Sums {
+        let simpson = |a: &State, m: &State, b: &State| (b.share - a.share) / 6.0 * (a.power + 4.0 * m.power + b.power);
+        let once = Sums { work: simpson(a, m, b), adhesive: self.straight(a, m) + self.straight(m, b) };
+        let quarters = self.middle(a, m, halvings + 1, go_on).zip(self.middle(m, b, halvings + 1, go_on));
+        let Some((l, r)) = quarters else { return once };
+        let twice = Sums {
+            work: simpson(a, &l, m) + simpson(m, &r, b),
+            adhesive: [[a, &l], [&l, m], [m, &r], [&r, b]].into_iter().map(|[a, b]| self.straight(a, b)).sum(),
+        };
+        let (work, adhesive) = (twice.work - once.work, twice.adhesive - once.adhesive);
+        // Errors left: a fifteenth of the change of Simpson's sum, a third of that of the straight one.
+        let allowed = self.allowed * (b.share - a.share);
+        if work.abs() <= 15.0 * allowed && adhesive.abs() <= 3.0 * allowed {
+            return Sums { work: twice.work + work / 15.0, adhesive: twice.adhesive + adhesive / 3.0 };
+        }
+        let (left, right) =
+            (self.over_halves(a, &l, m, halvings + 1, go_on), self.over_halves(m, &r, b, halvings + 1, go_on));
+        Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive }
+    }
+
+    /// Work on the adhesive when every jump goes straight from `a` to `b`.
+    fn straight(&self, a: &State, b: &State) -> f64 {
+        let along = |(&(weight, from), &(_, to)): (&(f64, Jump), &(f64, Jump))| weight * work_along(self.law, from, to);
+        a.jumps.iter().zip(&b.jumps).map(along).sum()
+    }
+}
+
+/// `int T . d(jump)` along the straight line between two jumps, MPa mm. Pieces are short against the law, and one ends where the
+/// faces touch, since laws have a kink there.
+fn work_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> f64 {
+    let by = Jump { normal: to.normal - from.normal, tangential: to.tangential - from.tangential };
+    let at = |share: f64| Jump {
+        normal: from.normal + share * by.normal,
+        tangential: from.tangential + share * by.tangential,
+    };
+    let touch = if from.normal * to.normal < 0.0 { -from.normal / by.normal } else { 1.0 };
+    let pieces = (40.0 * by.normal.hypot(by.tangential) / law.front_opening()).ceil().clamp(1.0, 200.0);
+    let mut sum = 0.0;
+    for [begin, end] in [[0.0, touch], [touch, 1.0]] {
+        let width = (end - begin) / pieces;
+        if width <= 0.0 {
+            continue;
+        }
+        for piece in 0..pieces as usize {
+            for place in GAUSS {
+                let share = begin + (piece as f64 + place) * width;
+                let Traction { normal, tangential } = law.response(at(share)).traction;
+                sum += 0.5 * width * (normal * by.normal + tangential * by.tangential);
+            }
+        }
+    }
+    sum
+}

@@ -1,0 +1,219 @@
+//! Loads of a run: reactions of groups of nodes, the load-displacement curve, energies and their balance.
+
+use super::JointReport;
+use crate::mechanics::{Energies, Instant};
+use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+/// The reaction of a group of nodes at an instant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ReactionSummary {
+    /// The force that holds the prescribed nodes of the group, along x and y.
+    #[serde(rename = "force_N_per_mm")]
+    pub force_n_per_mm: [f64; 2],
+    /// Their mean displacement.
+    pub displacement_mm: [f64; 2],
+}
+
+/// Energies at an instant, mJ per mm of width.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct EnergySummary {
+    /// Work that the reactions have done.
+    pub work: f64,
+    /// Elastic energy of the strips.
+    pub elastic: f64,
+    /// Plastic work in the strips.
+    pub plastic: f64,
+    /// Work done on the adhesive.
+    pub adhesive: f64,
+    /// Work less all energies.
+    pub imbalance: f64,
+    /// Whether the sums have settled: not where pairs snapped.
+    pub settled: bool,
+}
+
+impl From<Energies> for EnergySummary {
+    fn from(energies: Energies) -> Self {
+        let Energies { work, elastic, plastic, adhesive, settled } = energies;
+        Self { work, elastic, plastic, adhesive, imbalance: energies.imbalance(), settled }
+    }
+}
+
+/// How the energies of a run balance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Balance {
+    /// Unit of all energies.
+    pub unit: &'static str,
+    /// Largest imbalance over the largest work, up to the last instant at which the sums have settled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relative: Option<f64>,
+    /// That instant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_to_instant: Option<usize>,
+    /// Share of the work that the test lost in snaps by its last instant; absent without snaps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lost_in_snaps: Option<f64>,
+}
+
+impl Balance {
+    /// In words, for people.
+    pub fn text(&self) -> String {
+        let relative = |relative: f64| format!("{relative:.1e} of the work");
+        match (self.relative, self.up_to_instant, self.lost_in_snaps) {
+            (Some(share), _, None) => format!("energies balance to {}", relative(share)),
+            (Some(share), Some(k), Some(lost)) => format!(
+                "energies balance to {} up to instant {k}; after it pairs snap, in which {:.3} % of the work is lost",
+                relative(share),
+                100.0 * lost
+            ),
+            (_, _, Some(lost)) => {
+                format!("pairs snap from the first instant on: {:.3} % of the work is lost in that", 100.0 * lost)
+            }
+            _ => "energies: no work was done".to_owned(),
+        }
+    }
+}
+
+impl JointReport<'_> {
+    /// Reaction and mean displacement of each group, in their order.
+    fn reactions(&self, instant: &Instant) -> Vec<ReactionSummary> {
+        let (model, groups) = (&self.joint.model, &self.joint.groups);
+        let forces = model.reactions(&*self.joint.law, &instant.displacement, groups);
+        let mean = |nodes: &[u32]| {
+            let held: Vec<usize> =
+                nodes.iter().map(|&node| node as usize).filter(|&node| model.unknown(node, 0).is_none()).collect();
+            [0, 1].map(|c| held.iter().map(|&node| instant.displacement[node][c]).sum::<f64>() / held.len() as f64)
+        };
+        (groups.iter().zip(forces))
+            .map(|(group, force_n_per_mm)| ReactionSummary { force_n_per_mm, displacement_mm: mean(&group.nodes) })
+            .collect()
+    }
+
+    pub(super) fn reactions_of(&self, instant: &Instant) -> BTreeMap<String, ReactionSummary> {
+        self.joint.groups.iter().map(|group| group.name.clone()).zip(self.reactions(instant)).collect()
+    }
+
+    pub(super) fn balance(&self) -> Option<Balance> {
+        let known: Vec<(usize, Energies)> =
+            (1..).zip(self.energies).filter_map(|(number, energies)| Some((number, (*energies)?))).collect();
+        let last = known.last()?.1;
+        let settled: Vec<&(usize, Energies)> = known.iter().take_while(|(_, energies)| energies.settled).collect();
+        let largest = |of: &dyn Fn(&Energies) -> f64| settled.iter().map(|(_, e)| of(e).abs()).fold(0.0, f64::max);
+        let (imbalance, work) = (largest(&Energies::imbalance), largest(&|e| e.work));
+        Some(Balance {
+            unit: "mJ per mm of width",
+            relative: (work > 0.0).then(|| imbalance / work),
+            up_to_instant: settled.last().map(|(number, _)| *number),
+            lost_in_snaps: (!last.settled && last.work != 0.0).then(|| last.imbalance() / last.work),
+        })
+    }
+
+    /// Writes `reactions.csv`: force and mean displacement of every group.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_reactions<W: Write>(&self, mut out: W) -> io::Result<()> {
+        writeln!(out, "# {}", super::version())?;
+        writeln!(
+            out,
+            "# force that holds the prescribed nodes of each group, N per mm of width; their mean displacement, mm"
+        )?;
+        writeln!(out, "instant,group,ux_mm,uy_mm,Fx_N_per_mm,Fy_N_per_mm")?;
+        for (number, instant) in self.solved() {
+            for (group, reaction) in self.joint.groups.iter().zip(self.reactions(instant)) {
+                let ReactionSummary { force_n_per_mm: [fx, fy], displacement_mm: [ux, uy] } = reaction;
+                let name = group.name.replace([',', '"', '\n'], " ");
+                writeln!(out, "{number},{name},{ux:.16e},{uy:.16e},{fx:.16e},{fy:.16e}")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes `energies.csv`.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_energies<W: Write>(&self, mut out: W) -> io::Result<()> {
+        writeln!(out, "# {}", super::version())?;
+        writeln!(out, "# mJ per mm of width; work of the reactions = elastic + plastic + adhesive + imbalance")?;
+        writeln!(out, "instant,work,elastic,plastic,adhesive,imbalance,settled")?;
+        for (number, energies) in (1..).zip(self.energies) {
+            let Some(energies) = energies else { continue };
+            let EnergySummary { work, elastic, plastic, adhesive, imbalance, settled } = (*energies).into();
+            let settled = u8::from(settled);
+            writeln!(
+                out,
+                "{number},{work:.16e},{elastic:.16e},{plastic:.16e},{adhesive:.16e},{imbalance:.16e},{settled}"
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Force over mean displacement of every group, of the component that does the most work.
+    ///
+    /// # Errors
+    /// Values without a finite range.
+    pub fn load_displacement(&self) -> Result<Picture, ReportError> {
+        let reactions: Vec<Vec<ReactionSummary>> = self.solved().map(|(_, instant)| self.reactions(instant)).collect();
+        let done = |c: usize| -> f64 {
+            let of_group = |k: usize| {
+                let mut before = ([0.0; 2], [0.0; 2]);
+                let mut sum = 0.0;
+                for at in &reactions {
+                    let ReactionSummary { force_n_per_mm: f, displacement_mm: u } = at[k];
+                    sum += 0.5 * (before.0[c] + f[c]) * (u[c] - before.1[c]);
+                    before = (f, u);
+                }
+                sum.abs()
+            };
+            (0..self.joint.groups.len()).map(of_group).sum()
+        };
+        let c = usize::from(done(1) >= done(0));
+        let axis = ["x", "y"][c];
+        let series = self.joint.groups.iter().enumerate().map(|(k, group)| {
+            let column = |of: fn(&ReactionSummary) -> [f64; 2]| {
+                std::iter::once(0.0).chain(reactions.iter().map(|at| of(&at[k])[c])).collect::<Vec<f64>>()
+            };
+            let (x, y) = (column(|reaction| reaction.displacement_mm), column(|reaction| reaction.force_n_per_mm));
+            PlotSeries::new(&group.name, Style::LineAndMarkers, x, y)
+        });
+        Plot {
+            title: "Load and displacement".into(),
+            x: Axis::linear(format!("mean displacement along {axis} (mm)")),
+            y: Axis::linear(format!("reaction along {axis} (N per mm of width)")),
+            series: series.collect(),
+            notes: vec!["A marker for each instant; groups of nodes as in [groups].".into()],
+        }
+        .draw()
+    }
+
+    /// Energies over the instants.
+    ///
+    /// # Errors
+    /// Values without a finite range.
+    pub fn energy_curves(&self) -> Result<Picture, ReportError> {
+        let known: Vec<(f64, Energies)> =
+            (1..).zip(self.energies).filter_map(|(number, energies)| Some((f64::from(number), (*energies)?))).collect();
+        let curve = |name: &str, style: Style, of: &dyn Fn(&Energies) -> f64| {
+            let x = std::iter::once(0.0).chain(known.iter().map(|(number, _)| *number)).collect();
+            let y = std::iter::once(0.0).chain(known.iter().map(|(_, energies)| of(energies))).collect();
+            PlotSeries::new(name, style, x, y)
+        };
+        Plot {
+            title: "Energies".into(),
+            x: Axis::linear("instant"),
+            y: Axis::linear("mJ per mm of width"),
+            series: vec![
+                curve("work of the reactions", Style::LineAndMarkers, &|e| e.work),
+                curve("elastic", Style::Line, &|e| e.elastic),
+                curve("plastic", Style::Line, &|e| e.plastic),
+                curve("adhesive", Style::Line, &|e| e.adhesive),
+                curve("sum of the three", Style::Dashed, &|e| e.elastic + e.plastic + e.adhesive),
+            ],
+            notes: self.balance().map(|balance| balance.text()).into_iter().collect(),
+        }
+        .draw()
+    }
+}
