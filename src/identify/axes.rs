@@ -13,6 +13,9 @@ use super::statistics::NORMAL_95;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use crate::mechanics::cohesive::CohesiveLaw;
 
+/// Scaled distance below which the search for an end has not got anywhere.
+const STUCK: f64 = 0.02;
+
 /// The axes of the likelihood of a fit, in scaled unknowns.
 ///
 /// Along an axis of the covariance whose standard deviation is at most [`LINEAR_STD`] linear theory holds. Along the others the
@@ -63,7 +66,17 @@ impl Axes {
         let mut ends: Vec<[Vec<f64>; 2]> = (0..stds.len()).map(straight).collect();
         let directions: Vec<Vec<f64>> = wide.iter().map(|&k| vectors.column(k).to_vec()).collect();
         for (&k, found) in wide.iter().zip(profile.as_far_as(&directions)) {
-            ends[k] = found.map(|end| end.iter().zip(&z).map(|(end, z)| end - z).collect());
+            for (end, found) in ends[k].iter_mut().zip(found) {
+                let way: Vec<f64> = found.iter().zip(&z).map(|(end, z)| end - z).collect();
+                let longest = |way: &[f64]| way.iter().fold(0.0_f64, |most, w| most.max(w.abs()));
+                // At the end of a law the search is stuck from the first: what is beyond is left to the draws.
+                if longest(&way) > STUCK {
+                    *end = way;
+                } else {
+                    let share = (1.0 / longest(end)).min(1.0);
+                    end.iter_mut().for_each(|e| *e *= share);
+                }
+            }
         }
         let by = by_works(problem, &z);
         let mut works = [[None; 2]; 2];

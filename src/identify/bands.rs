@@ -100,18 +100,20 @@ impl Draws {
 
 /// Draws along the axes of the likelihood: more than where first order takes part, since their quantiles stand for themselves.
 const ALONG_AXES: usize = 480;
+/// Times that a draw is made which is no law.
+const TRIALS: usize = 20;
 /// Scaled distance (of logarithms: a factor of 20) that no draw goes beyond.
 const FAR: f64 = 3.0;
 
 /// Laws that noise and constants make of that of `fit`: what noise does follows `axes`, constants go to first order. A draw that is
-/// no law any more is drawn back to where it is one.
+/// no law is drawn again, and after some trials drawn back to where it is one.
 fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn CohesiveLaw>> {
     let unknowns = &problem.unknowns;
     let z = unknowns.scaled(&fit.evaluation.x);
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
     let level = noise_factor(fit).sqrt();
-    let one = |_| {
+    let mut trial = |last: bool| {
         let t: Vec<f64> = (0..z.len()).map(|_| level * draw()).collect();
         let off: Vec<f64> = fit.constants.iter().map(|_| draw()).collect();
         let mut error = axes.at(&t);
@@ -125,12 +127,14 @@ fn laws_along(problem: &Problem<'_>, fit: &Fit, axes: &Axes) -> Vec<Box<dyn Cohe
             let law = unknowns.law_at(&unknowns.unscaled(&there)).ok()?;
             let mut values = law.values();
             for (index, value) in values.iter_mut().enumerate().filter(|(index, _)| !is_fitted(problem, *index)) {
-                *value += share * dot(&off, &fit.constants.iter().map(|effect| effect.law[index]).collect::<Vec<_>>());
+                *value +=
+                    share * off.iter().zip(&fit.constants).map(|(off, effect)| off * effect.law[index]).sum::<f64>();
             }
             law.with_values(&values).ok()
         };
-        (0..8).find_map(|k| at(0.8_f64.powi(k)))
+        (0..if last { 8 } else { 1 }).find_map(|k| at(0.8_f64.powi(k)))
     };
+    let one = |_| (1..=TRIALS).find_map(|k| trial(k == TRIALS));
     (0..ALONG_AXES).filter_map(one).collect()
 }
 

@@ -4,7 +4,7 @@
 //! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
 //! that the data do not reject, with Akaike's weights.
 
-use super::averages::{ALIKE, Spread, average, average_curve};
+use super::averages::{ALIKE, Part, Spread, average, average_curve};
 use super::axes::{Axes, WORKS};
 use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
@@ -214,7 +214,7 @@ pub fn tournament<'a>(
         Ok(())
     })?;
     let alike = weigh(&mut laws, best);
-    let average = average_of(&laws);
+    let average = average_of(&laws, &alike);
     let mut found =
         Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
     found.sentences = found.said();
@@ -371,19 +371,34 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
     let likelihoods: Vec<f64> = laws.iter().map(|law| above(law).map_or(0.0, |above| (-0.5 * above).exp())).collect();
     let sum: f64 = likelihoods.iter().sum();
     laws.iter_mut().zip(&likelihoods).for_each(|(law, likelihood)| law.weight = likelihood / sum);
-    (0..laws.len()).filter(|&k| above(&laws[k]).is_some_and(|above| above <= ALIKE)).collect()
+    let deviance = |score: Score| score.aic - 2.0 * score.n_parameters as f64;
+    let lowest = laws[best].score.map_or(0.0, deviance);
+    let alike = |law: &LawFit<'_>| {
+        let score = law.score.filter(|_| law.counts());
+        score.is_some_and(|score| (score.aic - least).min(deviance(score) - lowest) <= ALIKE)
+    };
+    (0..laws.len()).filter(|&k| alike(&laws[k])).collect()
 }
 
-fn average_of(laws: &[LawFit<'_>]) -> Option<Average> {
-    let counted: Vec<&LawFit<'_>> = laws.iter().filter(|law| law.weight > 0.0).collect();
-    if counted.is_empty() {
+fn average_of(laws: &[LawFit<'_>], alike: &[usize]) -> Option<Average> {
+    let places: Vec<usize> = (0..laws.len()).filter(|&k| laws[k].weight > 0.0).collect();
+    if places.is_empty() {
         return None;
     }
     let mode = |mode: usize| {
-        let curves: Vec<(f64, &CurveBand)> =
-            counted.iter().filter_map(|law| Some((law.weight, &law.curves.as_ref()?[mode]))).collect();
-        let works: Vec<(f64, Spread)> =
-            counted.iter().filter_map(|law| Some((law.weight, law.works.as_ref()?[mode]))).collect();
+        let part = |k: usize| (laws[k].weight, alike.contains(&k));
+        let curves: Vec<Part<&CurveBand>> = (places.iter())
+            .filter_map(|&k| {
+                let (weight, alike) = part(k);
+                Some(Part { weight, alike, of: &laws[k].curves.as_ref()?[mode] })
+            })
+            .collect();
+        let works: Vec<Part<Spread>> = (places.iter())
+            .filter_map(|&k| {
+                let (weight, alike) = part(k);
+                Some(Part { weight, alike, of: laws[k].works.as_ref()?[mode] })
+            })
+            .collect();
         (average_curve(&curves), average(&works))
     };
     let ((opening, work_n), (sliding, work_t)) = (mode(0), mode(1));
@@ -415,8 +430,8 @@ impl Tournament<'_> {
                 format!("the data choose {}: {behind}", self.laws[best].name())
             }
             (Some(_), alike) => format!(
-                "these data cannot tell {} apart: their omega + 2 p differs by less than {ALIKE}; what is asked for is averaged over \
-                 them",
+                "these data cannot tell {} apart: their omega, or omega + 2 p, is within {ALIKE} of the best; what is asked for is \
+                 averaged, and intervals hold those of all of them",
                 list(alike)
             ),
         }];
