@@ -52,7 +52,9 @@ pub struct EnergyOptions {
 
 impl Default for EnergyOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-7, max_halvings: 12, max_states: 20_000, newton: NewtonOptions::default() }
+        // A state that is hard to find is worth less than the time.
+        let newton = NewtonOptions { max_halvings: 2, max_rescue: 60, ..NewtonOptions::default() };
+        Self { tolerance: 1e-7, max_halvings: 12, max_states: 5_000, newton }
     }
 }
 
@@ -86,10 +88,9 @@ struct Follower<'a> {
     max_halvings: u32,
     states_left: usize,
     settled: bool,
+    /// Whether a state of this step was not found by Newton's iteration: no more are looked for in it.
+    gave_up: bool,
 }
-
-/// Halvings of a step in which pairs snapped: closer the jump of the reaction is not looked for.
-const IN_A_SNAP: u32 = 5;
 
 impl Model {
     /// The reaction of each of `groups` under the displacements `u`, a solution: the force that holds its prescribed nodes, N per
@@ -145,6 +146,7 @@ impl Model {
             max_halvings: options.max_halvings,
             states_left: options.max_states,
             settled: true,
+            gave_up: false,
         };
         // What a trapezoid over each step gives is the scale of what is negligible.
         let mut scale = 0.0;
@@ -174,9 +176,8 @@ impl Model {
             follower.from.clone_from(&from.0);
             let (a, b) = (follower.state(0.0, from.1), follower.state(1.0, &instant.displacement));
             // Through a snap no path of equilibria leads.
-            let snapped = instant.status == Status::Rescued;
-            follower.settled &= !snapped;
-            follower.max_halvings = if snapped { IN_A_SNAP.min(options.max_halvings) } else { options.max_halvings };
+            follower.settled &= instant.status != Status::Rescued;
+            follower.gave_up = false;
             let sums = follower.over(&a, &b, go_on);
             total = Sums { work: total.work + sums.work, adhesive: total.adhesive + sums.adhesive };
             let SubstrateEnergy { elastic, plastic } = self.strip_energy(&instant.displacement);
@@ -205,7 +206,7 @@ impl Follower<'_> {
             self.from.iter().zip(&self.step).map(|(x, by)| [0, 1].map(|c| x[c] + share * by[c])).collect();
         self.path.start_at(&a.u);
         let found = self.path.advance(&border);
-        self.settled &= found.status == Status::Converged;
+        self.gave_up |= found.status != Status::Converged;
         found.status.converged().then(|| self.state(share, &found.displacement))
     }
 
@@ -218,13 +219,13 @@ impl Follower<'_> {
     }
 
     fn middle(&mut self, a: &State, b: &State, halvings: u32, go_on: &dyn Fn() -> bool) -> Option<State> {
-        if halvings >= self.max_halvings || self.states_left == 0 || !go_on() {
+        if halvings >= self.max_halvings || self.states_left == 0 || self.gave_up || !go_on() {
             self.settled = false;
             return None;
         }
         self.states_left -= 1;
         let middle = self.between(a, 0.5 * (a.share + b.share));
-        self.settled &= middle.is_some();
+        self.settled &= !self.gave_up;
         middle
     }
 

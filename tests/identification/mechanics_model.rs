@@ -194,6 +194,7 @@ fn a_translation_gives_no_jump_and_no_force_and_a_rotation_only_what_the_kinemat
                 match kinematics {
                     Kinematics::Objective => assert!(force < floor, "{force:e}"),
                     Kinematics::Paper => assert!(force > 1e-3),
+                    Kinematics::Finite => unreachable!("in mechanics_rotation"),
                 }
             }
         }

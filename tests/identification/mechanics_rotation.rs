@@ -378,7 +378,7 @@ fn sensitivities_of_a_joint_that_turns_are_differences_of_solutions() {
     // The border moves: one column.
     let column: Vec<[f64; 2]> =
         boundary.nodes().iter().map(|&n| [scatter(n as usize), scatter(7 + n as usize)]).collect();
-    let found = model.linearise(&law, &last.displacement).unwrap().by_boundary(&[column.clone()]).remove(0);
+    let found = model.linearise(&law, &last.displacement).unwrap().by_boundary(std::slice::from_ref(&column)).remove(0);
     let h = 1e-7;
     let at = |step: f64| {
         let mut instants = boundary.instants().to_vec();

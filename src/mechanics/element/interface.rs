@@ -178,7 +178,7 @@ impl Interface {
         let tangent = along / length;
         let normal = Vector2::new(-tangent.y, tangent.x);
         let follow = |axis: Vector2<f64>| {
-            let side = |k: usize| if k % 2 == 0 { -0.5 } else { 0.5 };
+            let side = |k: usize| if k.is_multiple_of(2) { -0.5 } else { 0.5 };
             ElementVector::from_fn(|i, _| side(i / 2) * axis[i % 2] / length)
         };
         MidLine { tangent, normal, turn: follow(normal), stretch: follow(tangent) }
