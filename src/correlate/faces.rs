@@ -175,7 +175,7 @@ fn inverse(mut a: [[f64; 6]; 6]) -> Option<[[f64; 6]; 6]> {
     let mut b: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
     let scale: [f64; 6] = std::array::from_fn(|i| a[i][i]);
     for k in 0..6 {
-        if !(a[k][k] > 1e-9 * scale[k]) {
+        if a[k][k].is_nan() || a[k][k] <= 1e-9 * scale[k] {
             return None;
         }
         let pivot = a[k][k];
