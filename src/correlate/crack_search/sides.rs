@@ -245,7 +245,7 @@ impl Costs {
             n += Self::sum(&self.n, low, high);
         }
         let least = alone[0].min(alone[1]);
-        (n > 0.5 * (strip * strip) as f64).then(|| least > WORSE_ALONE * both && both < LEFT * self.variance * n)
+        (n > 0.5 * (strip * strip) as f64).then_some(least > WORSE_ALONE * both && both < LEFT * self.variance * n)
     }
 }
 
