@@ -10,11 +10,11 @@ use crate::units::Px;
 use std::collections::BTreeMap;
 
 /// Correlation coefficient from which on the pixels around a node are found.
-const FOUND: f64 = 0.9;
+const FOUND: f64 = 0.95;
 /// and by which they have to be better there than anywhere else nearby.
 const UNIQUE: f64 = 0.1;
 /// Whole pixels around a start that are tried, each way, and how near to the best another place counts as the same.
-const REACH: i32 = 6;
+const REACH: i32 = 10;
 const SAME: i32 = 3;
 /// Pixels that are needed: they have eight unknowns.
 const PIXELS: usize = 80;

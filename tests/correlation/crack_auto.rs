@@ -151,7 +151,7 @@ fn nothing_else_is_taken_for_a_crack() {
 fn faces_in_another_light_are_followed_where_their_elements_give_up() {
     let (s, opening) = (spots(), 3.0);
     let line = Straight { at: [160.0, 151.3], slope: 0.05 };
-    let dim = |x: [f64; 2]| if line.below(x) < 26.0 { 95.0 + 0.3 * (s.grey(x) - 120.0) } else { s.grey(x) };
+    let dim = |x: [f64; 2]| if line.below(x) < 26.0 { 95.0 + 0.4 * (s.grey(x) - 120.0) } else { s.grey(x) };
     let seen = |y: [f64; 2]| {
         let above = MOTION.material(y);
         let below = MOTION.material([y[0], y[1] - opening]);
