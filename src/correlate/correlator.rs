@@ -241,29 +241,34 @@ impl<B: Backend> Correlator<B> {
     /// # Errors
     /// A start for another mesh, or a device that fails.
     pub fn correlate_frame(&self, mut frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+        let found = self.found_from(&mut frame, start)?;
+        Ok(self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice())))
+    }
+
+    fn found_from(&self, frame: &mut B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
         if let Some(Start { displacement, transfer }) = start {
             let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
             let (nodes, zones) = (displacement.len(), transfer.len());
             if (nodes, zones) != (mesh_nodes, mesh_zones) {
                 return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
             }
-            let attempt = self.follow_prediction(&mut frame, displacement, transfer)?;
+            let attempt = self.follow_prediction(frame, displacement, transfer)?;
             if attempt.measurement.status == Status::Converged {
-                return self.told(&mut frame, attempt, Some(displacement));
+                return self.told(frame, attempt, Some(displacement));
             }
             let mut best = attempt;
             if best.worst_zone() > MATCHED && self.tries_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
-                let again = self.second_try(&mut frame, displacement, transfer, StartUsed::Predicted, 0)?;
+                let again = self.second_try(frame, displacement, transfer, StartUsed::Predicted, 0)?;
                 best = better(best, again);
             }
             if best.measurement.status != Status::Converged {
-                best = better(best, self.search(&mut frame)?);
+                best = better(best, self.search(frame)?);
             }
-            return self.told(&mut frame, best, Some(displacement));
+            return self.told(frame, best, Some(displacement));
         }
-        let found = self.search(&mut frame)?;
-        self.told(&mut frame, found, None)
+        let found = self.search(frame)?;
+        self.told(frame, found, None)
     }
 
     pub(super) fn limits(&self, turn: Turn) -> Limits<'_> {

@@ -7,7 +7,7 @@
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Correlation coefficient from which on the pixels around a node are found.
 const FOUND: f64 = 0.95;
@@ -51,6 +51,16 @@ impl Affine {
         let d = [x[0] - self.about[0], x[1] - self.about[1]];
         let p = self.p;
         [p[0] + p[2] * d[0] + p[3] * d[1], p[1] + p[4] * d[0] + p[5] * d[1]]
+    }
+
+    /// The displacement `u` at a place, turned and stretched as it changes between two others.
+    fn turned(about: [f64; 2], u: [f64; 2], [(x, at_x), (y, at_y)]: [([f64; 2], [f64; 2]); 2]) -> Self {
+        let (d, du) = ([y[0] - x[0], y[1] - x[1]], [at_y[0] - at_x[0], at_y[1] - at_x[1]]);
+        let square = d[0] * d[0] + d[1] * d[1];
+        // The quotient of the two as complex numbers.
+        let stretch = (du[0] * d[0] + du[1] * d[1]) / square;
+        let turn = (du[1] * d[0] - du[0] * d[1]) / square;
+        Self { about, p: [u[0], u[1], stretch, -turn, turn, stretch] }
     }
 
     /// The same about another place.
@@ -245,17 +255,19 @@ fn pixels_around(mesh: &Mesh<Px>, elements: &[usize], of_zone: &PixelSet) -> Vec
 }
 
 /// Follows the nodes on the faces of cuts that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
-/// those that were measured and from each other.
+/// those that were measured, from where the frame was started (`expected`: the frames before), and from each other.
 pub(super) fn followed(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
     zone_pixels: &[PixelSet],
     [measured, sees, gone]: [&[bool]; 3],
     displacement: &[[f64; 2]],
+    expected: Option<&[[f64; 2]]>,
 ) -> Vec<Followed> {
     let mut waiting: BTreeMap<usize, (Patch, Vec<usize>)> = BTreeMap::new();
     let mut around: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for node in mesh.doubled().into_iter().filter(|&node| !measured[node] && sees[node]) {
+    let doubled: BTreeSet<usize> = mesh.doubled().into_iter().collect();
+    for node in doubled.iter().copied().filter(|&node| !measured[node] && sees[node]) {
         around.insert(node, Vec::new());
     }
     if around.is_empty() {
@@ -292,6 +304,17 @@ pub(super) fn followed(
             let by_found = beside.iter().filter_map(|other| found.get(other)).map(|(motion, _)| motion.about(x));
             let by_measured = beside.iter().filter(|&&other| measured[other]).map(|&other| displacement[other]);
             let alone = by_measured.chain([displacement[node]]).map(|u| Affine::shift(x, u));
+            // As in the frames before: the nodes beside it on the face tell how it turns and stretches.
+            let before = expected.and_then(|expected| {
+                let face = beside.iter().copied().filter(|other| doubled.contains(other));
+                let along = |&k: &usize| mesh.nodes()[k][0] + 1e-3 * mesh.nodes()[k][1];
+                let (low, high) = face.fold((node, node), |(low, high), k| {
+                    (if along(&k) < along(&low) { k } else { low }, if along(&k) > along(&high) { k } else { high })
+                });
+                let at = |k: usize| (mesh.nodes()[k], expected[k]);
+                (low != high).then(|| Affine::turned(x, expected[node], [at(low), at(high)]))
+            });
+            let alone = alone.chain(before);
             let starts: Vec<Affine> = match tried_alone {
                 true => by_found.collect(),
                 false => alone.collect(),

@@ -3,7 +3,7 @@
 use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
-use super::faces::followed;
+use super::faces::{Followed, followed};
 use super::gradient_noise::{element_lambda, element_matrices, mass_matrices};
 use super::iterate::{Outcome, iterate};
 use super::level::Level;
@@ -97,7 +97,7 @@ impl<B: Backend> Correlator<B> {
         if excluded.contains(&true) {
             found.displacement = continued(mesh, &found.displacement, &found.elements);
         }
-        let Found { displacement: mut full_displacement, zones: last, elements, transfer: transfers } = found;
+        let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
         let matches = self.zone_matches(&last, &elements);
         let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
         let mut status = self.judge(&outcome, &elements, &matches, &excluded);
@@ -232,23 +232,7 @@ impl<B: Backend> Correlator<B> {
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
         let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
-        let gone: Vec<bool> = excluded.iter().zip(level.moments.iter()).map(|(&out, m)| out || m.n == 0.0).collect();
-        let faces = match looked_at && excluded.contains(&true) {
-            true => followed(
-                [&self.image, &image],
-                mesh,
-                self.zone_pixels(),
-                [&measured, &level.keep, &gone],
-                &full_displacement,
-            ),
-            false => Vec::new(),
-        };
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
-        // They keep the marks of their elements.
-        for face in faces {
-            (full_displacement[face.node], sigma[face.node]) = (face.displacement, face.sigma);
-            measured[face.node] = true;
-        }
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
         let mut all = PixelSums::default();
         last.iter().for_each(|sums| all.add(sums));
@@ -289,6 +273,39 @@ impl<B: Backend> Correlator<B> {
             counted,
             worst_node: outcome.worst_node,
         })
+    }
+
+    /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep
+    /// the marks of their elements. `expected` is where the frame was started, all nodes.
+    pub(super) fn with_faces(
+        &self,
+        frame: &B::Frame,
+        mut found: Correlation,
+        expected: Option<&[[f64; 2]]>,
+    ) -> Correlation {
+        let gone: Vec<bool> = found.counted.iter().map(|counted| !counted).collect();
+        if found.measurement.status != Status::Converged || !gone.contains(&true) {
+            return found;
+        }
+        let (mesh, image) = (self.mesh(), self.backend.image(frame));
+        let faces = followed(
+            [&self.image, &image],
+            mesh,
+            self.zone_pixels(),
+            [&found.measurement.measured, &self.levels[0].keep, &gone],
+            &found.full_displacement,
+            expected,
+        );
+        if faces.is_empty() {
+            return found;
+        }
+        let field = &mut found.measurement;
+        for Followed { node, displacement, sigma } in faces {
+            found.full_displacement[node] = displacement;
+            (field.displacement[node], field.sigma[node], field.measured[node]) = (displacement, sigma, true);
+        }
+        found.rigid = rigid(mesh, &found.full_displacement, &field.measured, 0..mesh.n_nodes());
+        found
     }
 
     /// How well each zone matches: its correlation coefficient, or what stands for it.

@@ -145,6 +145,7 @@ impl<'a> Case<'a> {
             constants: uncertainties::constants(joint, input, table, measurement, &mut doubts)?,
             doubt: true,
             release: true,
+            rotations: !uncertainties::rotations_are_small(table),
             discretisation: match table.discretisation {
                 None if of_run => Discretisation::Included,
                 None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,

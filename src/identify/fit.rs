@@ -199,7 +199,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         included: options.discretisation == Discretisation::Included,
     });
     let rotations = match &statistics {
-        Some(statistics) if options.doubt && problem.is_small() && watch.ended().is_none() => {
+        Some(statistics) if options.doubt && options.rotations && problem.is_small() && watch.ended().is_none() => {
             watch.begins("finite rotations");
             let turned = problem.turned(&evaluation, &boundary);
             Some(Rotations::new(turned.map(|change| statistics.shift(&change)), &slopes))

@@ -29,6 +29,9 @@ pub struct FitOptions {
     /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does without: it is a
     /// comparison of models by itself.
     pub release: bool,
+    /// Whether what finite rotations would change is asked, where the result is doubted and rotations are taken as small: not of
+    /// data that were computed so.
+    pub rotations: bool,
 }
 
 impl Default for FitOptions {
@@ -45,6 +48,7 @@ impl Default for FitOptions {
             bootstrap: None,
             doubt: true,
             release: true,
+            rotations: true,
         }
     }
 }

@@ -29,7 +29,9 @@ pub const DEFAULT_PIXEL_SIZE: f64 = 0.005;
 pub const DEFAULT_NOISE: f64 = 0.1;
 
 /// What `[fit] exact` may name.
-const OF_FIT: [&str; 4] = ["thickness", "faces", "pixel_size", NOISE_LEVEL];
+const OF_FIT: [&str; 5] = ["thickness", "faces", "pixel_size", NOISE_LEVEL, ROTATIONS];
+/// Of these the one that is no constant: that rotations are small, as of data that were computed so.
+const ROTATIONS: &str = "rotations";
 
 /// Scale of the images behind a case, mm per pixel, where it is known.
 pub(super) fn mm_per_px(input: &JointInput) -> Option<f64> {
@@ -61,6 +63,11 @@ fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) ->
         })?] = true;
     }
     Ok(exact)
+}
+
+/// Whether the case says that rotations are small indeed, as of data that were computed so.
+pub(super) fn rotations_are_small(fit: &CaseFit) -> bool {
+    matches!(&fit.exact, Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS))
 }
 
 /// The standard uncertainty under `key`, above zero.

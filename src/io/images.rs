@@ -317,7 +317,11 @@ fn unreadable(path: &Path, reason: io::Error) -> ReadError {
 }
 
 fn named(problem: ImageFault, path: &Path, format: &'static str, page: usize) -> ReadError {
-    let path = path.to_owned();
+    let mut path = path.to_owned();
+    if page > 0 && matches!(problem, ImageFault::OtherSize { .. }) {
+        // The other pages may be of the right size.
+        path.as_mut_os_string().push(format!("[{page}]"));
+    }
     match problem {
         ImageFault::Truncated(what) => ReadError::Truncated { path, format, what },
         ImageFault::Corrupt(what) => ReadError::Corrupt { path, format, what },

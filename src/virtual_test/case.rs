@@ -17,6 +17,8 @@ impl VirtualTest {
         let [upper, lower] = zones_px();
         let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
         let r = self.law.values()[3];
+        // With small rotations the images themselves were computed.
+        let rotations = if self.options.kinematics.is_small() { ", \"rotations\"" } else { "" };
         let kinematics = match self.options.kinematics {
             Kinematics::Paper => String::new(),
             other => format!("kinematics = {:?}                 # as the images were computed\n", other.name()),
@@ -73,7 +75,7 @@ impl VirtualTest {
              [fit]\n\
              parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
              {laws}\
-             exact = [\"thickness\", \"faces\", \"pixel_size\"]   # the zones and the scale are those of the computed images\n\
+             exact = [\"thickness\", \"faces\", \"pixel_size\"{rotations}]   # as the images were computed\n\
              \n\
              [fit.start]                           # N/mm, mm, mm\n\
              phi_n = 1.5\n\

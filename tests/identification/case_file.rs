@@ -19,6 +19,7 @@ deformed = ["img_*.tif", 'last [1].tif']
 page = 1
 pages = "all"
 pixel_size_mm = 0.00193125
+max_image_mpx = 64
 
 [correlation]
 element_size_px = 16

@@ -223,14 +223,15 @@ fn put_together(
     };
     let slopes = unknowns.slopes(&known.evaluations[0].x);
     // Every test moves the parameters of all.
-    let small = tests.iter().any(|test| test.problem.is_small()) && tests[0].options.doubt;
+    let is_asked = |test: &Searched<'_>| test.problem.is_small() && test.options.rotations;
+    let small = tests.iter().any(is_asked) && tests[0].options.doubt;
     let rotations =
         statistics.iter().all(Option::is_some).then_some(()).filter(|()| small && cut_short.is_none()).map(|()| {
             let mut sum = Some(vec![0.0; slopes.len()]);
             for ((test, evaluation), statistics) in
                 tests.iter().zip(&known.evaluations).zip(statistics.iter().flatten())
             {
-                if !test.problem.is_small() {
+                if !is_asked(test) {
                     continue;
                 }
                 let moved = test.problem.turned(evaluation, &test.problem.joint.boundary);
