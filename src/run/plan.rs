@@ -99,8 +99,6 @@ impl Plan {
             Some(mm) => Some(PixelSize::new(mm).ok_or(format!("the pixel size is {mm} mm; give a positive number"))?),
             None => None,
         };
-        let accepted = accepted(asked, case)?;
-        let zones = wanted_zones(asked, case);
         if asked.shard.is_some() && options.start == StartFrom::Previous {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
@@ -144,8 +142,8 @@ impl Plan {
             reference_named,
             deformed,
             pixel_size,
-            accepted,
-            zones,
+            accepted: accepted(asked, case)?,
+            zones: wanted_zones(asked, case),
             zone_found,
             crack_auto: asked.crack.is_empty() && was_so("crack_auto"),
             guard_px: asked.guard,
