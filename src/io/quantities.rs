@@ -170,7 +170,7 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             (!q.openings.is_empty(), vec!["opening", "part"], [&OPENING[..], &JUMP].concat()),
             (!q.openings.is_empty(), vec!["opening"], JUMP.to_vec()),
             (q.remove_rigid.is_some(), vec!["zone"], RIGID.to_vec()),
-            (!q.cracks.is_empty(), vec!["crack"], [&CRACK[..], &JUMP].concat()),
+            (!q.cracks.is_empty(), vec!["crack", "mark"], [&CRACK[..], &JUMP].concat()),
             (
                 q.cracks.iter().any(|(_, crack)| crack.joined().next().is_some()),
                 vec!["crack", "end", "state"],
@@ -333,7 +333,8 @@ impl<'a, W: Write> QuantityTables<'a, W> {
                     let jump = drawn.and_then(|drawn| drawn.cracks[k].points[i]);
                     let place = [point.along, point.at[0], point.at[1], point.normal[0], point.normal[1]];
                     let cells: Vec<_> = place.into_iter().map(Some).chain(jump_cells(jump)).collect();
-                    table.row(&with(&[name]), &cells)?;
+                    let mark = drawn.filter(|_| jump.is_some()).map_or("", |drawn| drawn.cracks[k].marks[i].name());
+                    table.row(&with(&[name, mark]), &cells)?;
                 }
             }
         }
@@ -563,7 +564,8 @@ fn definitions(
         ),
         "cracks" => said.push(
             "jump + minus -, + lying to the left of the path as it is seen on the screen; opening along the normal from - to +, positive \
-             when the faces move apart; sliding along the path (-normal_y, normal_x)"
+             when the faces move apart; sliding along the path (-normal_y, normal_x); mark: the gravest of the elements on either face: beside \
+             no_match an opening is to be doubted"
                 .to_owned(),
         ),
         "crack_tips" => {

@@ -417,7 +417,12 @@ fn the_program_writes_openings_tips_stress_intensity_and_their_figures() {
         table.contains("K_I_MPa_sqrt_m")
             && table.lines().any(|line| line.starts_with("2,converged,crack1,last,found,"))
     );
-    assert!(desk.read("out/quantities/cracks.csv").contains("opening_px,sigma_opening_px,sliding_px,sigma_sliding_px"));
+    let places = desk.read("out/quantities/cracks.csv");
+    assert!(
+        places.contains("crack,mark,along_px") && places.contains("opening_px,sigma_opening_px,sliding_px"),
+        "{places}"
+    );
+    assert!(places.lines().any(|line| line.starts_with("2,converged,crack1,none,")), "{places}");
     for name in ["crack1-opening", "crack1-tip", "crack1-stress-intensity"] {
         assert!(desk.path(&format!("out/figures/{name}.png")).exists(), "{name}");
     }

@@ -2,7 +2,7 @@
 
 use super::stress_intensity::{Elasticity, StressIntensity, stress_intensity};
 use super::{Jump, NodalNoise, Reading, Value};
-use crate::field::Measurement;
+use crate::field::{ElementMark, Measurement};
 use crate::mesh::{CutFaces, CutTip, FacePoint, Mesh, point_along};
 use crate::units::Length;
 
@@ -24,6 +24,8 @@ pub struct CrackLine {
 pub struct CrackValues {
     /// Opening and sliding at each of its places.
     pub points: Vec<Option<Jump>>,
+    /// The gravest mark of the elements on either face there: an opening beside elements that do not match is to be doubted.
+    pub marks: Vec<ElementMark>,
     /// Its tips: one for each end that is joined, in the order of the path.
     pub tips: Vec<CrackTip>,
 }
@@ -95,7 +97,9 @@ impl CrackLine {
     pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> CrackValues {
         let points: Vec<Option<Jump>> = self.points().iter().map(|point| jump(point, field, noise)).collect();
         let tips = self.joined().map(|(end, joined)| self.tip(end, &joined, &points, field, noise)).collect();
-        CrackValues { points, tips }
+        let marks = field.node_marks().unwrap_or_else(|| vec![ElementMark::None; field.mesh.n_nodes()]);
+        let marks = self.points().iter().map(|point| marks[point.plus].max(marks[point.minus])).collect();
+        CrackValues { points, marks, tips }
     }
 
     fn tip<U: Length>(
