@@ -135,7 +135,8 @@ impl Costs {
         let half = (BAND * size).round() as i64;
         let (n_across, n_along) = (2 * half as usize, length.ceil() as usize + 1);
         let mut pixels: Vec<(usize, f64, [Option<f64>; 2])> = Vec::new();
-        for [x, y] in around(line, half as f64, reference) {
+        // Beyond an end a place beside the line may be further from it than it is across.
+        for [x, y] in around(line, 1.2 * half as f64, reference) {
             let at = [x as f64, y as f64];
             let Some([s, t]) = beside(line, at) else { continue };
             let bin = (t + half as f64).floor();
@@ -249,17 +250,22 @@ impl Costs {
     }
 }
 
-/// The pixels within `reach` of the box around a line.
-fn around(line: &[[f64; 2]], reach: f64, image: &Image) -> impl Iterator<Item = [usize; 2]> + use<> {
-    let limits = [0, 1].map(|c| {
-        let of = |f: fn(f64, f64) -> f64, from: f64| line.iter().map(|p| p[c]).fold(from, f);
-        let n = [image.width(), image.height()][c];
-        let low = (of(f64::min, f64::INFINITY) - reach).max(0.0) as usize;
-        let high = (of(f64::max, f64::NEG_INFINITY) + reach).max(0.0) as usize + 1;
-        low.min(n)..high.min(n)
-    });
-    let [columns, rows] = limits;
-    rows.flat_map(move |y| columns.clone().map(move |x| [x, y]))
+/// The pixels within `reach` of a line and some more, row by row: those in the boxes around its pieces, whose number grows with its
+/// length and not with the box around all of it.
+fn around(line: &[[f64; 2]], reach: f64, image: &Image) -> Vec<[usize; 2]> {
+    let mut pixels = Vec::new();
+    for piece in line.windows(2) {
+        let [columns, rows] = [0, 1].map(|c| {
+            let n = [image.width(), image.height()][c];
+            let low = (piece[0][c].min(piece[1][c]) - reach).max(0.0) as usize;
+            let high = (piece[0][c].max(piece[1][c]) + reach).max(0.0) as usize + 1;
+            low.min(n)..high.min(n)
+        });
+        pixels.extend(rows.flat_map(|y| columns.clone().map(move |x| [x, y])));
+    }
+    pixels.sort_unstable_by_key(|&[x, y]| (y, x));
+    pixels.dedup();
+    pixels
 }
 
 /// Looks at the two sides of `line` in a field and its images, reference and deformed.
