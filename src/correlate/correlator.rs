@@ -22,6 +22,7 @@ use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
+use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
@@ -63,6 +64,8 @@ pub struct Correlator<B: Backend> {
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
+    /// The nodes on cuts of the mesh, once a frame has lost elements.
+    pub(super) cut_nodes: OnceLock<BTreeSet<usize>>,
     /// The pixels of each zone that are summed over on the coarsest level.
     pub(super) search_pixels: Vec<PixelSet>,
     pub(super) noise_gain: NoiseGain,
@@ -199,6 +202,7 @@ impl<B: Backend> Correlator<B> {
             image,
             features: OnceLock::new(),
             periods: OnceLock::new(),
+            cut_nodes: OnceLock::new(),
             search_pixels: laid.zone_pixels,
         })
     }

@@ -5,6 +5,7 @@
 //! zone and one start for all may fail where the texture is still to be seen.
 
 use crate::imaging::Image;
+use crate::linalg::Dense;
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
 use std::collections::{BTreeMap, BTreeSet};
@@ -142,8 +143,8 @@ impl Patch {
                     (0..6).for_each(|j| matrix[i][j] += s[i] * s[j]);
                 }
             }
-            let inverse = inverse(matrix)?;
-            let step: [f64; 6] = std::array::from_fn(|i| (0..6).map(|j| inverse[i][j] * right[j]).sum());
+            let inverse = Dense::from_fn(6, 6, |i, j| matrix[i][j]).cholesky().ok()?.inverse();
+            let step: [f64; 6] = std::array::from_fn(|i| (0..6).map(|j| inverse.column(j)[i] * right[j]).sum());
             (0..6).for_each(|k| motion.p[k] += step[k]);
             let away = (0..2).map(|c| (motion.p[c] - start.p[c]).abs()).fold(0.0, f64::max);
             if !(away < AWAY_PX && motion.p[2..].iter().all(|g| g.abs() < STEEPEST)) {
@@ -151,7 +152,7 @@ impl Patch {
             }
             if step[0].abs().max(step[1].abs()) < TOLERANCE_PX {
                 let variance = square / (n - 8.0);
-                let sigma = [0, 1].map(|c| COLOURED * (variance * inverse[c][c]).sqrt());
+                let sigma = [0, 1].map(|c| COLOURED * (variance * inverse.column(c)[c]).sqrt());
                 return Some((motion, product, sigma));
             }
         }
@@ -178,27 +179,6 @@ fn normalised(mut values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
     let length = values.iter().map(|v| v * v).sum::<f64>().sqrt();
     values.iter_mut().for_each(|v| *v /= length);
     (length > 0.0).then_some((values, length))
-}
-
-/// The inverse of a symmetric positive definite matrix; none where it is singular.
-fn inverse(mut a: [[f64; 6]; 6]) -> Option<[[f64; 6]; 6]> {
-    let mut b: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    let scale: [f64; 6] = std::array::from_fn(|i| a[i][i]);
-    for k in 0..6 {
-        if a[k][k].is_nan() || a[k][k] <= 1e-9 * scale[k] {
-            return None;
-        }
-        let pivot = a[k][k];
-        (0..6).for_each(|j| (a[k][j], b[k][j]) = (a[k][j] / pivot, b[k][j] / pivot));
-        for i in (0..6).filter(|&i| i != k) {
-            let factor = a[i][k];
-            for j in 0..6 {
-                a[i][j] -= factor * a[k][j];
-                b[i][j] -= factor * b[k][j];
-            }
-        }
-    }
-    Some(b)
 }
 
 /// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach beyond the image.
@@ -254,11 +234,12 @@ fn pixels_around(mesh: &Mesh<Px>, elements: &[usize], of_zone: &PixelSet) -> Vec
     found
 }
 
-/// Follows the nodes on the faces of cuts that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
+/// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
 /// those that were measured, from where the frame was started (`expected`: the frames before), and from each other.
 pub(super) fn followed(
     [reference, deformed]: [&Image; 2],
     mesh: &Mesh<Px>,
+    doubled: &BTreeSet<usize>,
     zone_pixels: &[PixelSet],
     [measured, sees, gone]: [&[bool]; 3],
     displacement: &[[f64; 2]],
@@ -266,7 +247,6 @@ pub(super) fn followed(
 ) -> Vec<Followed> {
     let mut waiting: BTreeMap<usize, (Patch, Vec<usize>)> = BTreeMap::new();
     let mut around: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    let doubled: BTreeSet<usize> = mesh.doubled().into_iter().collect();
     for node in doubled.iter().copied().filter(|&node| !measured[node] && sees[node]) {
         around.insert(node, Vec::new());
     }

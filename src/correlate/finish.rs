@@ -291,6 +291,7 @@ impl<B: Backend> Correlator<B> {
         let faces = followed(
             [&self.image, &image],
             mesh,
+            self.cut_nodes.get_or_init(|| mesh.doubled().into_iter().collect()),
             self.zone_pixels(),
             [&found.measurement.measured, &self.levels[0].keep, &gone],
             &found.full_displacement,
