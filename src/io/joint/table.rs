@@ -1,7 +1,6 @@
 //! Tables of results: whole numbers first, then numbers with 17 digits.
 
 use super::{JointFileError, bytes_of};
-use crate::io::text::cell;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -18,7 +17,11 @@ pub fn write_table<W: Write>(
     for note in notes.iter().flat_map(|note| note.lines()) {
         writeln!(out, "# {note}")?;
     }
-    writeln!(out, "{}", columns.iter().map(|name| cell(name)).collect::<Vec<_>>().join(","))?;
+    // Names may hold commas; numbers do not.
+    let mut header = csv::Writer::from_writer(&mut out);
+    header.write_record(columns)?;
+    header.flush()?;
+    drop(header);
     for (numbers, values) in rows {
         let mut first = true;
         for number in numbers {

@@ -1,7 +1,6 @@
 //! The error budget in words and as a table.
 
 use super::{BudgetRecord, FitRecord, FitReport};
-use crate::io::text::cell;
 use crate::report::Name;
 use std::io::{self, Write};
 
@@ -76,16 +75,16 @@ impl FitReport<'_> {
         columns.extend(
             fit.derived.iter().map(|q| format!("{}_{}", q.quantity.name, q.quantity.unit.replace('/', "_per_"))),
         );
-        let row_of = |cells: &[String]| cells.iter().map(|text| cell(text)).collect::<Vec<_>>().join(",");
-        writeln!(out, "{}", row_of(&columns))?;
+        let mut out = csv::Writer::from_writer(out);
+        out.write_record(&columns)?;
         let number = |value: Option<f64>| value.map_or("NaN".to_owned(), |value| format!("{value:e}"));
         for line in &fit.budget.lines {
             let mut row = vec![line.name.clone(), line.source.name().to_owned(), u8::from(line.included).to_string()];
             row.extend([number(line.value), number(line.std), line.unit.to_owned()]);
             row.extend((0..fit.parameters.len()).map(|k| number(line.parameters.get(k).copied())));
             row.extend((0..fit.derived.len()).map(|q| number(line.derived.get(q).copied())));
-            writeln!(out, "{}", row_of(&row))?;
+            out.write_record(&row)?;
         }
-        Ok(())
+        out.flush()
     }
 }

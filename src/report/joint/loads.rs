@@ -1,7 +1,7 @@
 //! Loads of a run: reactions of groups of nodes, the load-displacement curve, energies and their balance.
 
 use super::JointReport;
-use crate::mechanics::{Energies, Instant};
+use crate::mechanics::{Energies, Instant, Status};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -55,23 +55,30 @@ pub struct Balance {
     /// Share of the work that the test lost in snaps by its last instant; absent without snaps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost_in_snaps: Option<f64>,
+    /// Share of the work that is not accounted for by the last instant because the path was not followed finely enough; absent
+    /// where it was, or where pairs snap.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_followed: Option<f64>,
 }
 
 impl Balance {
     /// In words, for people.
     pub fn text(&self) -> String {
-        let relative = |relative: f64| format!("{relative:.1e} of the work");
-        match (self.relative, self.up_to_instant, self.lost_in_snaps) {
-            (Some(share), _, None) => format!("energies balance to {}", relative(share)),
-            (Some(share), Some(k), Some(lost)) => format!(
-                "energies balance to {} up to instant {k}; after it pairs snap, in which {:.3} % of the work is lost",
-                relative(share),
-                100.0 * lost
+        let settled = match (self.relative, self.up_to_instant) {
+            (Some(share), Some(k)) => Some((format!("energies balance to {share:.1e} of the work"), k)),
+            _ => None,
+        };
+        let why = match (self.lost_in_snaps, self.not_followed) {
+            (Some(lost), _) => format!("pairs snap, in which {:.3} % of the work is lost", 100.0 * lost),
+            (None, Some(open)) => format!(
+                "the path between the instants was not followed finely enough, and {:.3} % of the work is not accounted for",
+                100.0 * open
             ),
-            (_, _, Some(lost)) => {
-                format!("pairs snap from the first instant on: {:.3} % of the work is lost in that", 100.0 * lost)
-            }
-            _ => "energies: no work was done".to_owned(),
+            (None, None) => return settled.map_or("energies: no work was done".to_owned(), |(balance, _)| balance),
+        };
+        match settled {
+            Some((balance, k)) => format!("{balance} up to instant {k}; after it {why}"),
+            None => format!("energies: from the first instant on {why}"),
         }
     }
 }
@@ -102,11 +109,14 @@ impl JointReport<'_> {
         let settled: Vec<&(usize, Energies)> = known.iter().take_while(|(_, energies)| energies.settled).collect();
         let largest = |of: &dyn Fn(&Energies) -> f64| settled.iter().map(|(_, e)| of(e).abs()).fold(0.0, f64::max);
         let (imbalance, work) = (largest(&Energies::imbalance), largest(&|e| e.work));
+        let missing = (!last.settled && last.work != 0.0).then(|| last.imbalance() / last.work);
+        let snaps = self.solved().any(|(_, instant)| instant.status == Status::Rescued);
         Some(Balance {
             unit: "mJ per mm of width",
             relative: (work > 0.0).then(|| imbalance / work),
             up_to_instant: settled.last().map(|(number, _)| *number),
-            lost_in_snaps: (!last.settled && last.work != 0.0).then(|| last.imbalance() / last.work),
+            lost_in_snaps: missing.filter(|_| snaps),
+            not_followed: missing.filter(|_| !snaps),
         })
     }
 
@@ -120,15 +130,17 @@ impl JointReport<'_> {
             out,
             "# force that holds the prescribed nodes of each group, N per mm of width; their mean displacement, mm"
         )?;
-        writeln!(out, "instant,group,ux_mm,uy_mm,Fx_N_per_mm,Fy_N_per_mm")?;
+        let mut out = csv::Writer::from_writer(out);
+        out.write_record(["instant", "group", "ux_mm", "uy_mm", "Fx_N_per_mm", "Fy_N_per_mm"])?;
         for (number, instant) in self.solved() {
             for (group, reaction) in self.joint.groups.iter().zip(self.reactions(instant)) {
                 let ReactionSummary { force_n_per_mm: [fx, fy], displacement_mm: [ux, uy] } = reaction;
-                let name = group.name.replace([',', '"', '\n'], " ");
-                writeln!(out, "{number},{name},{ux:.16e},{uy:.16e},{fx:.16e},{fy:.16e}")?;
+                let numbers = [ux, uy, fx, fy].map(|v| format!("{v:.16e}"));
+                let cells = [number.to_string(), group.name.clone()];
+                out.write_record(cells.iter().chain(&numbers))?;
             }
         }
-        Ok(())
+        out.flush()
     }
 
     /// Writes `energies.csv`.
