@@ -37,6 +37,7 @@ mod schema;
 mod signals;
 mod simulate;
 mod slurm;
+mod specimen;
 mod status;
 mod synth;
 mod talk;
@@ -100,6 +101,7 @@ pub fn main() -> ExitCode {
         args::Command::Sweep(args) => identify::run_sweep(&args),
         args::Command::Tournament(args) => tournament::run(&args, paint),
         args::Command::Virtual(args) => virtual_test::run(&args),
+        args::Command::Specimen(args) => specimen::run(&args),
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),

@@ -120,6 +120,10 @@ impl<'a> Case<'a> {
             CaseBoundaryNoise::Estimated => "estimated",
             CaseBoundaryNoise::Exact => "exact",
         };
+        if !input.drives.is_empty() && boundary != "exact" {
+            let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
+            return Err(wrong("measurement", "boundary", what));
+        }
         if boundary == "estimated" && weights != WeightKind::Covariance {
             let what = "boundary = \"estimated\" needs weights = \"covariance\"";
             return Err(wrong("measurement", "boundary", what));

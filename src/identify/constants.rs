@@ -322,9 +322,10 @@ fn moved(model: &Model, kind: &ConstantKind) -> Option<Moved> {
         interfaces: mesh.interfaces().to_vec(),
         groups: mesh.groups().to_vec(),
         element_group: mesh.element_group().to_vec(),
+        cracked: mesh.cracked().to_vec(),
         ..JointParts::default()
     });
-    let model = Model::new(mesh.ok()?, model.materials().to_vec(), model.prescribed(), *model.options()).ok()?;
+    let model = model.held_alike(mesh.ok()?, *model.options()).ok()?;
     Some(Moved { model, by, face, distance })
 }
 

@@ -38,7 +38,7 @@ impl Problem<'_> {
         let model = &self.joint.model;
         let (mesh, carry) = model.mesh().refined(2).ok()?;
         let boundary = model.mesh().carry_boundary(&carry, boundary);
-        let fine = Model::new(mesh, model.materials().to_vec(), boundary.nodes(), *model.options()).ok()?;
+        let fine = Model::for_boundary(mesh, model.materials().to_vec(), &boundary, *model.options()).ok()?;
         let (most, steps) = (self.most_steps(&fine, &boundary), Cell::new(0_usize));
         let go_on = |instant: usize| {
             steps.set(steps.get() + 1);

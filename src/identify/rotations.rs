@@ -3,7 +3,7 @@
 use super::fitted::FittedParameter;
 use super::objective::{Evaluation, Problem};
 use crate::linalg::Dense;
-use crate::mechanics::{BoundaryHistory, ForwardOptions, Kinematics, Model, ModelOptions};
+use crate::mechanics::{BoundaryHistory, ForwardOptions, Kinematics, ModelOptions};
 use std::cell::Cell;
 
 /// Change by finite rotations, in standard uncertainties, above which the run says so.
@@ -67,7 +67,7 @@ impl Problem<'_> {
         let law = self.unknowns.law_at(&evaluation.x).ok()?;
         let model = &self.joint.model;
         let options = ModelOptions { kinematics: Kinematics::Finite, ..*model.options() };
-        let finite = Model::new(model.mesh().clone(), model.materials().to_vec(), model.prescribed(), options).ok()?;
+        let finite = model.held_alike(model.mesh().clone(), options).ok()?;
         let (most, steps) = (self.most_steps(&finite, boundary), Cell::new(0_usize));
         let go_on = |instant: usize| {
             steps.set(steps.get() + 1);

@@ -5,6 +5,7 @@
 
 mod crack_path;
 mod document;
+mod drives;
 mod explain;
 mod fields;
 mod guard;
@@ -17,6 +18,7 @@ mod setup;
 
 pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
+pub use drives::{CaseAppliedLoad, CaseHistory, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
 pub use guard::CaseGuard;
@@ -90,6 +92,12 @@ pub struct Case {
     /// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is
     /// given.
     pub boundary: Option<CaseBoundary>,
+    /// Displacements of groups of nodes that are prescribed, by component. Beside `[boundary]`, or instead of it.
+    #[serde(rename = "support", default, skip_serializing_if = "Vec::is_empty")]
+    pub supports: Vec<CaseSupport>,
+    /// Forces on groups of nodes; they keep their direction.
+    #[serde(rename = "applied_load", default, skip_serializing_if = "Vec::is_empty")]
+    pub applied_loads: Vec<CaseAppliedLoad>,
     /// The material of the strips (docs/mechanics.md); in `[substrate.NAME]` that of the group `NAME` of elements, where it has
     /// its own.
     #[schemars(with = "Option<CaseMaterial>")]

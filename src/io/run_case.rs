@@ -94,7 +94,7 @@ impl CaseDocument {
                 return Err(refused(section, key, what).into());
             }
         }
-        let CaseJointMesh { file, store, zones, element_size_mm, columns, rows, gap_mm, refine: _ } =
+        let CaseJointMesh { file, store, zones, element_size_mm, columns, rows, gap_mm, crack, refine: _ } =
             joint.mesh.clone().unwrap_or_default();
         let of_other_meshes = [
             ("file", file.is_some()),
@@ -102,6 +102,7 @@ impl CaseDocument {
             ("zones", zones.is_some()),
             ("element_size_mm", element_size_mm.is_some()),
             ("columns", columns.is_some()),
+            ("crack", crack.is_some()),
             ("rows", rows.is_some()),
             ("gap_mm", gap_mm.is_some()),
         ];

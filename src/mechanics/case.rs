@@ -1,9 +1,10 @@
 //! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
 
-use super::boundary::BoundaryHistory;
+use super::boundary::{BoundaryHistory, Drives};
 use super::cohesive::{
     CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, LawError, Parameter, law_by_name, parameters_by_name,
 };
+use super::drives::{drives_of_case, nodes_of_group};
 use super::element::{Kinematics, Quadrature};
 use super::error::{BoundaryFault, MeshFault, ModelError};
 use super::groups::{NodeGroup, select_nodes};
@@ -15,7 +16,7 @@ use super::substrate::{
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
-    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CaseNodeGroup, CasePlane, CaseQuadrature, CaseRigidMotion,
+    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion,
     CaseSubstrate, EXACT, LawKey, LawKeys, STD,
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
@@ -56,6 +57,8 @@ pub struct MeasuredMesh {
     pub prescribed: Vec<u32>,
     /// What carries its nodal values to the model's mesh; `None` where they are one.
     pub carry: Option<Carry>,
+    /// Supports and loads of the model, which come to the prescribed nodes.
+    pub drives: Drives,
 }
 
 impl MeasuredMesh {
@@ -64,11 +67,15 @@ impl MeasuredMesh {
     /// # Errors
     /// See [`BoundaryHistory::new`].
     pub fn boundary(&self, instants: Vec<Vec<[f64; 2]>>) -> Result<BoundaryHistory, BoundaryFault> {
+        if self.prescribed.is_empty() {
+            return BoundaryHistory::of_drives(&self.drives, instants.len());
+        }
         let boundary = BoundaryHistory::new(self.prescribed.clone(), instants)?;
-        Ok(match &self.carry {
+        match &self.carry {
             Some(carry) => self.mesh.carry_boundary(carry, &boundary),
             None => boundary,
-        })
+        }
+        .with(&self.drives)
     }
 }
 
@@ -108,6 +115,9 @@ pub enum JointError {
         /// What is wrong with it.
         fault: BoundaryFault,
     },
+    /// Supports or loads that cannot be.
+    #[error("[[support]] {0}")]
+    Drives(BoundaryFault),
     /// A node of the table that the mesh does not have.
     #[error("{}: node {node} at ({x}, {y}) mm is not a node of the mesh: {there}; nodes are counted from 0, y is up", path.display())]
     NotInMesh {
@@ -147,6 +157,9 @@ pub enum JointError {
     /// A border that does not hold the mesh.
     #[error("[boundary] {0}")]
     Model(#[from] ModelError),
+    /// Supports that do not.
+    #[error("[[support]] {0}")]
+    Held(ModelError),
 }
 
 fn wrong(section: &str, key: Option<&str>, what: String) -> JointError {
@@ -164,6 +177,7 @@ impl JointError {
             Self::Substrate(SubstrateError::Unknown { .. }) => Some(("substrate", Some("model"))),
             Self::Mesh { place, .. } if place == OF_MESH => Some(("mesh", None)),
             Self::Model(_) => Some(("boundary", None)),
+            Self::Drives(_) | Self::Held(_) => Some(("support", None)),
             _ => None,
         }
     }
@@ -181,22 +195,38 @@ impl Joint {
         let case = &input.case;
         let (law, kinematics, quadrature) = law_of_case(&case.cohesive)?;
         let mut mesh = mesh(&input.mesh)?;
+        if let Some(text) = &case.mesh.crack {
+            let refused = |what: String| wrong("mesh", Some("crack"), format!("crack = \"{text}\": {what}"));
+            let nodes = select_nodes(text, &mesh).map_err(refused)?;
+            mesh = mesh.with_crack(&nodes).map_err(|fault| refused(fault.to_string()))?;
+        }
         let mut doubts = Vec::new();
         let mut boundary = match &input.boundary {
-            BoundaryInput::Table(table) => from_table(table, &input.mesh, &mesh, &mut doubts)?,
-            BoundaryInput::Run(run) => from_run(run, &mesh, &mut doubts)?,
+            BoundaryInput::Table(table) => Some(from_table(table, &input.mesh, &mesh, &mut doubts)?),
+            BoundaryInput::Run(run) => Some(from_run(run, &mesh, &mut doubts)?),
+            BoundaryInput::Drives => None,
         };
-        let mut measured = MeasuredMesh { mesh: mesh.clone(), prescribed: boundary.nodes().to_vec(), carry: None };
+        let mut measured = MeasuredMesh {
+            mesh: mesh.clone(),
+            prescribed: boundary.as_ref().map_or_else(Vec::new, |boundary| boundary.nodes().to_vec()),
+            carry: None,
+            drives: Drives::default(),
+        };
         if let Some(k) = case.mesh.refine {
             let (fine, carry) =
                 mesh.refined(k).map_err(|fault| JointError::Mesh { place: OF_MESH.to_owned(), fault })?;
-            boundary = mesh.carry_boundary(&carry, &boundary);
+            boundary = boundary.map(|boundary| mesh.carry_boundary(&carry, &boundary));
             mesh = fine;
             measured.carry = Some(carry);
         }
         let mut removed = Vec::new();
         if case.boundary.remove_rigid_motion == Some(CaseRigidMotion::Overall) {
-            (boundary, removed) = boundary.without_rigid_motion(mesh.nodes());
+            let Some(measured) = boundary.filter(|_| input.drives.is_empty()) else {
+                let what = "remove_rigid_motion = \"overall\" would move what [[support]] holds; take one of them away";
+                return Err(wrong("boundary", Some("remove_rigid_motion"), what.to_owned()));
+            };
+            let (left, motions) = measured.without_rigid_motion(mesh.nodes());
+            (boundary, removed) = (Some(left), motions);
             if kinematics == Kinematics::Paper {
                 let largest = removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
                 doubts.push(format!(
@@ -208,8 +238,24 @@ impl Joint {
         }
         let materials = materials_of_case(&case.substrate, mesh.groups())?;
         let options = ModelOptions { kinematics, quadrature, ..ModelOptions::default() };
-        let model = Model::new(mesh, materials, boundary.nodes(), options)?;
-        let groups = node_groups(input, &model, measured.carry.as_ref())?;
+        let (model, boundary) = match boundary {
+            Some(boundary) if input.drives.is_empty() => {
+                (Model::new(mesh, materials, boundary.nodes(), options)?, boundary)
+            }
+            border => {
+                let n = border.as_ref().map(|border| border.instants().len());
+                let (drives, n) = drives_of_case(input, &mesh, measured.carry.as_ref(), n)?;
+                let driven = match border {
+                    Some(border) => border.with(&drives),
+                    None => BoundaryHistory::of_drives(&drives, n),
+                };
+                let boundary = driven.map_err(JointError::Drives)?;
+                measured.drives = drives;
+                let model = Model::supported(mesh, materials, boundary.supports(), options).map_err(JointError::Held)?;
+                (model, boundary)
+            }
+        };
+        let groups = node_groups(input, &model, &boundary, measured.carry.as_ref())?;
         let mut joint = Self { model, law, boundary, measured, groups, removed, doubts };
         joint.doubt_units();
         Ok(joint)
@@ -241,7 +287,8 @@ fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
                 file.clone();
             let paired = interfaces.is_some();
             let interfaces = interfaces.unwrap_or_default();
-            let parts = JointParts { nodes, elements, interfaces, faces, lower, groups, element_group };
+            let cracked = Vec::new();
+            let parts = JointParts { nodes, elements, interfaces, cracked, faces, lower, groups, element_group };
             let made = if paired { JointMesh::new(parts) } else { JointMesh::from_strips(parts) };
             made.map_err(|fault| JointError::Mesh { place: path.display().to_string(), fault })
         }
@@ -252,37 +299,48 @@ fn mesh(input: &MeshInput) -> Result<JointMesh, JointError> {
     }
 }
 
-/// The groups of nodes of the case, else those of the mesh file of which some node is prescribed, else the prescribed nodes of
-/// each strip.
-fn node_groups(input: &JointInput, model: &Model, carry: Option<&Carry>) -> Result<Vec<NodeGroup>, JointError> {
+/// The groups of nodes of the case and those that supports and loads name; else those of the mesh file of which some node is
+/// prescribed; else the prescribed nodes of each strip.
+fn node_groups(
+    input: &JointInput,
+    model: &Model,
+    boundary: &BoundaryHistory,
+    carry: Option<&Carry>,
+) -> Result<Vec<NodeGroup>, JointError> {
     let mesh = model.mesh();
-    let held = |group: &NodeGroup| group.nodes.iter().any(|node| model.prescribed().contains(node));
-    let carried = |nodes: &Vec<u32>| carry.map_or_else(|| nodes.clone(), |carry| carry.nodes_between(nodes));
-    let of_case = |(name, given): (&String, &CaseNodeGroup)| {
-        let refused = |what: String| wrong("groups", Some(name), format!("{name}: {what}"));
-        let nodes = match given {
-            CaseNodeGroup::Where(text) => select_nodes(text, mesh).map_err(refused)?,
-            CaseNodeGroup::List(list) => {
-                let n = mesh.nodes().len();
-                if let Some(node) = list.iter().find(|&&node| node as usize >= n) {
-                    return Err(refused(format!("there is no node {node}; the mesh has {n} (counted from 0)")));
-                }
-                carried(list)
+    let (mut held, mut loaded) = (vec![false; mesh.nodes().len()], vec![false; mesh.nodes().len()]);
+    let supports = boundary.supports();
+    let supported = supports.nodes.iter().chain(supports.blocks.iter().flat_map(|block| &block.nodes));
+    supported.for_each(|&node| held[node as usize] = true);
+    boundary.loaded().iter().for_each(|&node| loaded[node as usize] = true);
+    let made = |name: &str, nodes: Vec<u32>| {
+        let group = NodeGroup::new(name, nodes);
+        NodeGroup { loaded: group.nodes.iter().any(|&node| loaded[node as usize]), ..group }
+    };
+    let acted_on = |group: &NodeGroup| group.loaded || group.nodes.iter().any(|&node| held[node as usize]);
+    let mut names: Vec<&str> = input.case.groups.keys().map(String::as_str).collect();
+    let of_drives = (input.drives.supports.iter().map(|(support, _)| &support.group))
+        .chain(input.drives.loads.iter().map(|(load, _)| &load.group));
+    for name in of_drives {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    if !names.is_empty() {
+        let group = |name: &str| {
+            let refused = |what: String| wrong("groups", Some(name), format!("{name}: {what}"));
+            let group = made(name, nodes_of_group(input, name, mesh, carry).map_err(refused)?);
+            match acted_on(&group) {
+                true => Ok(group),
+                false => Err(refused("none of its nodes is prescribed, so that nothing holds it".to_owned())),
             }
         };
-        let group = NodeGroup::new(name, nodes);
-        match (group.nodes.is_empty(), held(&group)) {
-            (true, _) => Err(refused("no node of the mesh is there".to_owned())),
-            (_, false) => Err(refused("none of its nodes is prescribed, so that nothing holds it".to_owned())),
-            _ => Ok(group),
-        }
-    };
-    if !input.case.groups.is_empty() {
-        return input.case.groups.iter().map(of_case).collect();
+        return names.into_iter().map(group).collect();
     }
     let named: Vec<NodeGroup> = match &input.mesh {
         MeshInput::File(file) | MeshInput::Run(file) => {
-            file.node_groups.iter().map(|(name, nodes)| NodeGroup::new(name, carried(nodes))).filter(held).collect()
+            let carried = |nodes: &Vec<u32>| carry.map_or_else(|| nodes.clone(), |carry| carry.nodes_between(nodes));
+            file.node_groups.iter().map(|(name, nodes)| made(name, carried(nodes))).filter(acted_on).collect()
         }
         MeshInput::Rectangle { .. } => Vec::new(),
     };

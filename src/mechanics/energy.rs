@@ -4,11 +4,13 @@
 //! `U` is a function of the strain, exactly. `W` is summed along the path by Simpson's rule; `A = sum w int T . d(jump)` along
 //! the path of each jump, which is taken as straight from one state to the next: exact for a law with a potential, else wrong
 //! with the square of the step. Between two instants states are put in, each solved for, until neither sum changes any more.
+//! Forces do work where their nodes go, `int f . du = [f . u] - int u . df`: what is summed along the path is the last term, which
+//! needs no velocity.
 
-use super::boundary::BoundaryHistory;
-use super::cohesive::{CohesiveLaw, Jump, Traction};
+use super::boundary::{BoundaryHistory, Drive};
+use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::groups::NodeGroup;
-use super::model::Model;
+use super::model::{Model, Work};
 use super::newton::{NewtonOptions, Path};
 use super::solution::{Solution, Status};
 use super::substrate::SubstrateEnergy;
@@ -17,7 +19,7 @@ use crate::mesh::GAUSS;
 /// Energies at an instant, N mm per mm of width (mJ/mm).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energies {
-    /// Work that the reactions have done since rest.
+    /// Work that reactions and loads have done since rest.
     pub work: f64,
     /// Elastic energy of the strips.
     pub elastic: f64,
@@ -80,9 +82,11 @@ struct Follower<'a> {
     model: &'a Model,
     law: &'a dyn CohesiveLaw,
     path: Path<'a>,
-    /// Border at the begin of the step, and how it moves over the step.
-    from: Vec<[f64; 2]>,
-    step: Vec<[f64; 2]>,
+    work: Work,
+    /// Border and forces at the begin of the step and at its end, and what they change by.
+    from: Drive,
+    to: Drive,
+    step: Drive,
     /// Error of a whole step that is allowed, N.
     allowed: f64,
     max_halvings: u32,
@@ -93,17 +97,18 @@ struct Follower<'a> {
 }
 
 impl Model {
-    /// The reaction of each of `groups` under the displacements `u`, a solution: the force that holds its prescribed nodes, N per
-    /// mm of width.
+    /// The reaction of each of `groups` under the displacements `u`, a solution: the force from outside on its nodes (of supports,
+    /// blocks and loads), N per mm of width.
     ///
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn reactions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], groups: &[NodeGroup]) -> Vec<[f64; 2]> {
         let forces = self.forces(law, u);
-        let held = |node: u32, c: usize| self.unknown(node as usize, c).is_none();
         let sum = |group: &NodeGroup| {
+            // At a free component without a load it is the rest of the iteration.
             [0, 1].map(|c| {
-                group.nodes.iter().filter(|&&node| held(node, c)).map(|&node| forces[node as usize][c]).sum::<f64>()
+                let held = |&&node: &&u32| self.unknown(node as usize, c).is_none() || group.loaded;
+                group.nodes.iter().filter(held).map(|&node| forces[node as usize][c]).sum::<f64>()
             })
         };
         groups.iter().map(sum).collect()
@@ -135,12 +140,16 @@ impl Model {
     ) -> Vec<Option<Energies>> {
         let solved = solution.instants.iter().take_while(|instant| instant.status.converged()).count();
         let yes = |_: usize| true;
-        let rest = vec![[0.0; 2]; boundary.nodes().len()];
+        let rest = boundary.rest();
+        let mut work = self.work();
+        work.loaded = boundary.loaded().to_vec();
         let mut follower = Follower {
             model: self,
             law,
-            path: Path::new(self, law, options.newton, &yes),
+            path: Path::new(self, law, boundary, options.newton, &yes),
+            work,
             from: rest.clone(),
+            to: rest.clone(),
             step: rest.clone(),
             allowed: 0.0,
             max_halvings: options.max_halvings,
@@ -150,62 +159,68 @@ impl Model {
         };
         // What a trapezoid over each step gives is the scale of what is negligible.
         let mut scale = 0.0;
-        let mut before = (rest.clone(), vec![[0.0; 2]; rest.len()]);
-        for (k, border) in boundary.instants().iter().enumerate().take(solved) {
-            let forces = self.forces(law, &solution.instants[k].displacement);
-            let held: Vec<[f64; 2]> = boundary.nodes().iter().map(|&node| forces[node as usize]).collect();
+        let mut before = (rest.clone(), rest.places.clone(), 0.0);
+        for (k, instant) in solution.instants.iter().enumerate().take(solved) {
+            let drive = boundary.drive(k);
+            let (held, done) = follower.held(&drive, &instant.displacement);
             let mut work = 0.0;
-            for (((f0, f1), x0), x1) in before.1.iter().zip(&held).zip(&before.0).zip(border) {
+            for (((f0, f1), x0), x1) in before.1.iter().zip(&held).zip(&before.0.places).zip(&drive.places) {
                 work += (0..2).map(|c| 0.5 * (f0[c] + f1[c]) * (x1[c] - x0[c])).sum::<f64>();
             }
-            scale += work.abs();
-            before = (border.clone(), held);
+            // Of loads that rise evenly a half is energy: a scale needs no more.
+            scale += work.abs() + 0.5 * (done - before.2).abs();
+            before = (drive, held, done);
         }
         follower.allowed = options.tolerance * scale / solved.max(1) as f64;
         let mut total = Sums::default();
         let mut found = Vec::with_capacity(solution.instants.len());
         let still = vec![[0.0; 2]; self.mesh().nodes().len()];
-        let mut from = (rest, &still);
+        let mut from = (rest, &still, 0.0);
         for (k, instant) in solution.instants.iter().enumerate() {
             if k >= solved {
                 found.push(None);
                 continue;
             }
-            let to = &boundary.instants()[k];
-            follower.step = to.iter().zip(&from.0).map(|(b, a)| [b[0] - a[0], b[1] - a[1]]).collect();
+            let to = boundary.drive(k);
+            follower.step = to.less(&from.0);
             follower.from.clone_from(&from.0);
+            follower.to.clone_from(&to);
             let (a, b) = (follower.state(0.0, from.1), follower.state(1.0, &instant.displacement));
+            let (_, done) = follower.held(&to, &instant.displacement);
             // Through a snap no path of equilibria leads.
             follower.settled &= instant.status != Status::Rescued;
             follower.gave_up = false;
             let sums = follower.over(&a, &b, go_on);
-            total = Sums { work: total.work + sums.work, adhesive: total.adhesive + sums.adhesive };
+            total = Sums { work: total.work + sums.work + (done - from.2), adhesive: total.adhesive + sums.adhesive };
             let SubstrateEnergy { elastic, plastic } = self.strip_energy(&instant.displacement);
             let Sums { work, adhesive } = total;
             found.push(Some(Energies { work, elastic, plastic, adhesive, settled: follower.settled }));
-            from = (to.clone(), &instant.displacement);
+            from = (to, &instant.displacement, done);
         }
         found
     }
 }
 
 impl Follower<'_> {
-    fn state(&self, share: f64, u: &[[f64; 2]]) -> State {
-        let forces = self.model.forces(self.law, u);
-        let nodes = self.model.prescribed();
-        let power = nodes.iter().zip(&self.step).map(|(&node, by)| {
-            let force = forces[node as usize];
-            force[0] * by[0] + force[1] * by[1]
-        });
-        State { share, u: u.to_vec(), power: power.sum(), jumps: self.model.weighted_jumps(u) }
+    /// The forces that hold the border at `u`, and `f . u` of the loads.
+    fn held(&mut self, drive: &Drive, u: &[[f64; 2]]) -> (Vec<[f64; 2]>, f64) {
+        self.work.loads.clone_from(&drive.forces);
+        self.model.evaluate_force(self.law, u, &mut self.work);
+        (self.model.holding(&self.work), along(&drive.forces, &self.model.loaded_places(&self.work.loaded, u)))
+    }
+
+    fn state(&mut self, share: f64, u: &[[f64; 2]]) -> State {
+        let drive = self.from.between(&self.to, share);
+        let (held, _) = self.held(&drive, u);
+        let places = self.model.loaded_places(&self.work.loaded, u);
+        let power = along(&held, &self.step.places) - along(&self.step.forces, &places);
+        State { share, u: u.to_vec(), power, jumps: self.model.weighted_jumps(u) }
     }
 
     /// The state at `share` of the step, from `a`, which comes before.
     fn between(&mut self, a: &State, share: f64) -> Option<State> {
-        let border: Vec<[f64; 2]> =
-            self.from.iter().zip(&self.step).map(|(x, by)| [0, 1].map(|c| x[c] + share * by[c])).collect();
-        self.path.start_at(&a.u);
-        let found = self.path.advance(&border);
+        self.path.start_at(&a.u, &self.from.between(&self.to, a.share).forces);
+        let found = self.path.advance(&self.from.between(&self.to, share));
         self.gave_up |= found.status != Status::Converged;
         found.status.converged().then(|| self.state(share, &found.displacement))
     }
@@ -252,9 +267,19 @@ impl Follower<'_> {
 
     /// Work on the adhesive when every jump goes straight from `a` to `b`.
     fn straight(&self, a: &State, b: &State) -> f64 {
-        let along = |(&(weight, from), &(_, to)): (&(f64, Jump), &(f64, Jump))| weight * work_along(self.law, from, to);
-        a.jumps.iter().zip(&b.jumps).map(along).sum()
+        let touching = Touching(self.law);
+        // Two points for each interface element.
+        let bonds = self.model.mesh().cracked().iter().flat_map(|&cracked| [cracked; 2]);
+        let along = |((&(weight, from), &(_, to)), cracked): ((&(f64, Jump), &(f64, Jump)), bool)| {
+            weight * work_along(if cracked { &touching } else { self.law }, from, to)
+        };
+        a.jumps.iter().zip(&b.jumps).zip(bonds).map(along).sum()
     }
+}
+
+/// `sum f . u`.
+fn along(forces: &[[f64; 2]], places: &[[f64; 2]]) -> f64 {
+    forces.iter().zip(places).map(|(f, u)| f[0] * u[0] + f[1] * u[1]).sum()
 }
 
 /// `int T . d(jump)` along the straight line between two jumps, MPa mm. Pieces are short against the law, and one ends where the

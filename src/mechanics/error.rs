@@ -71,8 +71,11 @@ pub enum MeshFault {
         y: f64,
     },
     /// No interface element.
-    #[error("the mesh has no interface element; without adhesive there is no joint")]
+    #[error("the mesh has no interface element that holds; without adhesive there is no joint")]
     NoInterface,
+    /// A crack in which no interface element lies.
+    #[error("no interface element lies in the crack with all of its nodes; it must reach over one at least, and the mesh must have interface elements there")]
+    Crack,
     /// An interface element whose faces do not pair.
     #[error(
         "interface element {element} (nodes {nodes:?}) does not pair its faces: give lower left, lower right, upper left, upper right, each upper node opposite its lower one"
@@ -173,6 +176,40 @@ pub enum BoundaryFault {
         /// Values given.
         given: usize,
     },
+    /// Two values for one component.
+    #[error(
+        "node {node} is held along {component} by {first} at {} mm and by \"{second}\" at {} mm (instant {instant}); take one of them away, or the node out of one group",
+        values[0],
+        values[1]
+    )]
+    Contradiction {
+        /// The node.
+        node: u32,
+        /// `x` or `y`.
+        component: &'static str,
+        /// Who held it first.
+        first: String,
+        /// Who holds it too.
+        second: String,
+        /// The instant, from 1.
+        instant: usize,
+        /// Both values, mm.
+        values: [f64; 2],
+    },
+    /// A force on a node that a block moves.
+    #[error("node {node} of a rigid block has a force of its own; load the group of the block, whose force acts at its point_mm")]
+    LoadedBlock {
+        /// The node.
+        node: u32,
+    },
+    /// A list of another length.
+    #[error("a support or load has values for {given} instants, the others have {needed}; give as many")]
+    Instants {
+        /// Instants of the others.
+        needed: usize,
+        /// Values given.
+        given: usize,
+    },
     /// A value that is no number.
     #[error("the displacement of node {node} at instant {instant} is not finite")]
     NotFinite {
@@ -208,6 +245,38 @@ pub enum ModelError {
         y: f64,
         /// How many of its nodes are prescribed.
         prescribed: usize,
+    },
+    /// A body that can move freely.
+    #[error(
+        "{what} can {motion} freely: nothing holds it; add a [[support]] that does (a roller holds one component, adhesive joins bodies, faces that only touch do not)"
+    )]
+    Mechanism {
+        /// Which body.
+        what: String,
+        /// What it can do.
+        motion: String,
+    },
+    /// A rigid block that has no rotation.
+    #[error("the rigid block \"{block}\" needs two nodes that its rotation moves against each other; tied along y alone they must differ in x")]
+    NoBody {
+        /// Its name.
+        block: String,
+    },
+    /// A block on rollers in a model with finite rotations.
+    #[error("the rigid block \"{block}\" is tied in one component alone, which is for small rotations; with kinematics = \"finite\" tie both")]
+    LeverTurns {
+        /// Its name.
+        block: String,
+    },
+    /// A node with two masters.
+    #[error("node {node} of the rigid block \"{block}\" is held along {component} by a support or another block too; take it out of one of them")]
+    TiedTwice {
+        /// The block.
+        block: String,
+        /// The node.
+        node: u32,
+        /// `x` or `y`.
+        component: &'static str,
     },
     /// Another number of materials than groups.
     #[error("{given} materials for {needed} groups of elements; give one for each")]

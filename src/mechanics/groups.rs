@@ -9,6 +9,8 @@ pub struct NodeGroup {
     pub name: String,
     /// The nodes, rising.
     pub nodes: Vec<u32>,
+    /// Whether forces act on its nodes: what acts on free components is counted too.
+    pub loaded: bool,
 }
 
 impl NodeGroup {
@@ -16,7 +18,7 @@ impl NodeGroup {
     pub fn new(name: impl Into<String>, mut nodes: Vec<u32>) -> Self {
         nodes.sort_unstable();
         nodes.dedup();
-        Self { name: name.into(), nodes }
+        Self { name: name.into(), nodes, loaded: false }
     }
 
     /// One group for each strip of `mesh`, of those of its nodes that are `prescribed`: called as the groups of its elements.

@@ -13,6 +13,7 @@ pub struct JointMesh {
     nodes: Vec<[f64; 2]>,
     elements: Vec<[u32; 4]>,
     interfaces: Vec<[u32; 4]>,
+    cracked: Vec<bool>,
     groups: Vec<String>,
     element_group: Vec<u32>,
     pairs: Vec<[u32; 2]>,
@@ -26,7 +27,7 @@ impl JointMesh {
     /// # Errors
     /// A [`MeshFault`] names the node or element that cannot be used.
     pub fn new(parts: JointParts) -> Result<Self, MeshFault> {
-        let JointParts { nodes, elements, interfaces, mut groups, mut element_group, .. } = parts;
+        let JointParts { nodes, elements, interfaces, mut cracked, mut groups, mut element_group, .. } = parts;
         if groups.is_empty() {
             groups = vec!["strips".to_owned()];
         }
@@ -38,7 +39,10 @@ impl JointMesh {
         }
         check_strips(&nodes, &elements)?;
         let missing = |node: u32| node as usize >= nodes.len();
-        if interfaces.is_empty() {
+        if cracked.is_empty() {
+            cracked = vec![false; interfaces.len()];
+        }
+        if interfaces.is_empty() || cracked.len() != interfaces.len() || !cracked.contains(&false) {
             return Err(MeshFault::NoInterface);
         }
         for (element, corners) in interfaces.iter().enumerate() {
@@ -71,7 +75,7 @@ impl JointMesh {
                 return Err(MeshFault::SelfPair { node: lower });
             }
         }
-        Ok(Self { nodes, elements, interfaces, groups, element_group, pairs, strip })
+        Ok(Self { nodes, elements, interfaces, cracked, groups, element_group, pairs, strip })
     }
 
     /// Two strips of `rows` by `columns` square elements of `element_size`, a `gap` (mm) apart about y = 0, with
@@ -143,6 +147,9 @@ impl JointMesh {
             nodes: of.iter().map(|&node| self.nodes[node as usize]).collect(),
             elements: kept.iter().map(|&element| renumbered(&self.elements[element])).collect(),
             interfaces: self.interfaces.iter().filter(whole).map(renumbered).collect(),
+            cracked: (self.interfaces.iter().zip(&self.cracked))
+                .filter_map(|(corners, &cracked)| whole(&corners).then_some(cracked))
+                .collect(),
             groups: self.groups.clone(),
             element_group: kept.iter().map(|&element| self.element_group[element]).collect(),
             ..JointParts::default()
@@ -163,6 +170,36 @@ impl JointMesh {
     /// Interface elements: lower left, lower right, upper left, upper right.
     pub fn interfaces(&self) -> &[[u32; 4]] {
         &self.interfaces
+    }
+
+    /// Of each interface element, whether it is cracked: its faces press on each other where they meet, and hold nothing else.
+    pub fn cracked(&self) -> &[bool] {
+        &self.cracked
+    }
+
+    /// This mesh with those interface elements cracked all of whose nodes are among `nodes`.
+    ///
+    /// # Errors
+    /// [`MeshFault::Crack`] when none is, [`MeshFault::NoInterface`] when all are.
+    pub fn with_crack(mut self, nodes: &[u32]) -> Result<Self, MeshFault> {
+        let nodes: HashSet<u32> = nodes.iter().copied().collect();
+        for (cracked, corners) in self.cracked.iter_mut().zip(&self.interfaces) {
+            *cracked |= corners.iter().all(|node| nodes.contains(node));
+        }
+        match (self.cracked.contains(&true), self.cracked.contains(&false)) {
+            (false, _) => Err(MeshFault::Crack),
+            (_, false) => Err(MeshFault::NoInterface),
+            _ => Ok(self),
+        }
+    }
+
+    /// Of each node pair, whether it is cracked: whether all of its interface elements are.
+    pub fn cracked_pairs(&self) -> Vec<bool> {
+        let mut held: HashSet<[u32; 2]> = HashSet::new();
+        for (&[l1, l2, u1, u2], _) in self.interfaces.iter().zip(&self.cracked).filter(|(_, cracked)| !**cracked) {
+            held.extend([[l1, u1], [l2, u2]]);
+        }
+        self.pairs.iter().map(|pair| !held.contains(pair)).collect()
     }
 
     /// Names of the element groups.
@@ -301,41 +338,48 @@ impl JointMesh {
             let (lower, upper) = (edge(l1, l2, &mut weights), edge(u1, u2, &mut weights));
             interfaces.extend((0..k).map(|i| [lower[i], lower[i + 1], upper[i], upper[i + 1]]));
         }
+        let cracked = self.cracked.iter().flat_map(|&cracked| std::iter::repeat_n(cracked, k)).collect();
         let carry = Carry { weights };
         let nodes = carry.values(&self.nodes);
         let groups = self.groups.clone();
-        let mesh =
-            Self::new(JointParts { nodes, elements, interfaces, groups, element_group, ..JointParts::default() })?;
+        let parts = JointParts { nodes, elements, interfaces, cracked, groups, element_group, ..JointParts::default() };
+        let mesh = Self::new(parts)?;
         Ok((mesh, carry))
     }
 
     /// The prescribed displacements of this mesh on its refinement `fine`: every node of `fine` on an edge of the
-    /// outer border both of whose ends are prescribed here takes the value between them.
+    /// outer border both of whose ends are prescribed here (in both components, or in the same one) takes the value between them.
+    /// Nodes between those of a rigid block belong to it; forces stay where they are.
     pub fn carry_boundary(&self, carry: &Carry, boundary: &BoundaryHistory) -> BoundaryHistory {
         let place: HashMap<u32, usize> = boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
         let faces: HashSet<[u32; 2]> = self.face_edges().collect();
         let border: HashSet<[u32; 2]> =
             border_edges(&self.elements).into_iter().map(sorted).filter(|edge| !faces.contains(edge)).collect();
-        let kept: Vec<(u32, &[(u32, f64)])> = (0u32..)
+        let held = boundary.supports().held;
+        let held_by = |weights: &[(u32, f64)]| match *weights {
+            [(node, _)] => place.get(&node).map_or([false; 2], |&k| held[k]),
+            [(a, _), (b, _)] if border.contains(&sorted([a, b])) => match (place.get(&a), place.get(&b)) {
+                (Some(&a), Some(&b)) => [0, 1].map(|c| held[a][c] && held[b][c]),
+                _ => [false; 2],
+            },
+            _ => [false; 2],
+        };
+        let kept: Vec<(u32, [bool; 2], &[(u32, f64)])> = (0u32..)
             .zip(&carry.weights)
-            .filter(|(_, weights)| match weights[..] {
-                [(node, _)] => place.contains_key(&node),
-                [(a, _), (b, _)] => {
-                    border.contains(&sorted([a, b])) && place.contains_key(&a) && place.contains_key(&b)
-                }
-                _ => false,
-            })
-            .map(|(node, weights)| (node, weights.as_slice()))
+            .map(|(node, weights)| (node, held_by(weights), weights.as_slice()))
+            .filter(|(_, held, _)| held.contains(&true))
             .collect();
         let carried = |field: &[[f64; 2]]| {
             let value = |weights: &[(u32, f64)], c: usize| {
                 weights.iter().map(|(node, weight)| weight * field[place[node]][c]).sum::<f64>()
             };
-            kept.iter().map(|(_, weights)| [0, 1].map(|c| value(weights, c))).collect()
+            let values = |(_, held, weights): &(u32, [bool; 2], &[(u32, f64)])| {
+                [0, 1].map(|c| if held[c] { value(weights, c) } else { 0.0 })
+            };
+            kept.iter().map(values).collect()
         };
-        let nodes = kept.iter().map(|&(node, _)| node).collect();
-        let instants = boundary.instants().iter().map(|field| carried(field)).collect();
-        BoundaryHistory::new(nodes, instants).expect("finite values of nodes that differ")
+        let (nodes, held) = kept.iter().map(|&(node, held, _)| (node, held)).unzip();
+        boundary.carried(nodes, held, carried, |nodes| carry.nodes_between(nodes))
     }
 }
 

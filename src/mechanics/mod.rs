@@ -6,6 +6,7 @@
 mod boundary;
 mod case;
 pub mod cohesive;
+mod drives;
 pub mod element;
 mod energy;
 mod error;
@@ -17,9 +18,12 @@ mod pairing;
 mod parts;
 mod sensitivity;
 mod solution;
+mod specimen;
 pub mod substrate;
+mod supports;
+mod tied;
 
-pub use boundary::BoundaryHistory;
+pub use boundary::{BoundaryHistory, Drives};
 pub use case::{Joint, JointError, MeasuredMesh, case_laws, law_of_case, materials_of_case};
 pub use element::{Kinematics, Quadrature};
 pub use energy::{Energies, EnergyOptions};
@@ -31,3 +35,5 @@ pub use newton::{ForwardOptions, NewtonOptions};
 pub use parts::JointParts;
 pub use sensitivity::{Linearised, NodalField};
 pub use solution::{Failure, Instant, Sensitivity, Solution, Status};
+pub use specimen::{Specimen, SpecimenError, SpecimenKind, SpecimenOptions};
+pub use supports::{RigidBlock, Supports};

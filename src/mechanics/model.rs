@@ -1,11 +1,13 @@
 //! The discrete joint: which displacements are unknown, and the forces and stiffness at a field of them.
 
 use super::boundary::BoundaryHistory;
-use super::cohesive::{CohesiveLaw, Jump, Traction};
+use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Quadrature};
 use super::error::ModelError;
 use super::joint::JointMesh;
 use super::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateState};
+use super::supports::{BlockMotion, RigidBlock, Supports};
+use super::tied::{Tied, TiedBlock};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -13,7 +15,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// Place of a component that is prescribed, or of a matrix entry that is not stored.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Elements that a thread takes at a time.
 const GRAIN: usize = 128;
@@ -36,11 +38,15 @@ pub struct Model {
     mesh: JointMesh,
     materials: Vec<Arc<dyn SubstrateLaw>>,
     options: ModelOptions,
-    prescribed: Vec<u32>,
+    supports: Supports,
     /// Per component of each node, its place among the unknowns.
     unknowns: Vec<[u32; 2]>,
-    /// Node of each pair of unknowns.
-    free_nodes: Vec<u32>,
+    /// Of each unknown, its node and component; of a block, the number of the block from the number of nodes on, and 0 or 1 for its
+    /// point, 2 for its rotation.
+    owners: Vec<(u32, u8)>,
+    /// Rigid blocks, and the elements with nodes of theirs.
+    blocks: Vec<TiedBlock>,
+    tied: Vec<Tied>,
     quads: Vec<Q4>,
     interfaces: Vec<Interface>,
     /// Numbers of the two pairs of each interface element.
@@ -62,8 +68,13 @@ pub(super) struct Work {
     pub factor: LuFactor,
     stiffness: Vec<ElementStiffness>,
     forces: Vec<ElementVector>,
-    /// Internal force at every node, N/mm.
+    /// Internal less external force at every node, N/mm.
     pub force: Vec<[f64; 2]>,
+    /// Nodes with external forces, and these, then those at the points of the blocks.
+    pub loaded: Vec<u32>,
+    pub loads: Vec<[f64; 2]>,
+    /// Of each block, how its nodes move with its rotation at the field of the last evaluation.
+    pub levers: Vec<Vec<[f64; 2]>>,
 }
 
 /// Which stiffness.
@@ -92,9 +103,6 @@ impl Model {
         options: ModelOptions,
     ) -> Result<Self, ModelError> {
         let n_nodes = mesh.nodes().len();
-        if materials.len() != mesh.groups().len() {
-            return Err(ModelError::Materials { needed: mesh.groups().len(), given: materials.len() });
-        }
         if let Some(&node) = prescribed.iter().find(|&&node| node as usize >= n_nodes) {
             return Err(ModelError::PrescribedNode { node, n_nodes });
         }
@@ -108,6 +116,59 @@ impl Model {
                 return Err(ModelError::StripNotHeld { node, x, y, prescribed });
             }
         }
+        Self::made(mesh, materials, Supports::of_nodes(prescribed), options)
+    }
+
+    /// A model whose nodes are held by component, or tied to rigid blocks.
+    ///
+    /// # Errors
+    /// A node that does not exist, one that is held or tied twice, a body that can move freely, another number of materials than of
+    /// groups.
+    pub fn supported(
+        mesh: JointMesh,
+        materials: Vec<Arc<dyn SubstrateLaw>>,
+        supports: Supports,
+        options: ModelOptions,
+    ) -> Result<Self, ModelError> {
+        supports.check(&mesh, options.kinematics.is_small())?;
+        Self::made(mesh, materials, supports, options)
+    }
+
+    /// A model of `mesh` that is held as `boundary` says.
+    ///
+    /// # Errors
+    /// As [`Model::new`] where all nodes are held in both components and nothing else holds or loads the joint, else as
+    /// [`Model::supported`].
+    pub fn for_boundary(
+        mesh: JointMesh,
+        materials: Vec<Arc<dyn SubstrateLaw>>,
+        boundary: &BoundaryHistory,
+        options: ModelOptions,
+    ) -> Result<Self, ModelError> {
+        match boundary.is_border() {
+            true => Self::new(mesh, materials, boundary.nodes(), options),
+            false => Self::supported(mesh, materials, boundary.supports(), options),
+        }
+    }
+
+    /// A model that is held as this one is, of another mesh with the same nodes or with other options.
+    ///
+    /// # Errors
+    /// As [`Model::supported`].
+    pub fn held_alike(&self, mesh: JointMesh, options: ModelOptions) -> Result<Self, ModelError> {
+        Self::made(mesh, self.materials.clone(), self.supports.clone(), options)
+    }
+
+    fn made(
+        mesh: JointMesh,
+        materials: Vec<Arc<dyn SubstrateLaw>>,
+        supports: Supports,
+        options: ModelOptions,
+    ) -> Result<Self, ModelError> {
+        let n_nodes = mesh.nodes().len();
+        if materials.len() != mesh.groups().len() {
+            return Err(ModelError::Materials { needed: mesh.groups().len(), given: materials.len() });
+        }
         let at = |corners: &[u32; 4]| corners.map(|node| mesh.nodes()[node as usize]);
         let quad = |corners| Q4::new(at(corners), options.kinematics).expect("a checked element");
         let quads = mesh.elements().iter().map(quad).collect();
@@ -119,27 +180,66 @@ impl Model {
         let ends = |&[l1, l2, u1, u2]: &[u32; 4]| [[l1, u1], [l2, u2]].map(|pair| number[&pair]);
         let end_pairs = mesh.interfaces().iter().map(ends).collect();
         let corners: Vec<[u32; 4]> = mesh.elements().iter().chain(mesh.interfaces()).copied().collect();
-        let free_nodes = banded_order(mesh.nodes(), &corners, &is_prescribed);
-        let mut unknowns = vec![[NONE; 2]; n_nodes];
-        for (place, &node) in (0u32..).zip(&free_nodes) {
-            unknowns[node as usize] = [2 * place, 2 * place + 1];
+        let mut blocks: Vec<TiedBlock> =
+            supports.blocks.iter().map(|block| TiedBlock::new(block, mesh.nodes())).collect();
+        // Components that are no unknowns: held, or moved by a block.
+        let mut gone = vec![[false; 2]; n_nodes];
+        supports.nodes.iter().zip(&supports.held).for_each(|(&node, held)| gone[node as usize] = *held);
+        let mut master = vec![NONE; n_nodes];
+        for (k, RigidBlock { nodes, tied, .. }) in (0u32..).zip(&supports.blocks) {
+            for &node in nodes {
+                master[node as usize] = k;
+                (0..2).for_each(|c| gone[node as usize][c] |= tied[c]);
+            }
         }
-        let groups: Vec<Vec<u32>> = corners
+        // Blocks take part in the order of the unknowns as nodes at their centres do.
+        let mut places = mesh.nodes().to_vec();
+        places.extend(blocks.iter().map(|block| block.centre));
+        let mut is_gone: Vec<bool> = gone.iter().map(|gone| *gone == [true; 2]).collect();
+        is_gone.extend(blocks.iter().map(|_| false));
+        let coupling = |corners: &[u32; 4]| {
+            let mut of: Vec<u32> = corners.to_vec();
+            of.extend(corners.iter().map(|&node| master[node as usize]).filter(|&k| k != NONE).map(|k| n_nodes as u32 + k));
+            of
+        };
+        let couplings: Vec<Vec<u32>> = corners.iter().map(coupling).collect();
+        let order = banded_order(&places, &couplings, &is_gone);
+        let mut unknowns = vec![[NONE; 2]; n_nodes];
+        let mut owners: Vec<(u32, u8)> = Vec::new();
+        for &id in &order {
+            if let Some(block) = (id as usize).checked_sub(n_nodes) {
+                blocks[block].number(id, &mut owners);
+                continue;
+            }
+            for c in (0..2).filter(|&c| !gone[id as usize][c]) {
+                unknowns[id as usize][c] = owners.len() as u32;
+                owners.push((id, c as u8));
+            }
+        }
+        let groups: Vec<Vec<u32>> = couplings
             .iter()
-            .map(|corners| {
-                let mut group: Vec<u32> = corners.iter().flat_map(|&node| unknowns[node as usize]).collect();
+            .map(|couplings| {
+                let of = |&id: &u32| match (id as usize).checked_sub(n_nodes) {
+                    Some(block) => blocks[block].unknowns.to_vec(),
+                    None => unknowns[id as usize].to_vec(),
+                };
+                let mut group: Vec<u32> = couplings.iter().flat_map(of).collect();
                 group.retain(|&unknown| unknown != NONE);
                 group.sort_unstable();
                 group.dedup();
                 group
             })
             .collect();
-        let pattern = SparsePattern::from_groups(2 * free_nodes.len(), groups.iter().map(Vec::as_slice));
+        let pattern = SparsePattern::from_groups(owners.len(), groups.iter().map(Vec::as_slice));
         let pattern = Arc::new(pattern);
+        let is_tied = |corners: &[u32; 4]| corners.iter().any(|&node| master[node as usize] != NONE);
         let places = corners
             .par_iter()
             .map(|corners| {
                 let mut places = [NONE; 64];
+                if is_tied(corners) {
+                    return places;
+                }
                 let unknown = |k: usize| unknowns[corners[k / 2] as usize][k % 2];
                 for row in 0..8 {
                     for column in 0..8 {
@@ -152,21 +252,32 @@ impl Model {
                 places
             })
             .collect();
+        let tied: Vec<Tied> = (0u32..)
+            .zip(corners.iter().zip(&groups))
+            .filter(|(_, (corners, _))| is_tied(corners))
+            .map(|(element, (_, group))| Tied::new(element, group.clone(), &pattern))
+            .collect();
         let coupled = (0..corners.len() as u32)
             .filter(|&element| {
-                let prescribed = corners[element as usize].map(|node| is_prescribed[node as usize]);
-                prescribed.contains(&true) && prescribed.contains(&false)
+                let of = corners[element as usize].map(|node| unknowns[node as usize]);
+                let (held, free) = (of.iter().flatten().any(|&u| u == NONE), !groups[element as usize].is_empty());
+                held && free
             })
             .collect();
-        let plan = LuPlan::new(&pattern, &positions(mesh.nodes(), &free_nodes), options.solver);
-        let prescribed = prescribed.to_vec();
+        let owner_at = |&(id, _): &(u32, u8)| match (id as usize).checked_sub(n_nodes) {
+            Some(block) => blocks[block].centre,
+            None => mesh.nodes()[id as usize],
+        };
+        let plan = LuPlan::new(&pattern, &owners.iter().map(owner_at).collect::<Vec<_>>(), options.solver);
         Ok(Self {
             mesh,
             materials,
             options,
-            prescribed,
+            supports,
             unknowns,
-            free_nodes,
+            owners,
+            blocks,
+            tied,
             quads,
             interfaces,
             end_pairs,
@@ -195,15 +306,20 @@ impl Model {
 
     /// The prescribed nodes, in the order of every boundary history.
     pub fn prescribed(&self) -> &[u32] {
-        &self.prescribed
+        &self.supports.nodes
+    }
+
+    /// Which nodes are held in which components, and the rigid blocks.
+    pub fn supports(&self) -> &Supports {
+        &self.supports
     }
 
     /// Number of unknown components.
     pub fn n_unknowns(&self) -> usize {
-        2 * self.free_nodes.len()
+        self.owners.len()
     }
 
-    /// Place of a component (0: x, 1: y) of a node among the unknowns; `None` when it is prescribed.
+    /// Place of a component (0: x, 1: y) of a node among the unknowns; `None` when it is prescribed, or moved by a rigid block.
     pub fn unknown(&self, node: usize, component: usize) -> Option<usize> {
         let place = self.unknowns[node][component];
         (place != NONE).then_some(place as usize)
@@ -211,7 +327,11 @@ impl Model {
 
     /// Where each unknown lies, mm.
     pub fn unknown_positions(&self) -> Vec<[f64; 2]> {
-        positions(self.mesh.nodes(), &self.free_nodes)
+        let at = |&(id, _): &(u32, u8)| match (id as usize).checked_sub(self.mesh.nodes().len()) {
+            Some(block) => self.blocks[block].centre,
+            None => self.mesh.nodes()[id as usize],
+        };
+        self.owners.iter().map(at).collect()
     }
 
     /// Which factor of the tangent is made: `banded`, `sparse`, ....
@@ -231,6 +351,9 @@ impl Model {
             stiffness: vec![ElementStiffness::zeros(); self.corners.len()],
             forces: vec![ElementVector::zeros(); self.corners.len()],
             force: vec![[0.0; 2]; self.mesh.nodes().len()],
+            loaded: Vec::new(),
+            loads: vec![[0.0; 2]; self.blocks.len()],
+            levers: Vec::new(),
         }
     }
 
@@ -255,9 +378,32 @@ impl Model {
         }
     }
 
-    /// Internal force and stiffness at the field `u`, into `work`.
+    /// Takes the external forces off `work.force`.
+    fn take_loads_off(work: &mut Work) {
+        for (&node, load) in work.loaded.iter().zip(&work.loads) {
+            let force = &mut work.force[node as usize];
+            *force = [force[0] - load[0], force[1] - load[1]];
+        }
+    }
+
+    /// Brings the levers of the blocks up to the field `u`.
+    fn turn_levers(&self, u: &[[f64; 2]], work: &mut Work) {
+        let (nodes, small) = (self.mesh.nodes(), self.options.kinematics.is_small());
+        if !self.blocks.is_empty() {
+            work.levers = self.supports.blocks.iter().map(|block| block.levers(nodes, u, small)).collect();
+        }
+    }
+
+    /// The law at an interface element.
+    fn bond<'a>(&self, element: usize, law: &'a dyn CohesiveLaw, touching: &'a Touching<'a>) -> &'a dyn CohesiveLaw {
+        if self.mesh.cracked()[element] { touching } else { law }
+    }
+
+    /// Internal less external force and stiffness at the field `u`, into `work`.
     pub(super) fn assemble(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], kind: Stiffness, work: &mut Work) {
         let n_quads = self.quads.len();
+        let touching = Touching(law);
+        let bond = |element: usize| self.bond(element - n_quads, law, &touching);
         let viscous = match kind {
             Stiffness::Viscous(share) => law.response(Jump::default()).tangent.diagonal() * share,
             Stiffness::Tangent | Stiffness::Secant => Vector2::zeros(),
@@ -269,12 +415,12 @@ impl Model {
                     (*force, *stiffness) = self.quads[element].tangent(self.material(element), &u);
                 }
                 Stiffness::Tangent | Stiffness::Viscous(_) => {
-                    (*force, *stiffness) = self.interfaces[element - n_quads].tangent(law, viscous, &u);
+                    (*force, *stiffness) = self.interfaces[element - n_quads].tangent(bond(element), viscous, &u);
                 }
                 Stiffness::Secant => {
                     *stiffness = match element < n_quads {
                         true => self.quads[element].secant(self.material(element), &u),
-                        false => self.interfaces[element - n_quads].secant(law, &u),
+                        false => self.interfaces[element - n_quads].secant(bond(element), &u),
                     };
                     *force = *stiffness * u;
                 }
@@ -293,20 +439,78 @@ impl Model {
                 }
             }
         }
+        Self::take_loads_off(work);
+        self.turn_levers(u, work);
+        self.assemble_tied(work);
     }
 
-    /// Internal force at the field `u`, into `work`.
+    /// The stiffness of the elements with nodes of blocks, and what the turning of the blocks adds.
+    fn assemble_tied(&self, work: &mut Work) {
+        for tied in &self.tied {
+            let t = self.transformation(tied, &work.levers);
+            let stiffness = t.tr_mul(&(work.stiffness[tied.element as usize] * &t));
+            let values = work.matrix.values_mut();
+            tied.places.iter().zip(stiffness.as_slice()).for_each(|(&place, entry)| values[place as usize] += entry);
+        }
+        if self.options.kinematics.is_small() {
+            return;
+        }
+        for (block, (rigid, levers)) in self.blocks.iter().zip(self.supports.blocks.iter().zip(&work.levers)) {
+            // The second derivative of a place by the rotation is minus its arm; the lever is the arm turned by 90 degrees.
+            let along = |(&node, lever): (&u32, &[f64; 2])| {
+                let force = work.force[node as usize];
+                force[1] * lever[0] - force[0] * lever[1]
+            };
+            let second: f64 = rigid.nodes.iter().zip(levers).map(along).sum();
+            let place = self.pattern.place(block.unknowns[2] as usize, block.unknowns[2] as usize);
+            let place = place.expect("an entry of the pattern");
+            work.matrix.values_mut()[place] += second / block.radius.powi(2);
+        }
+    }
+
+    /// How the displacements of an element's nodes follow its unknowns.
+    fn transformation(&self, tied: &Tied, levers: &[Vec<[f64; 2]>]) -> nalgebra::OMatrix<f64, nalgebra::U8, nalgebra::Dyn> {
+        let mut t = nalgebra::OMatrix::<f64, nalgebra::U8, nalgebra::Dyn>::zeros(tied.unknowns.len());
+        let column = |unknown: u32| tied.unknowns.binary_search(&unknown).ok();
+        for (k, &node) in self.corners[tied.element as usize].iter().enumerate() {
+            for c in 0..2 {
+                if let Some(column) = column(self.unknowns[node as usize][c]) {
+                    t[(2 * k + c, column)] = 1.0;
+                }
+            }
+            for ((block, rigid), levers) in self.blocks.iter().zip(&self.supports.blocks).zip(levers) {
+                let Some(at) = rigid.nodes.iter().position(|&other| other == node) else { continue };
+                for c in (0..2).filter(|&c| rigid.tied[c]) {
+                    if let Some(column) = column(block.unknowns[c]) {
+                        t[(2 * k + c, column)] = 1.0;
+                    }
+                    if let Some(column) = column(block.unknowns[2]) {
+                        t[(2 * k + c, column)] = levers[at][c] / block.radius;
+                    }
+                }
+            }
+        }
+        t
+    }
+
+    /// Internal less external force at the field `u`, into `work`.
     pub(super) fn evaluate_force(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]], work: &mut Work) {
         let n_quads = self.quads.len();
+        let touching = Touching(law);
         let evaluate = |(element, force): (usize, &mut ElementVector)| {
             let u = self.gather(element, u);
             *force = match element < n_quads {
                 true => self.quads[element].force(self.material(element), &u),
-                false => self.interfaces[element - n_quads].force(law, &u),
+                false => {
+                    let bond = self.bond(element - n_quads, law, &touching);
+                    self.interfaces[element - n_quads].force(bond, &u)
+                }
             };
         };
         work.forces.par_iter_mut().with_min_len(GRAIN).enumerate().for_each(evaluate);
         self.add_up(&work.forces, &mut work.force);
+        Self::take_loads_off(work);
+        self.turn_levers(u, work);
     }
 
     /// `-K_fD du_D` for displacements `du` that are zero at the free nodes: the forces that moving the border
@@ -324,24 +528,165 @@ impl Model {
                 }
             }
         }
-    }
-
-    /// The unknown components of a nodal field.
-    pub(super) fn of_unknowns(&self, field: &[[f64; 2]]) -> Vec<f64> {
-        self.free_nodes.iter().flat_map(|&node| field[node as usize]).collect()
-    }
-
-    /// Adds `factor` times values of the unknowns to a nodal field.
-    pub(super) fn add_to_field(&self, values: &[f64], factor: f64, field: &mut [[f64; 2]]) {
-        for (&node, values) in self.free_nodes.iter().zip(values.chunks_exact(2)) {
-            field[node as usize][0] += factor * values[0];
-            field[node as usize][1] += factor * values[1];
+        for tied in &self.tied {
+            let element = tied.element as usize;
+            let force = work.stiffness[element] * self.gather(element, du);
+            let on = self.transformation(tied, &work.levers).tr_mul(&force);
+            for (&unknown, force) in tied.unknowns.iter().zip(on.iter()) {
+                // Those of nodes have it already.
+                if self.owners[unknown as usize].0 as usize >= self.mesh.nodes().len() {
+                    pull[unknown as usize] -= force;
+                }
+            }
         }
     }
 
-    /// Node of an unknown.
+    /// What forces at the nodes, and `loads` at the points of the blocks less them, are on the unknown of `owner`.
+    fn on_owner(&self, (id, c): (u32, u8), force: &[[f64; 2]], levers: &[Vec<[f64; 2]>]) -> f64 {
+        let Some(k) = (id as usize).checked_sub(self.mesh.nodes().len()) else { return force[id as usize][c as usize] };
+        let (block, rigid) = (&self.blocks[k], &self.supports.blocks[k]);
+        let tied = |node: u32| [0, 1].map(|c| if rigid.tied[c] { force[node as usize][c] } else { 0.0 });
+        match c {
+            2 => {
+                let turn = |(&node, lever): (&u32, &[f64; 2])| tied(node)[0] * lever[0] + tied(node)[1] * lever[1];
+                rigid.nodes.iter().zip(&levers[k]).map(turn).sum::<f64>() / block.radius
+            }
+            c => rigid.nodes.iter().map(|&node| tied(node)[c as usize]).sum(),
+        }
+    }
+
+    /// The components of nodal forces on the unknowns, with the levers of the last evaluation; without what acts at the points of
+    /// blocks.
+    pub(super) fn of_unknowns(&self, field: &[[f64; 2]], work: &Work) -> Vec<f64> {
+        self.owners.iter().map(|&owner| self.on_owner(owner, field, &work.levers)).collect()
+    }
+
+    /// Internal less external force on each unknown, after an evaluation.
+    pub(super) fn residual(&self, work: &Work) -> Vec<f64> {
+        let mut residual = self.of_unknowns(&work.force, work);
+        for (block, load) in self.blocks.iter().zip(&work.loads[work.loaded.len()..]) {
+            for c in (0..2).filter(|&c| block.unknowns[c] != NONE) {
+                residual[block.unknowns[c] as usize] -= load[c];
+            }
+        }
+        residual
+    }
+
+    /// Of each block, the forces at its point and its moment over its radius that are not in balance; zero in components that are held.
+    pub(super) fn residual_of_blocks(&self, work: &Work) -> Vec<[f64; 3]> {
+        let n = self.mesh.nodes().len() as u32;
+        let of = |(k, (block, load)): (u32, (&TiedBlock, &[f64; 2]))| {
+            [0, 1, 2].map(|c: usize| match block.unknowns[c] {
+                NONE => 0.0,
+                _ => self.on_owner((n + k, c as u8), &work.force, &work.levers) - load.get(c).copied().unwrap_or(0.0),
+            })
+        };
+        (0u32..).zip(self.blocks.iter().zip(&work.loads[work.loaded.len()..])).map(of).collect()
+    }
+
+    /// Adds what forces on the loaded nodes and at the blocks' points are on the unknowns, to `sum`.
+    pub(super) fn add_loads(&self, loaded: &[u32], loads: &[[f64; 2]], sum: &mut [f64]) {
+        for (&node, load) in loaded.iter().zip(loads) {
+            for c in 0..2 {
+                let unknown = self.unknowns[node as usize][c];
+                if unknown != NONE {
+                    sum[unknown as usize] += load[c];
+                }
+            }
+        }
+        for (block, load) in self.blocks.iter().zip(loads.iter().skip(loaded.len())) {
+            for c in (0..2).filter(|&c| block.unknowns[c] != NONE) {
+                sum[block.unknowns[c] as usize] += load[c];
+            }
+        }
+    }
+
+    /// Adds `factor` times values of the unknowns to the displacements `field`. Blocks turn by as much.
+    pub(super) fn add_to_field(&self, values: &[f64], factor: f64, field: &mut [[f64; 2]]) {
+        let motions = self.motions(field);
+        self.add_to_nodes(values, factor, field);
+        let (nodes, small) = (self.mesh.nodes(), self.options.kinematics.is_small());
+        for ((block, rigid), mut motion) in self.blocks.iter().zip(&self.supports.blocks).zip(motions) {
+            let value = |c: usize| values.get(block.unknowns[c] as usize).copied().unwrap_or(0.0);
+            (0..2).for_each(|c| motion.point[c] += factor * value(c));
+            motion.rotation += factor * value(2) / block.radius;
+            rigid.place(nodes, &motion, small, field);
+        }
+    }
+
+    /// Adds values of the unknowns to a nodal field that is a derivative of the displacements, with the levers of the last
+    /// evaluation.
+    pub(super) fn add_to_derivative(&self, values: &[f64], work: &Work, field: &mut [[f64; 2]]) {
+        self.add_to_nodes(values, 1.0, field);
+        for ((block, rigid), levers) in self.blocks.iter().zip(&self.supports.blocks).zip(&work.levers) {
+            let value = |c: usize| values.get(block.unknowns[c] as usize).copied().unwrap_or(0.0);
+            for (&node, lever) in rigid.nodes.iter().zip(levers) {
+                for c in (0..2).filter(|&c| rigid.tied[c]) {
+                    field[node as usize][c] += value(c) + value(2) * lever[c] / block.radius;
+                }
+            }
+        }
+    }
+
+    fn add_to_nodes(&self, values: &[f64], factor: f64, field: &mut [[f64; 2]]) {
+        let n_nodes = self.mesh.nodes().len();
+        for (&(id, c), value) in self.owners.iter().zip(values) {
+            if (id as usize) < n_nodes {
+                field[id as usize][c as usize] += factor * value;
+            }
+        }
+    }
+
+    fn motions(&self, u: &[[f64; 2]]) -> Vec<BlockMotion> {
+        let (nodes, small) = (self.mesh.nodes(), self.options.kinematics.is_small());
+        self.supports.blocks.iter().map(|block| block.motion(nodes, u, small)).collect()
+    }
+
+    /// Where the border is in the field `u`: displacements of the prescribed nodes, then of the blocks' points.
+    pub(super) fn border(&self, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let nodes = self.supports.nodes.iter().map(|&node| u[node as usize]);
+        nodes.chain(self.motions(u).into_iter().map(|motion| motion.point)).collect()
+    }
+
+    /// Puts the held components of the border in the field `u` where `border` says; the nodes of blocks move along.
+    pub(super) fn set_border(&self, border: &[[f64; 2]], u: &mut [[f64; 2]]) {
+        for ((&node, held), to) in self.supports.nodes.iter().zip(&self.supports.held).zip(border) {
+            (0..2).filter(|&c| held[c]).for_each(|c| u[node as usize][c] = to[c]);
+        }
+        let motions = self.motions(u);
+        for ((rigid, motion), to) in self.supports.blocks.iter().zip(motions).zip(&border[self.supports.nodes.len()..]) {
+            for c in (0..2).filter(|&c| rigid.held[c] && rigid.tied[c]) {
+                rigid.nodes.iter().for_each(|&node| u[node as usize][c] += to[c] - motion.point[c]);
+            }
+        }
+    }
+
+    /// Displacements of `loaded` nodes, then of the blocks' points.
+    pub(super) fn loaded_places(&self, loaded: &[u32], u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let nodes = loaded.iter().map(|&node| u[node as usize]);
+        nodes.chain(self.motions(u).into_iter().map(|motion| motion.point)).collect()
+    }
+
+    /// The forces that hold the border, N/mm, after an evaluation: at the prescribed nodes, then at the blocks' points; zero in
+    /// components that are not held.
+    pub(super) fn holding(&self, work: &Work) -> Vec<[f64; 2]> {
+        let at_node = |(&node, held): (&u32, &[bool; 2])| {
+            [0, 1].map(|c| if held[c] { work.force[node as usize][c] } else { 0.0 })
+        };
+        let at_point = |(rigid, load): (&RigidBlock, &[f64; 2])| {
+            [0, 1].map(|c| {
+                let sum = || rigid.nodes.iter().map(|&node| work.force[node as usize][c]).sum::<f64>() - load[c];
+                if rigid.held[c] && rigid.tied[c] { sum() } else { 0.0 }
+            })
+        };
+        let nodes = self.supports.nodes.iter().zip(&self.supports.held).map(at_node);
+        nodes.chain(self.supports.blocks.iter().zip(&work.loads[work.loaded.len()..]).map(at_point)).collect()
+    }
+
+    /// Node of an unknown; of a block's, its first.
     pub(super) fn node_of(&self, unknown: usize) -> u32 {
-        self.free_nodes[unknown / 2]
+        let id = self.owners[unknown].0;
+        (id as usize).checked_sub(self.mesh.nodes().len()).map_or(id, |block| self.supports.blocks[block].nodes[0])
     }
 
     /// A round-off of the residual that no iteration can undercut: stiffness times displacement times epsilon.
@@ -352,7 +697,7 @@ impl Model {
     }
 
     pub(super) fn check_boundary(&self, boundary: &BoundaryHistory) -> Result<(), ModelError> {
-        if boundary.nodes() == self.prescribed { Ok(()) } else { Err(ModelError::OtherNodes) }
+        if boundary.supports() == self.supports { Ok(()) } else { Err(ModelError::OtherNodes) }
     }
 
     pub(super) fn check_field(&self, u: &[[f64; 2]]) -> Result<(), ModelError> {
@@ -363,9 +708,11 @@ impl Model {
     /// Derivatives of the internal force by each parameter of the law, at fixed displacements, at every node.
     pub(super) fn force_by_law(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
         let mut sums = vec![vec![[0.0; 2]; self.mesh.nodes().len()]; law.parameters().len()];
+        let touching = Touching(law);
         for (k, interface) in self.interfaces.iter().enumerate() {
             let element = self.quads.len() + k;
-            let forces = interface.force_by_parameters(law, &self.gather(element, u));
+            let bond = self.bond(k, law, &touching);
+            let forces = interface.force_by_parameters(bond, &self.gather(element, u));
             self.add_each(element, &forces, &mut sums);
         }
         sums
@@ -430,7 +777,9 @@ impl Model {
     /// # Panics
     /// When `u` has not one displacement per node.
     pub fn tractions(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Vec<Traction> {
-        self.jumps(u).into_iter().map(|jump| law.response(jump).traction).collect()
+        let touching = Touching(law);
+        let of = |(jump, cracked)| if cracked { touching.response(jump) } else { law.response(jump) }.traction;
+        self.jumps(u).into_iter().zip(self.mesh.cracked_pairs()).map(of).collect()
     }
 
     /// Place of each node pair on the mid-line, mm, and its distance along the joint from the first pair.
@@ -470,7 +819,7 @@ impl Model {
         }
     }
 
-    /// The jump at every quadrature point of the interface, with the length (mm) that it stands for.
+    /// The jump at every quadrature point of the interface, with the length (mm) that it stands for; two for each element.
     pub(super) fn weighted_jumps(&self, u: &[[f64; 2]]) -> Vec<(f64, Jump)> {
         let mut jumps = Vec::with_capacity(2 * self.interfaces.len());
         for (k, interface) in self.interfaces.iter().enumerate() {
@@ -534,7 +883,9 @@ impl Model {
     pub fn crack_front(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> Option<f64> {
         let (jumps, positions, opening) = (self.jumps(u), self.pair_positions(), law.front_opening());
         let rest = |k: usize| jumps[k].normal - opening;
-        (1..jumps.len()).find(|&k| (rest(k - 1) < 0.0) != (rest(k) < 0.0)).map(|k| {
+        let cracked = self.mesh.cracked_pairs();
+        let passes = |&k: &usize| !cracked[k - 1] && !cracked[k] && (rest(k - 1) < 0.0) != (rest(k) < 0.0);
+        (1..jumps.len()).find(passes).map(|k| {
             let share = rest(k - 1) / (rest(k - 1) - rest(k));
             positions[k - 1].1 + share * (positions[k].1 - positions[k - 1].1)
         })
@@ -547,14 +898,9 @@ impl Model {
     }
 }
 
-/// The place of each of the two unknowns of the free nodes.
-fn positions(nodes: &[[f64; 2]], free_nodes: &[u32]) -> Vec<[f64; 2]> {
-    free_nodes.iter().flat_map(|&node| [nodes[node as usize]; 2]).collect()
-}
-
 /// The free nodes in an order in which coupled ones are close: along x, along y, or by neighbourhood (reverse
 /// Cuthill-McKee), whichever gives the narrowest band.
-fn banded_order(nodes: &[[f64; 2]], corners: &[[u32; 4]], prescribed: &[bool]) -> Vec<u32> {
+fn banded_order(nodes: &[[f64; 2]], corners: &[Vec<u32>], prescribed: &[bool]) -> Vec<u32> {
     let free: Vec<u32> = (0..nodes.len() as u32).filter(|&node| !prescribed[node as usize]).collect();
     // Nodes in line count as equal although their coordinates differ in the last bits.
     let size = corners.first().map_or(1.0, |c| {

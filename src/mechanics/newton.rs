@@ -6,7 +6,7 @@
 //! was in. It is then carried over to the next stable state as a slightly viscous adhesive would do it, step by
 //! step downhill; where that fails, by the secant iteration (Kacanov). From there Newton goes on.
 
-use super::boundary::BoundaryHistory;
+use super::boundary::{BoundaryHistory, Drive};
 use super::cohesive::{CohesiveLaw, Jump};
 use super::error::ModelError;
 use super::model::{Model, Stiffness, Work};
@@ -74,18 +74,18 @@ impl Model {
         go_on: &dyn Fn(usize) -> bool,
     ) -> Result<Solution, ModelError> {
         self.check_boundary(boundary)?;
-        let mut path = Path::new(self, law, options.newton, go_on);
+        let mut path = Path::new(self, law, boundary, options.newton, go_on);
         let mut instants: Vec<Instant> = Vec::with_capacity(boundary.instants().len());
-        for target in boundary.instants() {
+        for target in (0..boundary.instants().len()).map(|k| boundary.drive(k)) {
             if instants.last().is_some_and(|last| !last.status.converged()) {
                 instants.push(Instant::not_reached());
                 continue;
             }
             path.instant += 1;
-            let mut instant = path.advance(target);
+            let mut instant = path.advance(&target);
             if instant.status.converged() && (options.law_sensitivities || options.substrate_sensitivities) {
                 let groups = if options.substrate_sensitivities { self.mesh().groups().len() } else { 0 };
-                let rhs = sensitivity::pseudo_loads(self, law, &path.u, options.law_sensitivities, groups);
+                let rhs = sensitivity::pseudo_loads(self, law, &path.u, &path.work, options.law_sensitivities, groups);
                 instant.sensitivities = sensitivity::solve(self, &path.work, &rhs);
             }
             instants.push(instant);
@@ -110,10 +110,13 @@ pub(super) struct Path<'a> {
     law: &'a dyn CohesiveLaw,
     options: NewtonOptions,
     work: Work,
-    /// The converged displacements.
+    /// The converged displacements, and the forces under them.
     u: Vec<[f64; 2]>,
+    forces: Vec<[f64; 2]>,
     /// The solution of the last increment that was accepted.
     last: Vec<[f64; 2]>,
+    /// Of each node pair, whether it is cracked.
+    cracked: Vec<bool>,
     /// The jumps that the tangent foretold for the increment.
     foretold: Vec<Jump>,
     /// Room for the field of an iteration, and for one that is tried.
@@ -157,15 +160,21 @@ impl<'a> Path<'a> {
     pub(super) fn new(
         model: &'a Model,
         law: &'a dyn CohesiveLaw,
+        boundary: &BoundaryHistory,
         options: NewtonOptions,
         go_on: &'a dyn Fn(usize) -> bool,
     ) -> Self {
         let rest = vec![[0.0; 2]; model.mesh().nodes().len()];
+        let mut work = model.work();
+        work.loaded = boundary.loaded().to_vec();
+        work.loads = boundary.rest().forces;
         Self {
             model,
             law,
             options,
-            work: model.work(),
+            forces: work.loads.clone(),
+            cracked: model.mesh().cracked_pairs(),
+            work,
             field: rest.clone(),
             trial: rest.clone(),
             last: rest.clone(),
@@ -183,22 +192,18 @@ impl<'a> Path<'a> {
         (self.go_on)(self.instant)
     }
 
-    /// Goes on from `u`, a solution.
-    pub(super) fn start_at(&mut self, u: &[[f64; 2]]) {
+    /// Goes on from `u`, a solution under `forces`.
+    pub(super) fn start_at(&mut self, u: &[[f64; 2]], forces: &[[f64; 2]]) {
         self.u.copy_from_slice(u);
+        self.forces.copy_from_slice(forces);
         self.last.copy_from_slice(u);
         self.ready = false;
     }
 
-    /// Moves the border to `target`, in as many increments as it takes.
-    pub(super) fn advance(&mut self, target: &[[f64; 2]]) -> Instant {
-        let from: Vec<[f64; 2]> = self.model.prescribed().iter().map(|&node| self.u[node as usize]).collect();
-        let between = |share: f64| -> Vec<[f64; 2]> {
-            if share == 1.0 {
-                return target.to_vec();
-            }
-            from.iter().zip(target).map(|(a, b)| [0, 1].map(|c| a[c] + share * (b[c] - a[c]))).collect()
-        };
+    /// Moves border and forces to `target`, in as many increments as it takes.
+    pub(super) fn advance(&mut self, target: &Drive) -> Instant {
+        let from = Drive { places: self.model.border(&self.u), forces: self.forces.clone() };
+        let between = |share: f64| if share == 1.0 { target.clone() } else { from.between(target, share) };
         let smallest = 0.5_f64.powi(self.options.max_halvings as i32);
         let mut instant = Instant { status: Status::Converged, ..Instant::not_reached() };
         // Shares are sums of powers of two: exact.
@@ -220,9 +225,8 @@ impl<'a> Path<'a> {
             }
             if !converged {
                 let mut rescue = 0;
-                // Secants give the forces of small rotations only.
                 converged = self.relax(&border, &mut effort, &mut rescue)
-                    || (self.model.options().kinematics.is_small() && self.secant(&border, &mut effort, &mut rescue));
+                    || (self.has_secants() && self.secant(&border.places, &mut effort, &mut rescue));
                 instant.rescue_iterations += rescue;
                 if converged {
                     instant.status = Status::Rescued;
@@ -245,14 +249,21 @@ impl<'a> Path<'a> {
             done += step;
             step *= 2.0;
             self.last.clone_from(&self.u);
+            self.forces = border.forces;
         }
         instant.displacement.clone_from(&self.u);
         instant
     }
 
-    /// One increment of the border; the state is kept only when it converges.
-    fn increment(&mut self, border: &[[f64; 2]], effort: &mut Effort) -> bool {
+    /// Whether there is a matrix that gives the forces: only of small rotations, and of a border that moves alone.
+    fn has_secants(&self) -> bool {
+        self.model.options().kinematics.is_small() && self.work.loads.is_empty()
+    }
+
+    /// One increment of border and forces; the state is kept only when it converges.
+    fn increment(&mut self, border: &Drive, effort: &mut Effort) -> bool {
         if !self.ready {
+            self.work.loads.clone_from(&self.forces);
             self.model.assemble(self.law, &self.u, Stiffness::Tangent, &mut self.work);
             if self.work.factor.refactor(&self.work.matrix).is_err() {
                 return false;
@@ -264,17 +275,19 @@ impl<'a> Path<'a> {
     }
 
     /// Sets `field` to the border's new place with the inside following along the stiffness that is factorised,
-    /// `K_ff du_f = -K_fD du_D`.
-    fn predict(&mut self, border: &[[f64; 2]]) {
-        self.trial.fill([0.0; 2]);
-        for (&node, to) in self.model.prescribed().iter().zip(border) {
-            let from = self.u[node as usize];
-            self.trial[node as usize] = [to[0] - from[0], to[1] - from[1]];
+    /// `K_ff du_f = -K_fD du_D + df`. From here on the forces are those of `border`.
+    fn predict(&mut self, border: &Drive) {
+        self.field.clone_from(&self.u);
+        self.model.set_border(&border.places, &mut self.field);
+        for ((by, to), from) in self.trial.iter_mut().zip(&self.field).zip(&self.u) {
+            *by = [to[0] - from[0], to[1] - from[1]];
         }
         self.model.pull_of_border(&self.trial, &self.work, &mut self.rhs);
+        let more: Vec<[f64; 2]> =
+            border.forces.iter().zip(&self.forces).map(|(to, from)| [to[0] - from[0], to[1] - from[1]]).collect();
+        self.model.add_loads(&self.work.loaded, &more, &mut self.rhs);
+        self.work.loads.clone_from(&border.forces);
         self.work.factor.solve(&mut self.rhs);
-        self.field.clone_from(&self.u);
-        self.set_border(border);
         self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
         self.foretold = self.model.jumps(&self.field);
         self.ready = false;
@@ -287,7 +300,9 @@ impl<'a> Path<'a> {
         let found = self.model.jumps(&self.u);
         // Arms that turn far go on their own circle, and no tangent foretells it; where they are apart already that is no snap.
         let apart = |a: &Jump, b: &Jump| !self.model.options().kinematics.is_small() && a.normal.min(b.normal) > open;
-        found.iter().zip(&self.foretold).any(|(a, b)| (a.normal - b.normal).abs() > allowed && !apart(a, b))
+        let pairs = found.iter().zip(&self.foretold).zip(&self.cracked);
+        // Faces of a crack part without a snap.
+        pairs.into_iter().any(|((a, b), cracked)| !cracked && (a.normal - b.normal).abs() > allowed && !apart(a, b))
     }
 
     /// Back to the last accepted solution, if an increment went on to another.
@@ -295,12 +310,6 @@ impl<'a> Path<'a> {
         if moved {
             self.u.clone_from(&self.last);
             self.ready = false;
-        }
-    }
-
-    fn set_border(&mut self, border: &[[f64; 2]]) {
-        for (&node, &to) in self.model.prescribed().iter().zip(border) {
-            self.field[node as usize] = to;
         }
     }
 
@@ -390,10 +399,11 @@ impl<'a> Path<'a> {
     /// With `eta` large enough each step goes downhill in every mode whatever the tangent (the pivots tell); while
     /// the steps do, `eta` falls, and where the tangent is positive again the last of them are those of Newton. (The secant iteration alone
     /// crawls past the place where the equilibrium was lost: hundreds of iterations, measured.)
-    fn relax(&mut self, border: &[[f64; 2]], effort: &mut Effort, steps: &mut u32) -> bool {
+    fn relax(&mut self, border: &Drive, effort: &mut Effort, steps: &mut u32) -> bool {
         let longest = 0.2 * self.law.front_opening();
         let mut share = 1.0;
         // As the increment of Newton: the border enters through the tangent, or the elements along it yield.
+        self.work.loads.clone_from(&self.forces);
         self.model.assemble(self.law, &self.u, Stiffness::Viscous(share), &mut self.work);
         if self.work.factor.refactor(&self.work.matrix).is_err() {
             return false;
@@ -438,7 +448,7 @@ impl<'a> Path<'a> {
             let moved = before.iter().zip(&after).map(|(a, b)| (a.normal - b.normal).abs()).fold(0.0, f64::max);
             if moved <= longest {
                 self.model.evaluate_force(self.law, &self.trial, &mut self.work);
-                if along(&self.rhs, &self.model.of_unknowns(&self.work.force)) <= 0.5 * slope {
+                if along(&self.rhs, &self.model.residual(&self.work)) <= 0.5 * slope {
                     std::mem::swap(&mut self.field, &mut self.trial);
                     return true;
                 }
@@ -452,13 +462,9 @@ impl<'a> Path<'a> {
     fn secant(&mut self, border: &[[f64; 2]], effort: &mut Effort, rescue: &mut u32) -> bool {
         let start = self.u.clone();
         let mut current = start.clone();
-        for (&node, &to) in self.model.prescribed().iter().zip(border) {
-            current[node as usize] = to;
-        }
+        self.model.set_border(border, &mut current);
         let mut only_border = vec![[0.0; 2]; start.len()];
-        for (&node, &to) in self.model.prescribed().iter().zip(border) {
-            only_border[node as usize] = to;
-        }
+        self.model.set_border(border, &mut only_border);
         for iteration in 1..=self.options.max_rescue {
             *rescue += 1;
             if !self.goes_on() {
@@ -511,17 +517,31 @@ impl<'a> Path<'a> {
                 return Balance { residual: f64::NAN, norm: f64::NAN, ..balance };
             }
             balance.force = balance.force.max(size);
-            if self.model.unknown(node, 0).is_some() {
-                balance.residual = balance.residual.max(size);
-                squares += force[0] * force[0] + force[1] * force[1];
+            match [0, 1].map(|c| self.model.unknown(node, c).is_some()) {
+                [true, true] => {
+                    balance.residual = balance.residual.max(size);
+                    squares += force[0] * force[0] + force[1] * force[1];
+                }
+                [false, false] => {}
+                free => {
+                    let force = force[usize::from(free[1])];
+                    balance.residual = balance.residual.max(force.abs());
+                    squares += force * force;
+                }
             }
         }
+        for force in self.model.residual_of_blocks(&self.work).into_iter().flatten() {
+            balance.residual = balance.residual.max(force.abs());
+            squares += force * force;
+        }
+        // Where forces act alone they are the measure.
+        balance.force = self.work.loads.iter().flatten().fold(balance.force, |most, load| most.max(load.abs()));
         balance.norm = squares.sqrt();
         balance
     }
 
     fn residual_into_rhs(&mut self) {
-        self.rhs = self.model.of_unknowns(&self.work.force);
+        self.rhs = self.model.residual(&self.work);
         self.rhs.iter_mut().for_each(|force| *force = -*force);
     }
 }

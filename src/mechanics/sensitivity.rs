@@ -42,12 +42,12 @@ impl Linearised<'_> {
     /// `-dR/dX` for each parameter of the cohesive law, at the unknowns, one after another.
     pub fn pseudo_loads(&self) -> Vec<Vec<f64>> {
         let n = self.model.n_unknowns().max(1);
-        pseudo_loads(self.model, self.law, &self.u, true, 0).chunks_exact(n).map(<[f64]>::to_vec).collect()
+        pseudo_loads(self.model, self.law, &self.u, &self.work, true, 0).chunks_exact(n).map(<[f64]>::to_vec).collect()
     }
 
     /// `dU/dX` for each parameter of the cohesive law: zero at prescribed nodes.
     pub fn by_law(&self) -> Vec<NodalField> {
-        solve(self.model, &self.work, &pseudo_loads(self.model, self.law, &self.u, true, 0))
+        solve(self.model, &self.work, &pseudo_loads(self.model, self.law, &self.u, &self.work, true, 0))
     }
 
     /// `dU/dp` for each parameter of the material of element group `group`.
@@ -56,7 +56,7 @@ impl Linearised<'_> {
     /// When there is no such group.
     pub fn by_material(&self, group: usize) -> Vec<NodalField> {
         let forces = self.model.force_by_material(group, &self.u);
-        solve(self.model, &self.work, &loads(self.model, &forces))
+        solve(self.model, &self.work, &loads(self.model, &forces, &self.work))
     }
 
     /// `-K_ff^-1 F_f` for each of `forces` (internal nodal forces, N/mm): how the free nodes follow when something else than the
@@ -66,12 +66,13 @@ impl Linearised<'_> {
     /// When a field has not one vector per node.
     pub fn by_force(&self, forces: &[NodalField]) -> Vec<NodalField> {
         assert!(forces.iter().all(|force| force.len() == self.u.len()), "one force per node");
-        solve(self.model, &self.work, &loads(self.model, forces))
+        solve(self.model, &self.work, &loads(self.model, forces, &self.work))
     }
 
     /// `dU/dU_D V` for each column of `columns`: how the whole field follows when the prescribed nodes move by
     /// the column (one vector per prescribed node, in the model's order). At the unknowns that is
-    /// `-K_ff^-1 K_fD V`, at prescribed nodes `V` itself.
+    /// `-K_ff^-1 K_fD V`, at prescribed nodes `V` itself; of a node that is held in one component the other is an unknown, and what
+    /// the column says of it is left aside. Blocks and forces stay.
     ///
     /// # Panics
     /// When a column has not one vector per prescribed node.
@@ -82,15 +83,16 @@ impl Linearised<'_> {
         for (k, column) in columns.iter().enumerate() {
             assert_eq!(column.len(), self.model.prescribed().len(), "one vector per prescribed node");
             let mut field = vec![[0.0; 2]; self.u.len()];
-            for (&node, &moved) in self.model.prescribed().iter().zip(column) {
-                field[node as usize] = moved;
+            let supports = self.model.supports();
+            for ((&node, held), &moved) in supports.nodes.iter().zip(&supports.held).zip(column) {
+                field[node as usize] = [0, 1].map(|c| if held[c] { moved[c] } else { 0.0 });
             }
             self.model.pull_of_border(&field, &self.work, &mut rhs[k * n..(k + 1) * n]);
             fields.push(field);
         }
         self.work.factor.solve(&mut rhs);
         for (field, values) in fields.iter_mut().zip(rhs.chunks_exact(n.max(1))) {
-            self.model.add_to_field(values, 1.0, field);
+            self.model.add_to_derivative(values, &self.work, field);
         }
         fields
     }
@@ -102,18 +104,19 @@ pub(super) fn pseudo_loads(
     model: &Model,
     law: &dyn CohesiveLaw,
     u: &[[f64; 2]],
+    work: &Work,
     of_law: bool,
     groups: usize,
 ) -> Vec<f64> {
-    let mut rhs = if of_law { loads(model, &model.force_by_law(law, u)) } else { Vec::new() };
+    let mut rhs = if of_law { loads(model, &model.force_by_law(law, u), work) } else { Vec::new() };
     for group in 0..groups {
-        rhs.extend(loads(model, &model.force_by_material(group, u)));
+        rhs.extend(loads(model, &model.force_by_material(group, u), work));
     }
     rhs
 }
 
-fn loads(model: &Model, forces: &[NodalField]) -> Vec<f64> {
-    forces.iter().flat_map(|force| model.of_unknowns(force)).map(|force| -force).collect()
+fn loads(model: &Model, forces: &[NodalField], work: &Work) -> Vec<f64> {
+    forces.iter().flat_map(|force| model.of_unknowns(force, work)).map(|force| -force).collect()
 }
 
 /// Solves for right-hand sides that follow one another, and gives nodal fields.
@@ -126,7 +129,7 @@ pub(super) fn solve(model: &Model, work: &Work, rhs: &[f64]) -> Vec<NodalField> 
     work.factor.solve(&mut rhs);
     let field = |values: &[f64]| {
         let mut field = vec![[0.0; 2]; model.mesh().nodes().len()];
-        model.add_to_field(values, 1.0, &mut field);
+        model.add_to_derivative(values, work, &mut field);
         field
     };
     rhs.chunks_exact(n).map(field).collect()

@@ -25,7 +25,7 @@ use crate::identify::{
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
-    BoundaryHistory, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
+    BoundaryHistory, Drives, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
 };
 use crate::units::Vector;
 use crate::virtual_test::{
@@ -181,7 +181,12 @@ impl Experiment {
 fn joint_of(mesh: JointMesh, boundary: BoundaryHistory, law: ExtendedXuNeedleman) -> Result<Joint, PaperError> {
     let aluminium: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress)?);
     let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
-    let measured = MeasuredMesh { mesh: mesh.clone(), prescribed: boundary.nodes().to_vec(), carry: None };
+    let measured = MeasuredMesh {
+        mesh: mesh.clone(),
+        prescribed: boundary.nodes().to_vec(),
+        carry: None,
+        drives: Drives::default(),
+    };
     let model = Model::new(mesh, materials, boundary.nodes(), ModelOptions::default())?;
     let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
     Ok(Joint { model, law: Box::new(law), boundary, measured, groups, removed, doubts })

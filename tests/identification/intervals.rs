@@ -9,7 +9,7 @@ use quadrille::identify::{
 use quadrille::linalg::Dense;
 use quadrille::mechanics::cohesive::Traction;
 use quadrille::mechanics::{
-    BoundaryHistory, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
+    BoundaryHistory, Drives, ForwardOptions, Joint, JointMesh, MeasuredMesh, Model, ModelOptions, Solution,
 };
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -62,7 +62,8 @@ impl Known {
         let boundary = BoundaryHistory::new(nodes.clone(), fields.iter().map(of).collect()).unwrap();
         let materials = aluminium(self.mesh.groups().len());
         let model = Model::new(self.mesh.clone(), materials, &nodes, ModelOptions::default()).unwrap();
-        let measured = MeasuredMesh { mesh: self.mesh.clone(), prescribed: nodes, carry: None };
+        let drives = Drives::default();
+        let measured = MeasuredMesh { mesh: self.mesh.clone(), prescribed: nodes, carry: None, drives };
         let law = Box::new(adhesive([1.0; 4]));
         let (groups, removed, doubts) = (Vec::new(), Vec::new(), Vec::new());
         Joint { model, law, boundary, measured, groups, removed, doubts }

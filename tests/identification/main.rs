@@ -21,6 +21,7 @@ mod mechanics_loads;
 mod mechanics_model;
 mod mechanics_reference;
 mod mechanics_rotation;
+mod mechanics_supports;
 mod paper;
 mod several_tests;
 mod sweep_limit;

@@ -3,6 +3,7 @@
 use super::series::ProgressKind;
 use super::shared::{FitLimits, Quiet, Results, Threads};
 use crate::backend::choice::DeviceChoice;
+use crate::mechanics::SpecimenKind;
 use clap::Args;
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -139,6 +140,77 @@ pub struct DemoArgs {
     pub laws: Vec<String>,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// The usual tests of an adhesive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SpecimenName {
+    /// Double cantilever beam: opening.
+    Dcb,
+    /// End-notched flexure: sliding.
+    Enf,
+    /// Mixed-mode bending.
+    Mmb,
+    /// A thin arm peeled off a thick adherend.
+    Peel,
+    /// Single lap joint.
+    Lap,
+}
+
+impl SpecimenName {
+    /// What it is for the mechanics.
+    pub fn kind(self) -> SpecimenKind {
+        match self {
+            Self::Dcb => SpecimenKind::Dcb,
+            Self::Enf => SpecimenKind::Enf,
+            Self::Mmb => SpecimenKind::Mmb,
+            Self::Peel => SpecimenKind::Peel,
+            Self::Lap => SpecimenKind::Lap,
+        }
+    }
+}
+
+/// Arguments of `quadrille specimen`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    quadrille specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
+    Written are mesh.json and case.toml, whose comments tell what stands there.")]
+pub struct SpecimenArgs {
+    /// The test.
+    #[arg(value_enum)]
+    pub kind: SpecimenName,
+    #[command(flatten)]
+    pub results: Results,
+    /// Length of the specimen, mm; of enf and mmb the span, of lap the free length of each adherend.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub length: Option<f64>,
+    /// Length of the crack, mm; of lap the overlap.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub crack: Option<f64>,
+    /// Thickness of the arms, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub arm: Option<f64>,
+    /// Thickness of the lower arm, mm, where it is another.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub lower_arm: Option<f64>,
+    /// Thickness of the adhesive, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub adhesive: Option<f64>,
+    /// Length of the elements along the joint, mm, at most.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub element: Option<f64>,
+    /// Rows of elements in each arm.
+    #[arg(long, value_name = "N")]
+    pub rows: Option<usize>,
+    /// Displacement at the last instant, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub opening: Option<f64>,
+    /// Number of instants.
+    #[arg(long, value_name = "N")]
+    pub instants: Option<usize>,
+    /// Of mmb: from the middle of the span to the load on the lever, mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub lever: Option<f64>,
 }
 
 /// Arguments of `quadrille simulate`.

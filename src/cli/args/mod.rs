@@ -82,6 +82,8 @@ pub enum Command {
     Tournament(TournamentArgs),
     /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
     Virtual(VirtualArgs),
+    /// Make the mesh and the case file of a usual test (double cantilever beam, bending, peel, lap), for `simulate`.
+    Specimen(SpecimenArgs),
     /// From images to the law of an adhesive: correlate, identify, report; from one case file.
     Run(RunArgs),
     /// Write the JSON schema of case files, with which editors complete and check them.

@@ -40,7 +40,8 @@ impl Reader {
         match self {
             Self::Correlation => of_correlation(),
             Self::Joint => of_joint(),
-            Self::Run => of_correlation() || section == INTERFACE || of_joint(),
+            // The border of a run is measured.
+            Self::Run => of_correlation() || section == INTERFACE || (of_joint() && !DRIVES.contains(&section)),
             Self::Tests => section == TESTS || OF_TESTS.contains(&section),
         }
     }
@@ -69,7 +70,20 @@ const OF_CORRELATION: [&str; 11] = [
     "report",
 ];
 const INTERFACE: &str = "interface";
-const OF_JOINT: [&str; 8] = ["mesh", "groups", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+const OF_JOINT: [&str; 10] = [
+    "mesh",
+    "groups",
+    "boundary",
+    "support",
+    "applied_load",
+    "substrate",
+    "cohesive",
+    "output",
+    "measurement",
+    "fit",
+];
+/// What drives a joint that no images tell of.
+const DRIVES: [&str; 2] = ["support", "applied_load"];
 const TESTS: &str = "test";
 /// What a case of several tests has beside them.
 const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
@@ -155,6 +169,8 @@ impl CaseDocument {
             mesh,
             groups,
             boundary,
+            supports,
+            applied_loads,
             substrate,
             cohesive,
             tests,
@@ -182,6 +198,8 @@ impl CaseDocument {
             mesh,
             groups,
             boundary,
+            supports,
+            applied_loads,
             substrate,
             cohesive,
             tests,

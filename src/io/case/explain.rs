@@ -241,6 +241,8 @@ fn plain(message: &str) -> String {
         | "struct CaseExtensometer"
         | "struct CaseOpening"
         | "struct CaseCrack"
+        | "struct CaseSupport"
+        | "struct CaseAppliedLoad"
         | "struct CaseTest" => "a section in double brackets [[..]]",
         "a map" => "a section",
         section if section.starts_with("struct Case") => "a section",
@@ -258,7 +260,8 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
 }
 
 /// Sections that may be there several times.
-const LISTS: [&str; 7] = ["zone", "probe", "line", "extensometer", "opening", "crack", "test"];
+const LISTS: [&str; 9] =
+    ["zone", "probe", "line", "extensometer", "opening", "crack", "support", "applied_load", "test"];
 
 /// A key of the file and the sections above it.
 struct Located {

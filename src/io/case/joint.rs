@@ -94,6 +94,9 @@ pub struct CaseJointMesh {
     pub rows: Option<usize>,
     /// Distance of the faces, mm.
     pub gap_mm: Option<f64>,
+    /// Where the joint is cracked from the beginning: a condition on the position as of `[groups]`, as `"x < 30"`. Faces of interface
+    /// elements whose nodes all lie there press on each other where they meet, without friction, and hold nothing else.
+    pub crack: Option<String>,
     /// Cut every element into this many by as many.
     #[schemars(extend("default" = 1))]
     pub refine: Option<usize>,

@@ -1,8 +1,8 @@
 //! The sections of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::{
-    CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseNodeGroup, CaseSubstrate, CaseText, Reader, read_document,
+    CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
+    CaseNodeGroup, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,8 +18,12 @@ pub struct JointCase {
     pub mesh: CaseJointMesh,
     /// The section `[groups]`.
     pub groups: BTreeMap<String, CaseNodeGroup>,
-    /// The section `[boundary]`.
+    /// The section `[boundary]`; says nothing where supports stand for it.
     pub boundary: CaseBoundary,
+    /// The sections `[[support]]`.
+    pub supports: Vec<CaseSupport>,
+    /// The sections `[[applied_load]]`.
+    pub applied_loads: Vec<CaseAppliedLoad>,
     /// The section `[substrate]`, with `[substrate.NAME]` where groups of elements have their own material.
     pub substrate: CaseSubstrate,
     /// The section `[cohesive]`.
@@ -47,9 +51,16 @@ impl CaseDocument {
                 .mesh
                 .ok_or_else(|| missing("mesh", "give file = \"mesh.json\" or store = \"run/fields.zarr\""))?,
             groups: case.groups,
-            boundary: (case.boundary).ok_or_else(|| {
-                missing("boundary", "give file = \"displacements.csv\" or store = \"run/fields.zarr\"")
-            })?,
+            boundary: match case.boundary {
+                Some(boundary) => boundary,
+                None if !case.supports.is_empty() => CaseBoundary::default(),
+                None => {
+                    let hint = "give file = \"displacements.csv\" or store = \"run/fields.zarr\", or [[support]]";
+                    return Err(missing("boundary", hint));
+                }
+            },
+            supports: case.supports,
+            applied_loads: case.applied_loads,
             substrate: case.substrate.ok_or_else(|| missing("substrate", LAW))?,
             cohesive: case.cohesive.ok_or_else(|| missing("cohesive", LAW))?,
             output: case.output.unwrap_or_default(),

@@ -6,6 +6,7 @@
 mod boundary;
 mod case;
 mod correlated;
+mod drives;
 mod measurement;
 mod mesh;
 #[cfg(feature = "store")]
@@ -21,6 +22,7 @@ pub use boundary::{BoundaryTable, read_boundary};
 pub(in crate::io) use case::LAW;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
+pub use drives::{DrivesInput, History};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
@@ -42,6 +44,8 @@ pub struct JointInput {
     pub mesh: MeshInput,
     /// Where the displacements of the border come from.
     pub boundary: BoundaryInput,
+    /// Supports and loads by component.
+    pub drives: DrivesInput,
     /// What was measured, where the case says it.
     pub measurement: Option<MeasurementInput>,
 }
@@ -84,6 +88,8 @@ pub enum BoundaryInput {
     Table(BoundaryTable),
     /// The correlation run that the mesh is of.
     Run(JointRun),
+    /// Supports and loads alone drive the joint.
+    Drives,
 }
 
 /// Reads the case file `path` and every file that it names.
@@ -148,9 +154,11 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
     let boundary = match (&boundary.file, run) {
         (Some(file), _) if boundary.store.is_none() => BoundaryInput::Table(read_boundary(&case.base.join(file))?),
         (None, Some(run)) if boundary.store.is_some() => BoundaryInput::Run(run),
+        (None, _) if boundary.store.is_none() && !case.supports.is_empty() => BoundaryInput::Drives,
         _ => return Err(wrong(JointFileError::NoBoundary)),
     };
-    Ok(JointInput { case, mesh, boundary, measurement })
+    let drives = DrivesInput::read(&case.supports, &case.applied_loads, &case.base, &case.text)?;
+    Ok(JointInput { case, mesh, boundary, drives, measurement })
 }
 
 /// One name for each run, however it is written.
@@ -229,6 +237,24 @@ pub enum JointFileError {
         instant: usize,
         /// The last one.
         last: usize,
+    },
+    /// Values of a support or a load that are none.
+    #[error("{key}: {what}")]
+    History {
+        /// The key.
+        key: &'static str,
+        /// What is wrong.
+        what: String,
+    },
+    /// A column that is not there.
+    #[error("{}: there is no column \"{name}\"; it has {there}", path.display())]
+    Column {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        name: String,
+        /// Those that are there.
+        there: String,
     },
     /// A table without rows.
     #[error("{}: the table has no row", path.display())]

@@ -9,6 +9,7 @@ mod mixed_mode;
 mod park_paulino_roesler;
 mod secants;
 mod smith_ferrante;
+mod touching;
 mod trapezoidal;
 mod xu_needleman;
 
@@ -17,6 +18,7 @@ pub use extended_xu_needleman::ExtendedXuNeedleman;
 pub use mixed_mode::MixedModeCriterion;
 pub use park_paulino_roesler::ParkPaulinoRoesler;
 pub use smith_ferrante::SmithFerrante;
+pub use touching::Touching;
 pub use trapezoidal::Trapezoidal;
 pub use xu_needleman::XuNeedleman;
 

@@ -2,7 +2,7 @@
 
 use super::{JointReport, version};
 use crate::io::vtk::{GridValues, write_grid};
-use crate::mechanics::cohesive::Jump;
+use crate::mechanics::cohesive::{Jump, Traction};
 use crate::mechanics::{Instant, Joint};
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -46,7 +46,7 @@ impl JointReport<'_> {
     /// # Errors
     /// Those of `out`.
     pub fn write_interface<W: Write>(&self, out: W, number: usize, instant: &Instant) -> io::Result<()> {
-        let (model, law, u) = (&self.joint.model, &*self.joint.law, &instant.displacement);
+        let (model, u) = (&self.joint.model, &instant.displacement);
         let mesh = model.mesh();
         let place: HashMap<[u32; 2], u32> = (0u32..).zip(mesh.pairs()).map(|(k, &pair)| (pair, k)).collect();
         let line = |&[l1, l2, u1, u2]: &[u32; 4]| vec![place[&[l1, u1]], place[&[l2, u2]]];
@@ -58,13 +58,22 @@ impl JointReport<'_> {
         let scalars = |name: &str, of: &dyn Fn(Jump) -> f64| {
             GridValues::Scalars(name.into(), jumps.iter().map(|&jump| of(jump)).collect())
         };
+        let tractions = model.tractions(&*self.joint.law, u);
+        let traction = |name: &str, of: &dyn Fn(Traction) -> f64| {
+            GridValues::Scalars(name.into(), tractions.iter().map(|&traction| of(traction)).collect())
+        };
+        // Cracked faces are open where they do not press on each other.
+        let states = jumps.iter().zip(mesh.cracked_pairs()).map(|(&jump, cracked)| match cracked {
+            true if jump.normal >= 0.0 => 2.0,
+            _ => state(self.joint, jump),
+        });
         let at_points = [
             GridValues::Vectors("displacement_mm".into(), spatial(&along)),
             scalars("normal_jump_mm", &|jump| jump.normal),
             scalars("tangential_jump_mm", &|jump| jump.tangential),
-            scalars("normal_traction_MPa", &|jump| law.response(jump).traction.normal),
-            scalars("tangential_traction_MPa", &|jump| law.response(jump).traction.tangential),
-            scalars("state", &|jump| state(self.joint, jump)),
+            traction("normal_traction_MPa", &|traction| traction.normal),
+            traction("tangential_traction_MPa", &|traction| traction.tangential),
+            GridValues::Scalars("state".into(), states.collect()),
         ];
         let title = format!("{}; state: -1 compressed, 0 loading, 1 softening, 2 open", title(number));
         write_grid(out, &title, &middle, &lines, &at_points, &[]).map_err(io::Error::other)

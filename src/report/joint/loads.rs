@@ -10,10 +10,10 @@ use std::io::{self, Write};
 /// The reaction of a group of nodes at an instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ReactionSummary {
-    /// The force that holds the prescribed nodes of the group, along x and y.
+    /// The force from outside on the nodes of the group (of supports, rigid bodies and loads), along x and y.
     #[serde(rename = "force_N_per_mm")]
     pub force_n_per_mm: [f64; 2],
-    /// Their mean displacement.
+    /// Mean displacement of the prescribed nodes; where the component is free, of all.
     pub displacement_mm: [f64; 2],
 }
 
@@ -89,9 +89,13 @@ impl JointReport<'_> {
         let (model, groups) = (&self.joint.model, &self.joint.groups);
         let forces = model.reactions(&*self.joint.law, &instant.displacement, groups);
         let mean = |nodes: &[u32]| {
-            let held: Vec<usize> =
-                nodes.iter().map(|&node| node as usize).filter(|&node| model.unknown(node, 0).is_none()).collect();
-            [0, 1].map(|c| held.iter().map(|&node| instant.displacement[node][c]).sum::<f64>() / held.len() as f64)
+            // Of the nodes whose component is held, or of all where it is free.
+            [0, 1].map(|c| {
+                let held = nodes.iter().filter(|&&node| model.unknown(node as usize, c).is_none());
+                let some = held.clone().next().is_some();
+                let of: Vec<&u32> = if some { held.collect() } else { nodes.iter().collect() };
+                of.iter().map(|&&node| instant.displacement[node as usize][c]).sum::<f64>() / of.len() as f64
+            })
         };
         (groups.iter().zip(forces))
             .map(|(group, force_n_per_mm)| ReactionSummary { force_n_per_mm, displacement_mm: mean(&group.nodes) })

@@ -37,9 +37,9 @@ impl JointReport<'_> {
         let positions = model.pair_positions();
         let rows = self.solved().flat_map(|(number, instant)| {
             let jumps = model.jumps(&instant.displacement);
-            let rows: Vec<_> = (model.mesh().pairs().iter().zip(&positions).zip(jumps))
-                .map(|((&[lower, upper], ([x, y], _)), jump)| {
-                    let traction = self.joint.law.response(jump).traction;
+            let tractions = model.tractions(&*self.joint.law, &instant.displacement);
+            let rows: Vec<_> = (model.mesh().pairs().iter().zip(&positions).zip(jumps.into_iter().zip(tractions)))
+                .map(|((&[lower, upper], ([x, y], _)), (jump, traction))| {
                     let values = vec![*x, *y, jump.normal, jump.tangential, traction.normal, traction.tangential];
                     (vec![number as u64, lower.into(), upper.into()], values)
                 })

@@ -1,0 +1,67 @@
+//! Faces of a crack: they press on each other where they meet, without friction, and hold nothing else.
+
+use super::{CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction};
+use nalgebra::Matrix2;
+
+/// What is left of a law in a crack: its normal traction in compression.
+#[derive(Debug, Clone, Copy)]
+pub struct Touching<'a>(pub &'a dyn CohesiveLaw);
+
+impl Touching<'_> {
+    /// The jump that the law sees, where the faces press on each other.
+    fn pressed(jump: Jump) -> Option<Jump> {
+        (jump.normal < 0.0).then_some(Jump { normal: jump.normal, tangential: 0.0 })
+    }
+}
+
+impl CohesiveLaw for Touching<'_> {
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        self.0.parameters()
+    }
+
+    fn values(&self) -> Vec<f64> {
+        self.0.values()
+    }
+
+    /// The law itself, uncracked.
+    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        self.0.with_values(values)
+    }
+
+    fn response(&self, jump: Jump) -> CohesiveResponse {
+        let Some(jump) = Self::pressed(jump) else { return CohesiveResponse::default() };
+        let CohesiveResponse { traction, tangent } = self.0.response(jump);
+        CohesiveResponse {
+            traction: Traction { normal: traction.normal, tangential: 0.0 },
+            tangent: Matrix2::new(tangent.m11, 0.0, 0.0, 0.0),
+        }
+    }
+
+    fn by_parameters(&self, jump: Jump, derivatives: &mut [Traction]) {
+        match Self::pressed(jump) {
+            None => derivatives.fill(Traction::default()),
+            Some(jump) => {
+                self.0.by_parameters(jump, derivatives);
+                derivatives.iter_mut().for_each(|by| by.tangential = 0.0);
+            }
+        }
+    }
+
+    fn secant(&self, jump: Jump) -> CohesiveStiffness {
+        Self::pressed(jump).map_or_else(CohesiveStiffness::zeros, |jump| {
+            Matrix2::new(self.0.secant(jump).m11, 0.0, 0.0, 0.0)
+        })
+    }
+
+    fn peak(&self) -> Traction {
+        Traction::default()
+    }
+
+    fn front_opening(&self) -> f64 {
+        self.0.front_opening()
+    }
+}
