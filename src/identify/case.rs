@@ -16,7 +16,7 @@ use super::weights::WeightKind;
 use crate::correlate::NOISE_CONTRADICTED;
 use crate::io::case::{
     CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
-    CaseWeights,
+    CasePathControl, CaseWeights,
 };
 use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
 use crate::io::run_case::RunCase;
@@ -120,6 +120,10 @@ impl<'a> Case<'a> {
             CaseBoundaryNoise::Estimated => "estimated",
             CaseBoundaryNoise::Exact => "exact",
         };
+        if input.case.path.control == Some(CasePathControl::ArcLength) {
+            let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
+            return Err(wrong("path", "control", what));
+        }
         if !input.drives.is_empty() && boundary != "exact" {
             let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
             return Err(wrong("measurement", "boundary", what));

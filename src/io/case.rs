@@ -18,7 +18,7 @@ mod setup;
 
 pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
-pub use drives::{CaseAppliedLoad, CaseHistory, CaseSupport, CaseTied};
+pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
 pub use guard::CaseGuard;
@@ -98,6 +98,8 @@ pub struct Case {
     /// Forces on groups of nodes; they keep their direction.
     #[serde(rename = "applied_load", default, skip_serializing_if = "Vec::is_empty")]
     pub applied_loads: Vec<CaseAppliedLoad>,
+    /// How the history of border, supports and loads is gone through. Of `quadrille simulate` alone.
+    pub path: Option<CasePath>,
     /// The material of the strips (docs/mechanics.md); in `[substrate.NAME]` that of the group `NAME` of elements, where it has
     /// its own.
     #[schemars(with = "Option<CaseMaterial>")]

@@ -1,18 +1,19 @@
 //! A joint as its case file describes it: mesh, materials, law and prescribed displacements, ready to run.
 
 use super::boundary::{BoundaryHistory, Drives};
+use super::case_error::{JointError, OF_MESH, wrong};
 use super::cohesive::{
-    CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, LawError, Parameter, law_by_name, parameters_by_name,
+    CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, Parameter, law_by_name, parameters_by_name,
 };
 use super::drives::{drives_of_case, nodes_of_group};
 use super::element::{Kinematics, Quadrature};
-use super::error::{BoundaryFault, MeshFault, ModelError};
+use super::error::BoundaryFault;
 use super::groups::{NodeGroup, select_nodes};
 use super::joint::{Carry, JointMesh};
 use super::model::{Model, ModelOptions};
 use super::parts::JointParts;
 use super::substrate::{
-    PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateError, SubstrateLaw, substrate_by_name, substrate_parameters,
+    PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, substrate_by_name, substrate_parameters,
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
@@ -21,9 +22,7 @@ use crate::io::case::{
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Share of an element's size by which a node of a table may lie beside that of the mesh: more than any rounding of
 /// the table, less than would make two nodes one.
@@ -78,113 +77,6 @@ impl MeasuredMesh {
         .with(&self.drives)
     }
 }
-
-/// Why the content of a case file makes no joint.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum JointError {
-    /// A key that is missing or not known.
-    #[error("[{section}] {what}")]
-    Key {
-        /// The section.
-        section: String,
-        /// The key; none where the section itself is meant.
-        key: Option<String>,
-        /// What is wrong with which key.
-        what: String,
-    },
-    /// A law of the adhesive that there is not.
-    #[error(transparent)]
-    Law(#[from] LawError),
-    /// A material that there is not.
-    #[error(transparent)]
-    Substrate(#[from] SubstrateError),
-    /// A mesh that makes no joint.
-    #[error("{place}: {fault}")]
-    Mesh {
-        /// The file, or the table of the case.
-        place: String,
-        /// What is wrong with it.
-        fault: MeshFault,
-    },
-    /// Displacements that cannot be used.
-    #[error("{}: {fault}", path.display())]
-    Boundary {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        fault: BoundaryFault,
-    },
-    /// Supports or loads that cannot be.
-    #[error("[[support]] {0}")]
-    Drives(BoundaryFault),
-    /// A node of the table that the mesh does not have.
-    #[error("{}: node {node} at ({x}, {y}) mm is not a node of the mesh: {there}; nodes are counted from 0, y is up", path.display())]
-    NotInMesh {
-        /// The table.
-        path: PathBuf,
-        /// The node.
-        node: u32,
-        /// Where the table has it, mm.
-        x: f64,
-        /// Where the table has it, mm.
-        y: f64,
-        /// What the mesh has instead.
-        there: String,
-    },
-    /// A node that the mesh file says is prescribed, without a row.
-    #[error("{}: there is no row for node {node} at ({x}, {y}) mm, which the mesh file has among its prescribed nodes; give its displacement at every instant, or take it off that list", path.display())]
-    NotPrescribed {
-        /// The table.
-        path: PathBuf,
-        /// The node.
-        node: u32,
-        /// Its position, mm.
-        x: f64,
-        /// Its position, mm.
-        y: f64,
-    },
-    /// A node of the outer border that was not measured.
-    #[error("{}: frame {frame} has no displacement at node {node} of the outer border; correlate with fewer frames or another region", path.display())]
-    NotMeasured {
-        /// The run.
-        path: PathBuf,
-        /// The frame.
-        frame: usize,
-        /// The node.
-        node: u32,
-    },
-    /// A border that does not hold the mesh.
-    #[error("[boundary] {0}")]
-    Model(#[from] ModelError),
-    /// Supports that do not.
-    #[error("[[support]] {0}")]
-    Held(ModelError),
-}
-
-fn wrong(section: &str, key: Option<&str>, what: String) -> JointError {
-    JointError::Key { section: section.to_owned(), key: key.map(str::to_owned), what }
-}
-
-impl JointError {
-    /// The section of the case that it is about, and the key, where it is one.
-    pub fn place(&self) -> Option<(&str, Option<&str>)> {
-        match self {
-            Self::Key { section, key, .. } => Some((section, key.as_deref())),
-            Self::Law(LawError::Parameter { key, .. }) => Some(("cohesive", Some(key))),
-            Self::Law(LawError::Unknown { .. }) => Some(("cohesive", Some("model"))),
-            Self::Substrate(SubstrateError::Parameter { key, .. }) => Some(("substrate", Some(key))),
-            Self::Substrate(SubstrateError::Unknown { .. }) => Some(("substrate", Some("model"))),
-            Self::Mesh { place, .. } if place == OF_MESH => Some(("mesh", None)),
-            Self::Model(_) => Some(("boundary", None)),
-            Self::Drives(_) | Self::Held(_) => Some(("support", None)),
-            _ => None,
-        }
-    }
-}
-
-/// Place of what is wrong with a mesh that no file holds.
-const OF_MESH: &str = "[mesh]";
 
 impl Joint {
     /// The joint of a case.

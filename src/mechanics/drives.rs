@@ -1,17 +1,13 @@
 //! Supports and loads of a case file, for the nodes of a mesh.
 
 use super::boundary::Drives;
-use super::case::JointError;
+use super::case_error::{JointError, wrong};
 use super::groups::{NodeGroup, select_nodes};
 use super::joint::{Carry, JointMesh};
 use super::parts::border_edges;
 use super::supports::RigidBlock;
 use crate::io::case::{CaseNodeGroup, CaseTied};
 use crate::io::joint::{History, JointInput, MeshInput};
-
-fn wrong(section: &str, key: Option<&str>, what: String) -> JointError {
-    JointError::Key { section: section.to_owned(), key: key.map(str::to_owned), what }
-}
 
 /// The nodes of the case's group `name`, of `[groups]` or of the mesh file, in the mesh that `carry` leads to.
 ///

@@ -3,14 +3,17 @@
 //! [`Model::forward`] gives the displacements at every instant with exact parameter sensitivities; the law of the
 //! adhesive is an argument. Units: mm, MPa, N/mm (unit thickness); x to the right, y **up** (THEORY 1).
 
+mod arc_length;
 mod boundary;
 mod case;
+mod case_error;
 pub mod cohesive;
 mod drives;
 pub mod element;
 mod energy;
 mod error;
 mod groups;
+mod held;
 mod joint;
 mod model;
 mod newton;
@@ -23,8 +26,10 @@ pub mod substrate;
 mod supports;
 mod tied;
 
+pub use arc_length::{FollowOptions, Followed, PathEnd};
 pub use boundary::{BoundaryHistory, Drives};
-pub use case::{Joint, JointError, MeasuredMesh, case_laws, law_of_case, materials_of_case};
+pub use case::{Joint, MeasuredMesh, case_laws, law_of_case, materials_of_case};
+pub use case_error::JointError;
 pub use element::{Kinematics, Quadrature};
 pub use energy::{Energies, EnergyOptions};
 pub use error::{BoundaryFault, MeshFault, ModelError};

@@ -4,18 +4,16 @@ use super::boundary::BoundaryHistory;
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Quadrature};
 use super::error::ModelError;
+use super::held::check;
 use super::joint::JointMesh;
 use super::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateState};
 use super::supports::{BlockMotion, RigidBlock, Supports};
-use super::tied::{Tied, TiedBlock};
+use super::tied::{NONE, Tied, TiedBlock};
 use crate::linalg::{LuChoice, LuFactor, LuPlan, SparseMatrix, SparsePattern};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
-
-/// Place of a component that is prescribed, or of a matrix entry that is not stored.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// Elements that a thread takes at a time.
 const GRAIN: usize = 128;
@@ -130,7 +128,7 @@ impl Model {
         supports: Supports,
         options: ModelOptions,
     ) -> Result<Self, ModelError> {
-        supports.check(&mesh, options.kinematics.is_small())?;
+        check(&supports, &mesh, options.kinematics.is_small())?;
         Self::made(mesh, materials, supports, options)
     }
 
@@ -642,6 +640,14 @@ impl Model {
         self.supports.blocks.iter().map(|block| block.motion(nodes, u, small)).collect()
     }
 
+    /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of [`Supports::blocks`].
+    ///
+    /// # Panics
+    /// When `u` has not one displacement per node.
+    pub fn block_displacements(&self, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        self.motions(u).into_iter().map(|motion| motion.point).collect()
+    }
+
     /// Where the border is in the field `u`: displacements of the prescribed nodes, then of the blocks' points.
     pub(super) fn border(&self, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let nodes = self.supports.nodes.iter().map(|&node| u[node as usize]);
@@ -657,6 +663,19 @@ impl Model {
         for ((rigid, motion), to) in self.supports.blocks.iter().zip(motions).zip(&border[self.supports.nodes.len()..]) {
             for c in (0..2).filter(|&c| rigid.held[c] && rigid.tied[c]) {
                 rigid.nodes.iter().for_each(|&node| u[node as usize][c] += to[c] - motion.point[c]);
+            }
+        }
+    }
+
+    /// Adds what moving the held components of the border by `places` does to its nodes, and to those of blocks, to the derivative
+    /// `field`.
+    pub(super) fn add_border_change(&self, places: &[[f64; 2]], field: &mut [[f64; 2]]) {
+        for ((&node, held), by) in self.supports.nodes.iter().zip(&self.supports.held).zip(places) {
+            (0..2).filter(|&c| held[c]).for_each(|c| field[node as usize][c] += by[c]);
+        }
+        for (rigid, by) in self.supports.blocks.iter().zip(&places[self.supports.nodes.len()..]) {
+            for c in (0..2).filter(|&c| rigid.held[c] && rigid.tied[c]) {
+                rigid.nodes.iter().for_each(|&node| field[node as usize][c] += by[c]);
             }
         }
     }

@@ -104,6 +104,9 @@ impl Model {
     }
 }
 
+/// How often viscous steps begin again where Newton's did not finish what they began.
+const MOST_RETRIES: i32 = 5;
+
 /// Where a run stands: a converged field, and the factor of its tangent.
 pub(super) struct Path<'a> {
     model: &'a Model,
@@ -190,6 +193,11 @@ impl<'a> Path<'a> {
     /// Whether to go on with this instant.
     fn goes_on(&self) -> bool {
         (self.go_on)(self.instant)
+    }
+
+    /// The factor that it ended with.
+    pub(super) fn into_work(self) -> Work {
+        self.work
     }
 
     /// Goes on from `u`, a solution under `forces`.
@@ -409,6 +417,7 @@ impl<'a> Path<'a> {
             return false;
         }
         self.predict(border);
+        let mut retries = 0;
         for _ in 0..self.options.max_rescue {
             *steps += 1;
             self.model.assemble(self.law, &self.field, Stiffness::Viscous(share), &mut self.work);
@@ -416,7 +425,18 @@ impl<'a> Path<'a> {
                 return false;
             }
             if share < 1e-6 {
-                return self.iterate(self.options.max_iterations, effort);
+                let relaxed = self.field.clone();
+                if self.iterate(self.options.max_iterations, effort) {
+                    return true;
+                }
+                // The steps fell too fast. Where no other way is left they go on from here, slower each time.
+                retries += 1;
+                if self.has_secants() || retries > MOST_RETRIES {
+                    return false;
+                }
+                self.field = relaxed;
+                share = 4.0_f64.powi(retries);
+                continue;
             }
             self.residual_into_rhs();
             let load = self.rhs.clone();

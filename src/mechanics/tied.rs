@@ -1,8 +1,10 @@
 //! Rigid blocks among the unknowns: their numbers, and the elements that hang on them.
 
-use super::model::NONE;
 use super::supports::RigidBlock;
 use crate::linalg::SparsePattern;
+
+/// Place of a component that is prescribed, or of a matrix entry that is not stored.
+pub(super) const NONE: u32 = u32::MAX;
 
 /// The unknowns of a block.
 #[derive(Debug)]

@@ -8,8 +8,9 @@ use super::session::Outcome;
 use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::Case;
-use crate::io::joint::read_joint;
-use crate::mechanics::{EnergyOptions, ForwardOptions};
+use crate::io::case::CasePathControl;
+use crate::io::joint::{JointInput, read_joint};
+use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, PathEnd};
 use crate::report::Picture;
 use crate::report::joint::{JointReport, JointSummary};
 use rayon::ThreadPool;
@@ -34,7 +35,8 @@ pub fn simulate(
 ) -> Result<(JointSummary, Outcome)> {
     let input = read_joint(case)?;
     // Uncertainties that [substrate] may state are for `identify`.
-    let joint = Case::joint(&input)?;
+    let mut joint = Case::joint(&input)?;
+    let follow = followed(&input)?;
     let folder = RunFolder::open(output, overwrite)?;
     folder.clear(false, true)?;
     folder.make(FIGURES)?;
@@ -47,15 +49,33 @@ pub fn simulate(
     let begin = Instant::now();
     let (heard, watch) = Heard::new(None, stop);
     watch.begins("simulation");
-    let solution = heard.during(pool, watcher, || {
-        let go_on = |instant: usize| {
-            watch.at(instant, joint.boundary.instants().len(), Vec::new);
-            watch.ended().is_none()
-        };
-        joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on)
-    })?;
+    let n_instants = joint.boundary.instants().len();
+    let go_on = |instant: usize| {
+        watch.at(instant, n_instants.max(instant), Vec::new);
+        watch.ended().is_none()
+    };
+    let (mut doubts, mut times) = (Vec::new(), Vec::new());
+    let solution = match follow {
+        None => heard.during(pool, watcher, || {
+            joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on)
+        })?,
+        Some(how) => {
+            let Followed { times: found, boundary, solution, end } = heard.during(pool, watcher, || {
+                joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on)
+            })?;
+            if solution.instants.is_empty() {
+                return Err("[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out".into());
+            }
+            doubts.extend(said_of_path(&found, n_instants, end));
+            times = found;
+            joint.boundary = boundary;
+            solution
+        }
+    };
     let seconds = begin.elapsed().as_secs_f64();
-    let energies = match input.case.output.energies.unwrap_or(joint.model.n_unknowns() <= ENERGIES_UP_TO) {
+    // Between the points of a path that goes back no displacement leads to the next.
+    let wanted = input.case.output.energies.unwrap_or(joint.model.n_unknowns() <= ENERGIES_UP_TO && follow.is_none());
+    let energies = match wanted {
         true => heard.during(pool, watcher, || {
             let go_on = || watch.ended().is_none();
             joint.model.energies(&*joint.law, &joint.boundary, &solution, &EnergyOptions::default(), &go_on)
@@ -63,9 +83,10 @@ pub fn simulate(
         false => Vec::new(),
     };
 
-    let report = JointReport { energies: &energies, ..JointReport::new(&joint, &solution) };
+    let report = JointReport { energies: &energies, times: &times, ..JointReport::new(&joint, &solution) };
     let asked = input.case.output.figures.as_deref();
     let mut warnings = joint.doubts.clone();
+    warnings.append(&mut doubts);
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
     for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
         warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
@@ -84,6 +105,43 @@ pub fn simulate(
         false => Outcome::Incomplete,
     };
     Ok((summary, outcome))
+}
+
+/// How the path is to be followed; `None` where it is gone from instant to instant.
+fn followed(input: &JointInput) -> Result<Option<FollowOptions>> {
+    let path = &input.case.path;
+    let default = FollowOptions::default();
+    let (step, max_points) = (path.step.unwrap_or(default.step), path.max_points.unwrap_or(default.max_points));
+    if !(step > 0.0 && step <= 10.0) || max_points == 0 {
+        return Err(format!("[path] step = {step}, max_points = {max_points}: give a step above 0, up to 10, and a point at least").into());
+    }
+    Ok((path.control == Some(CasePathControl::ArcLength)).then_some(FollowOptions { step, max_points }))
+}
+
+/// What a user should know of a path: where it goes back, and how it ended.
+fn said_of_path(times: &[f64], n_instants: usize, end: PathEnd) -> Vec<String> {
+    let mut said = Vec::new();
+    let back: Vec<usize> = (1..times.len()).filter(|&k| times[k] < times[k - 1]).map(|k| k + 1).collect();
+    if let (Some(first), Some(last)) = (back.first(), back.last()) {
+        said.push(format!(
+            "the path goes back at {} of its {} points, between instants {first} and {last}: no test shows it there, it snaps over them",
+            back.len(),
+            times.len()
+        ));
+    }
+    let at = times.last().copied().unwrap_or(0.0);
+    match end {
+        PathEnd::Last => {}
+        PathEnd::Rest => said.push("the path comes back to rest: the joint is broken".to_owned()),
+        PathEnd::Lost => said.push(format!(
+            "the path is lost at {at:.4} of {n_instants} instants of the case; try a smaller [path] step"
+        )),
+        PathEnd::Points => said.push(format!(
+            "the path ends after {} points at {at:.4} of {n_instants} instants of the case; max_points of [path] allows more",
+            times.len()
+        )),
+    }
+    said
 }
 
 /// Writes a figure as PNG and SVG.

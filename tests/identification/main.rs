@@ -22,6 +22,7 @@ mod mechanics_model;
 mod mechanics_reference;
 mod mechanics_rotation;
 mod mechanics_supports;
+mod mechanics_tests;
 mod paper;
 mod several_tests;
 mod sweep_limit;

@@ -4,7 +4,7 @@
 use crate::mechanics_common;
 use mechanics_common::{assert_close, five_points, get, numbers, reference, table};
 use quadrille::mechanics::cohesive::{
-    Bilinear, CohesiveLaw, ExtendedXuNeedleman, Jump, LAW_NAMES, LawError, MixedModeCriterion, ParkPaulinoRoesler,
+    Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, LAW_NAMES, LawError, MixedModeCriterion, ParkPaulinoRoesler,
     SmithFerrante, Traction, Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
 };
 use quadrille::mechanics::substrate::{
@@ -27,6 +27,7 @@ fn cohesive_laws() -> Vec<Box<dyn CohesiveLaw>> {
         Box::new(ParkPaulinoRoesler::new([0.4, 1.1, 60.0, 90.0, 3.0, 2.4, 0.02, 0.05]).unwrap()),
         Box::new(ParkPaulinoRoesler::new([1.1, 0.4, 60.0, 30.0, 2.1, 5.0, 0.1, 0.01]).unwrap()),
         Box::new(SmithFerrante::new([0.8, 0.004, 0.3]).unwrap()),
+        Box::new(ExponentialDamage::new([0.8, 0.004, 0.3]).unwrap()),
     ]
 }
 
@@ -242,6 +243,7 @@ fn the_peaks_and_works_of_separation_are_those_asked_for() {
         let wanted = match law.name() {
             ParkPaulinoRoesler::NAME => [values[0], values[1]],
             SmithFerrante::NAME => [values[0]; 2],
+            ExponentialDamage::NAME => [values[0], values[0] / 0.09],
             name if name.starts_with("bilinear") || name.starts_with("trapezoidal") => [values[3], values[4]],
             _ => [values[0], values[0] * values[3]],
         };

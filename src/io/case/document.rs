@@ -70,12 +70,13 @@ const OF_CORRELATION: [&str; 11] = [
     "report",
 ];
 const INTERFACE: &str = "interface";
-const OF_JOINT: [&str; 10] = [
+const OF_JOINT: [&str; 11] = [
     "mesh",
     "groups",
     "boundary",
     "support",
     "applied_load",
+    "path",
     "substrate",
     "cohesive",
     "output",
@@ -83,7 +84,7 @@ const OF_JOINT: [&str; 10] = [
     "fit",
 ];
 /// What drives a joint that no images tell of.
-const DRIVES: [&str; 2] = ["support", "applied_load"];
+const DRIVES: [&str; 3] = ["support", "applied_load", "path"];
 const TESTS: &str = "test";
 /// What a case of several tests has beside them.
 const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
@@ -171,6 +172,7 @@ impl CaseDocument {
             boundary,
             supports,
             applied_loads,
+            path,
             substrate,
             cohesive,
             tests,
@@ -200,6 +202,7 @@ impl CaseDocument {
             boundary,
             supports,
             applied_loads,
+            path,
             substrate,
             cohesive,
             tests,

@@ -29,6 +29,33 @@ pub struct CaseSupport {
     pub tied: Option<CaseTied>,
 }
 
+/// How the history of border, supports and loads is gone through. Of `quadrille simulate` alone.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CasePath {
+    /// From instant to instant, jumping where the joint snaps; or along the path of equilibria by its length, through snaps, where
+    /// displacement and load go back. The points of the path then are the instants of all results.
+    #[schemars(extend("default" = "instants"))]
+    pub control: Option<CasePathControl>,
+    /// Of `arc-length`: largest change of a jump from point to point, over the opening at which the joint counts as cracked.
+    #[schemars(extend("default" = 0.25))]
+    pub step: Option<f64>,
+    /// Of `arc-length`: points at most.
+    #[schemars(extend("default" = 2000))]
+    pub max_points: Option<usize>,
+}
+
+/// How a history is gone through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CasePathControl {
+    /// From instant to instant.
+    #[default]
+    Instants,
+    /// By the length of the path.
+    ArcLength,
+}
+
 /// Which components a rigid body moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

@@ -2,7 +2,7 @@
 
 use crate::io::case::{
     CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseNodeGroup, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
+    CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,6 +24,8 @@ pub struct JointCase {
     pub supports: Vec<CaseSupport>,
     /// The sections `[[applied_load]]`.
     pub applied_loads: Vec<CaseAppliedLoad>,
+    /// The section `[path]`.
+    pub path: CasePath,
     /// The section `[substrate]`, with `[substrate.NAME]` where groups of elements have their own material.
     pub substrate: CaseSubstrate,
     /// The section `[cohesive]`.
@@ -61,6 +63,7 @@ impl CaseDocument {
             },
             supports: case.supports,
             applied_loads: case.applied_loads,
+            path: case.path.unwrap_or_default(),
             substrate: case.substrate.ok_or_else(|| missing("substrate", LAW))?,
             cohesive: case.cohesive.ok_or_else(|| missing("cohesive", LAW))?,
             output: case.output.unwrap_or_default(),

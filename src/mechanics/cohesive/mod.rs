@@ -4,6 +4,7 @@
 
 mod bilinear;
 mod dual;
+mod exponential_damage;
 mod extended_xu_needleman;
 mod mixed_mode;
 mod park_paulino_roesler;
@@ -14,6 +15,7 @@ mod trapezoidal;
 mod xu_needleman;
 
 pub use bilinear::Bilinear;
+pub use exponential_damage::ExponentialDamage;
 pub use extended_xu_needleman::ExtendedXuNeedleman;
 pub use mixed_mode::MixedModeCriterion;
 pub use park_paulino_roesler::ParkPaulinoRoesler;
@@ -196,7 +198,7 @@ pub enum LawError {
 }
 
 /// Names of all laws.
-pub const LAW_NAMES: [&str; 8] = [
+pub const LAW_NAMES: [&str; 9] = [
     ExtendedXuNeedleman::NAME,
     XuNeedleman::NAME,
     Bilinear::BENZEGGAGH_KENANE,
@@ -205,6 +207,7 @@ pub const LAW_NAMES: [&str; 8] = [
     Trapezoidal::POWER,
     ParkPaulinoRoesler::NAME,
     SmithFerrante::NAME,
+    ExponentialDamage::NAME,
 ];
 
 /// The parameters of the law called `name`.
@@ -221,6 +224,7 @@ pub fn parameters_by_name(name: &str) -> Result<&'static [Parameter], LawError> 
         Trapezoidal::POWER => Ok(Trapezoidal::parameters_with(MixedModeCriterion::Power)),
         ParkPaulinoRoesler::NAME => Ok(&ParkPaulinoRoesler::PARAMETERS),
         SmithFerrante::NAME => Ok(&SmithFerrante::PARAMETERS),
+        ExponentialDamage::NAME => Ok(&ExponentialDamage::PARAMETERS),
         _ => Err(LawError::Unknown { name: name.to_owned() }),
     }
 }
@@ -249,6 +253,7 @@ pub fn law_by_name(name: &str, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, L
         }
         ParkPaulinoRoesler::NAME => Ok(Box::new(ParkPaulinoRoesler::new(exactly(ParkPaulinoRoesler::NAME, values)?)?)),
         SmithFerrante::NAME => Ok(Box::new(SmithFerrante::new(exactly(SmithFerrante::NAME, values)?)?)),
+        ExponentialDamage::NAME => Ok(Box::new(ExponentialDamage::new(exactly(ExponentialDamage::NAME, values)?)?)),
         _ => Err(LawError::Unknown { name: name.to_owned() }),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{JointReport, version};
 use crate::io::vtk::{GridValues, write_grid};
-use crate::mechanics::cohesive::{Jump, Traction};
+use crate::mechanics::cohesive::{CohesiveResponse, Jump, Traction};
 use crate::mechanics::{Instant, Joint};
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -88,15 +88,20 @@ fn spatial(field: &[[f64; 2]]) -> Vec<[f64; 3]> {
     field.iter().map(|&[x, y]| [x, y, 0.0]).collect()
 }
 
+/// Whether a law is beyond its peak: the symmetric part of its tangent is not positive.
+pub(super) fn softens(response: &CohesiveResponse) -> bool {
+    let tangent = &response.tangent;
+    let (nn, nt, tn, tt) = (tangent.m11, tangent.m12, tangent.m21, tangent.m22);
+    nn * tt - 0.25 * (nt + tn) * (nt + tn) < 0.0 || nn + tt < 0.0
+}
+
 /// -1 compressed, 0 loading, 1 softening (the symmetric part of the tangent is not positive), 2 open.
 fn state(joint: &Joint, jump: Jump) -> f64 {
-    let tangent = joint.law.response(jump).tangent;
-    let (nn, nt, tn, tt) = (tangent.m11, tangent.m12, tangent.m21, tangent.m22);
     if jump.normal < 0.0 {
         -1.0
     } else if jump.normal >= joint.law.front_opening() {
         2.0
-    } else if nn * tt - 0.25 * (nt + tn) * (nt + tn) < 0.0 || nn + tt < 0.0 {
+    } else if softens(&joint.law.response(jump)) {
         1.0
     } else {
         0.0

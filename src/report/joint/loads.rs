@@ -1,7 +1,7 @@
 //! Loads of a run: reactions of groups of nodes, the load-displacement curve, energies and their balance.
 
 use super::JointReport;
-use crate::mechanics::{Energies, Instant, Status};
+use crate::mechanics::{Energies, Instant, RigidBlock, Status};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ pub struct ReactionSummary {
     /// The force from outside on the nodes of the group (of supports, rigid bodies and loads), along x and y.
     #[serde(rename = "force_N_per_mm")]
     pub force_n_per_mm: [f64; 2],
-    /// Mean displacement of the prescribed nodes; where the component is free, of all.
+    /// Mean displacement of the prescribed nodes; where the component is free, of all; of a rigid body that of its point.
     pub displacement_mm: [f64; 2],
 }
 
@@ -89,6 +89,13 @@ impl JointReport<'_> {
         let (model, groups) = (&self.joint.model, &self.joint.groups);
         let forces = model.reactions(&*self.joint.law, &instant.displacement, groups);
         let mean = |nodes: &[u32]| {
+            // Of a rigid body it is that of its point.
+            let blocks = model.supports().blocks.iter().zip(model.block_displacements(&instant.displacement));
+            let same = |block: &RigidBlock| block.nodes.len() == nodes.len() && block.nodes.iter().all(|n| nodes.contains(n));
+            if let Some((block, moved)) = blocks.into_iter().find(|(block, _)| same(block)) {
+                let middle = |c: usize| nodes.iter().map(|&node| instant.displacement[node as usize][c]).sum::<f64>();
+                return [0, 1].map(|c| if block.tied[c] { moved[c] } else { middle(c) / nodes.len() as f64 });
+            }
             // Of the nodes whose component is held, or of all where it is free.
             [0, 1].map(|c| {
                 let held = nodes.iter().filter(|&&node| model.unknown(node as usize, c).is_none());

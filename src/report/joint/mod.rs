@@ -22,12 +22,14 @@ pub struct JointReport<'a> {
     pub solution: &'a Solution,
     /// Its energies, by instant; empty where they were not computed.
     pub energies: &'a [Option<Energies>],
+    /// Where in the history of the case each instant is, of a path that was followed by its length; else empty.
+    pub times: &'a [f64],
 }
 
 impl<'a> JointReport<'a> {
     /// Without energies.
     pub fn new(joint: &'a Joint, solution: &'a Solution) -> Self {
-        Self { joint, solution, energies: &[] }
+        Self { joint, solution, energies: &[], times: &[] }
     }
 
     /// The instants that have a solution, with their numbers from 1.

@@ -1,9 +1,10 @@
 //! `summary.json` of a run of the mechanics.
 
 use super::JointReport;
+use super::grids::softens;
 use super::loads::{Balance, EnergySummary, ReactionSummary};
 use crate::field::RigidMotion;
-use crate::mechanics::cohesive::Parameter;
+use crate::mechanics::cohesive::{Jump, Parameter};
 use crate::mechanics::{Instant, Joint, Status};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -102,6 +103,9 @@ pub struct InstantSummary {
     /// Why there is no solution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
+    /// Of a path that was followed by its length: where in the history of the case it is, 0 at rest, k at its instant k.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
     /// What a user should look at.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
@@ -164,8 +168,31 @@ impl JointReport<'_> {
             energy: self.energies.get(number - 1).copied().flatten().map(EnergySummary::from),
             snapped_pairs,
             message,
-            warnings: rotation.and_then(|w| too_large(self.joint, w)).into_iter().collect(),
+            time: self.times.get(number - 1).copied(),
+            warnings: rotation.and_then(|w| too_large(self.joint, w)).into_iter().chain(self.closing(number)).collect(),
         }
+    }
+
+    /// What is to be said of an instant at which pairs beyond their peak close.
+    fn closing(&self, number: usize) -> Option<String> {
+        let Joint { model, law, .. } = self.joint;
+        let of = |k: usize| self.solution.instants.get(k).filter(|instant| instant.status.converged());
+        let (before, now) = (of(number.checked_sub(2)?)?, of(number - 1)?);
+        let (before, now) = (model.jumps(&before.displacement), model.jumps(&now.displacement));
+        // Less is round-off of a state that stands still.
+        let little = 1e-3 * law.front_opening();
+        let cracked = model.mesh().cracked_pairs();
+        let closes = |&k: &usize| {
+            let size = |jump: &Jump| jump.normal.max(0.0).hypot(jump.tangential);
+            !cracked[k] && size(&now[k]) < size(&before[k]) - little && softens(&law.response(before[k]))
+        };
+        let pairs: Vec<usize> = (0..now.len()).filter(closes).collect();
+        let [lower, upper] = model.mesh().pairs()[*pairs.first()?];
+        Some(format!(
+            "{} node pairs beyond their peak close, the first ({lower}, {upper}): the law goes back along its curve there, where a \
+             damaged adhesive would unload",
+            pairs.len()
+        ))
     }
 }
 

@@ -1,0 +1,87 @@
+//! An exponential law by one damage for both components.
+
+use super::secants::{Secants, answer_by_secants, opening_and_sliding};
+use super::{
+    CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
+};
+
+/// One damage for both components, with one stiffness. With the effective jump `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`:
+///
+/// ```text
+/// T_n = G_c/delta_c^2 exp(-lambda/delta_c) D_n        T_t = G_c/delta_c^2 exp(-lambda/delta_c) D_t
+/// ```
+///
+/// Unlike [`super::SmithFerrante`] it has no potential where `beta` is not 1: the work of separation is `G_c` in opening and
+/// `G_c/beta^2` in sliding, and between them it depends on the path. In compression `T_n = G_c/delta_c^2 D_n`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExponentialDamage {
+    values: [f64; 3],
+}
+
+impl ExponentialDamage {
+    /// Its name in case files.
+    pub const NAME: &'static str = "exponential-damage";
+
+    /// Its parameters.
+    pub const PARAMETERS: [Parameter; 3] = [
+        Parameter { name: "G_c", unit: "N/mm", meaning: "work of separation in opening" },
+        Parameter { name: "delta_c", unit: "mm", meaning: "opening at the largest normal traction" },
+        Parameter { name: "beta", unit: "1", meaning: "weight of the sliding in the effective jump" },
+    ];
+
+    /// The law with `G_c` (N/mm), `delta_c` (mm) and `beta`, all positive.
+    ///
+    /// # Errors
+    /// [`LawError::Parameter`] for the first that is not.
+    pub fn new(values: [f64; 3]) -> Result<Self, LawError> {
+        all_positive(&Self::PARAMETERS, &values)?;
+        Ok(Self { values })
+    }
+
+    fn secants(&self, jump: Jump) -> Secants<5> {
+        let [g_c, delta_c, beta] = super::variables(self.values);
+        let [opening, sliding] = opening_and_sliding(jump);
+        let stiffness = g_c / delta_c.squared();
+        let length2 = opening.squared() + beta.squared() * sliding.squared();
+        // At rest the root has no slope, but what it is multiplied with is zero.
+        let normal = match length2.value < f64::MIN_POSITIVE {
+            true => stiffness,
+            false => stiffness * (-(length2.sqrt() / delta_c)).exp(),
+        };
+        Secants { normal, tangential: normal, compression: stiffness }
+    }
+}
+
+impl CohesiveLaw for ExponentialDamage {
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &Self::PARAMETERS
+    }
+
+    fn values(&self) -> Vec<f64> {
+        self.values.to_vec()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Result<Box<dyn CohesiveLaw>, LawError> {
+        Ok(Box::new(Self::new(exactly(Self::NAME, values)?)?))
+    }
+
+    answer_by_secants!();
+
+    fn peak(&self) -> Traction {
+        let [g_c, delta_c, beta] = self.values;
+        let normal = g_c / (std::f64::consts::E * delta_c);
+        Traction { normal, tangential: normal / beta }
+    }
+
+    fn sliding_work(&self) -> Option<f64> {
+        Some(self.values[0] / self.values[2].powi(2))
+    }
+
+    fn front_opening(&self) -> f64 {
+        5.0 * self.values[1]
+    }
+}
