@@ -7,6 +7,7 @@ mod crack_path;
 mod document;
 mod explain;
 mod fields;
+mod force;
 mod guard;
 mod joint;
 mod law;
@@ -19,6 +20,7 @@ pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use explain::{CaseError, CasePlace, CaseText};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
+pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
@@ -105,6 +107,9 @@ pub struct Case {
     /// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there
     /// neither is given.
     pub measurement: Option<CaseMeasurement>,
+    /// What the load cell recorded (docs/identification.md): beside the displacements in the objective of a fit, or alone; with `use =
+    /// false`, or without a fit, held against the prediction.
+    pub force: Option<CaseForce>,
     /// What is fitted, from where, and what is stated of its error (docs/identification.md).
     pub fit: Option<CaseFit>,
     /// Record of a finished run; read over.

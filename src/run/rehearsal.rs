@@ -8,7 +8,7 @@ use super::zones::Zones;
 use crate::correlate::CorrelationError;
 use crate::identify::Case;
 use crate::io::case::CaseDocument;
-use crate::io::joint::{BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput};
+use crate::io::joint::{BoundaryInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput, read_force};
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;
 use crate::units::PixelSize;
@@ -37,8 +37,9 @@ pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
         mesh.lower = mesh.groups.iter().position(|group| group == first).map(|at| at as u32);
     }
     let measurement = case.has_fit().then(|| MeasurementInput::Run(run.clone()));
-    let input =
-        JointInput { case: of_joint, mesh: MeshInput::Run(mesh), boundary: BoundaryInput::Run(run), measurement };
+    let boundary = BoundaryInput::Run(run);
+    let force = read_force(&of_joint, &boundary)?;
+    let input = JointInput { case: of_joint, mesh: MeshInput::Run(mesh), boundary, measurement, force };
     let joint = Case::joint(&input)?;
     let mut warnings: Vec<String> = joint.doubts.iter().filter(|doubt| doubt.contains("in mm?")).cloned().collect();
     if case.has_fit() {

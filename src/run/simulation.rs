@@ -8,13 +8,16 @@ use super::session::Outcome;
 use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::Case;
-use crate::io::joint::read_joint;
-use crate::mechanics::{EnergyOptions, ForwardOptions};
-use crate::report::Picture;
+use crate::io::joint::{JointInput, read_joint};
+use crate::mechanics::{EnergyOptions, ForwardOptions, Joint, Solution};
 use crate::report::joint::{JointReport, JointSummary};
+use crate::report::{ForceRecord, Picture};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
+
+/// The load cell beside the prediction, in the folder of the results.
+pub(super) const FORCE: &str = "force.csv";
 
 /// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each instant.
 const ENERGIES_UP_TO: usize = 20_000;
@@ -63,9 +66,11 @@ pub fn simulate(
         false => Vec::new(),
     };
 
-    let report = JointReport { energies: &energies, ..JointReport::new(&joint, &solution) };
-    let asked = input.case.output.figures.as_deref();
     let mut warnings = joint.doubts.clone();
+    let force = force(&input, &joint, &solution, &mut warnings)?;
+    let force = force.as_ref();
+    let report = JointReport { energies: &energies, force, ..JointReport::new(&joint, &solution) };
+    let asked = input.case.output.figures.as_deref();
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
     for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
         warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
@@ -74,6 +79,10 @@ pub fn simulate(
     write_solution(&folder, &report)?;
     if !energies.is_empty() {
         folder.write("energies.csv", |out| report.write_energies(out))?;
+    }
+    if let Some(force) = force {
+        folder.write(FORCE, |out| force.write(out))?;
+        save(&folder, "force", &force.draw()?)?;
     }
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
@@ -84,6 +93,20 @@ pub fn simulate(
         false => Outcome::Incomplete,
     };
     Ok((summary, outcome))
+}
+
+/// What the load cell measured beside the prediction.
+fn force(
+    input: &JointInput,
+    joint: &Joint,
+    solution: &Solution,
+    warnings: &mut Vec<String>,
+) -> Result<Option<ForceRecord>> {
+    let Some(cell) = Case::load_cell(joint, input, warnings)? else { return Ok(None) };
+    let comparison = cell.compare(&joint.model, &*joint.law, solution);
+    let record = comparison.map(|comparison| ForceRecord::of(&cell, &comparison, false));
+    warnings.extend(record.as_ref().and_then(|record| record.doubt.clone()));
+    Ok(record)
 }
 
 /// Writes a figure as PNG and SVG.

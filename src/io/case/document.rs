@@ -69,7 +69,8 @@ const OF_CORRELATION: [&str; 11] = [
     "report",
 ];
 const INTERFACE: &str = "interface";
-const OF_JOINT: [&str; 8] = ["mesh", "groups", "boundary", "substrate", "cohesive", "output", "measurement", "fit"];
+const OF_JOINT: [&str; 9] =
+    ["mesh", "groups", "boundary", "substrate", "cohesive", "output", "measurement", "force", "fit"];
 const TESTS: &str = "test";
 /// What a case of several tests has beside them.
 const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
@@ -160,6 +161,7 @@ impl CaseDocument {
             tests,
             output,
             measurement,
+            force,
             fit,
         } = self.case;
         let of_correlation = CaseFile {
@@ -187,6 +189,7 @@ impl CaseDocument {
             tests,
             output,
             measurement,
+            force,
             fit,
             ..Case::default()
         };

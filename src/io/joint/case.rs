@@ -1,8 +1,8 @@
 //! The sections of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::{
-    CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseNodeGroup, CaseSubstrate, CaseText, Reader, read_document,
+    CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseForce, CaseJointMesh, CaseJointOutput,
+    CaseMeasurement, CaseNodeGroup, CaseSubstrate, CaseText, Reader, read_document,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,8 @@ pub struct JointCase {
     pub output: CaseJointOutput,
     /// The section `[measurement]`: displacements that the parameters are fitted to.
     pub measurement: Option<CaseMeasurement>,
+    /// The section `[force]`.
+    pub force: Option<CaseForce>,
     /// The section `[fit]`.
     pub fit: Option<CaseFit>,
 }
@@ -54,6 +56,7 @@ impl CaseDocument {
             cohesive: case.cohesive.ok_or_else(|| missing("cohesive", LAW))?,
             output: case.output.unwrap_or_default(),
             measurement: case.measurement,
+            force: case.force,
             fit: case.fit,
             text,
         })

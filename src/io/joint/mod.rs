@@ -6,6 +6,7 @@
 mod boundary;
 mod case;
 mod correlated;
+mod force;
 mod measurement;
 mod mesh;
 #[cfg(feature = "store")]
@@ -21,6 +22,7 @@ pub use boundary::{BoundaryTable, read_boundary};
 pub(in crate::io) use case::LAW;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
+pub use force::{ForceInput, read_force};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
@@ -28,6 +30,7 @@ pub use several::{IdentifyInput, TestInput, TestsInput, read_identify};
 pub use table::{read_table, write_table};
 
 use super::case::{CaseError, CasePlace};
+use super::load::LoadError;
 use super::mesh_file::MeshFileError;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -44,6 +47,8 @@ pub struct JointInput {
     pub boundary: BoundaryInput,
     /// What was measured, where the case says it.
     pub measurement: Option<MeasurementInput>,
+    /// What the load cell recorded, where the case says it.
+    pub force: Option<ForceInput>,
 }
 
 /// Where the displacements that parameters are fitted to come from.
@@ -143,6 +148,8 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
             }
             _ => return Err(wrong(JointFileError::OtherMeasuredRun)),
         },
+        // A load curve can be fitted alone.
+        Some(CaseMeasurement { file: None, store: None, .. }) if case.force.is_some() => None,
         Some(_) => return Err(wrong(JointFileError::NoMeasurement)),
     };
     let boundary = match (&boundary.file, run) {
@@ -150,7 +157,8 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         (None, Some(run)) if boundary.store.is_some() => BoundaryInput::Run(run),
         _ => return Err(wrong(JointFileError::NoBoundary)),
     };
-    Ok(JointInput { case, mesh, boundary, measurement })
+    let force = read_force(&case, &boundary).map_err(wrong)?;
+    Ok(JointInput { case, mesh, boundary, measurement, force })
 }
 
 /// One name for each run, however it is written.
@@ -324,6 +332,12 @@ pub enum JointFileError {
         /// The table.
         path: PathBuf,
     },
+    /// A `[force]` without a file.
+    #[error("[force] names no load file; give file = \"load.csv\"")]
+    NoForceFile,
+    /// A load file that cannot be used.
+    #[error("[force] {0}")]
+    Force(#[from] LoadError),
     /// A scale that is none.
     #[error("[measurement] pixel_size_mm = {value}: it must be a finite number above zero")]
     BadScale {
@@ -345,6 +359,7 @@ impl JointFileError {
             Self::NoMesh => Some("mesh"),
             Self::NoBoundary | Self::OtherRun => Some("boundary"),
             Self::NoMeasurement | Self::BadScale { .. } | Self::OtherMeasuredRun => Some("measurement"),
+            Self::NoForceFile | Self::Force(_) => Some("force"),
             _ => None,
         }
     }

@@ -11,6 +11,7 @@ pub use drawing::{JointMap, JointProfiles};
 pub use loads::{Balance, EnergySummary, ReactionSummary};
 pub use summary::{InstantSummary, JointSummary, LawSummary};
 
+use super::ForceRecord;
 use crate::mechanics::{Energies, Instant, Joint, Sensitivity, Solution};
 
 /// A joint and its solution.
@@ -22,12 +23,14 @@ pub struct JointReport<'a> {
     pub solution: &'a Solution,
     /// Its energies, by instant; empty where they were not computed.
     pub energies: &'a [Option<Energies>],
+    /// The load cell beside the prediction, where there is one.
+    pub force: Option<&'a ForceRecord>,
 }
 
 impl<'a> JointReport<'a> {
-    /// Without energies.
+    /// Without energies and load cell.
     pub fn new(joint: &'a Joint, solution: &'a Solution) -> Self {
-        Self { joint, solution, energies: &[] }
+        Self { joint, solution, energies: &[], force: None }
     }
 
     /// The instants that have a solution, with their numbers from 1.
