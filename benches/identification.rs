@@ -53,8 +53,14 @@ fn all_nodes<'a>(problem: Problem<'a>, experiment: &'a Experiment, mm: f64) -> P
         })
         .collect();
     let nodes: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-    let observation =
-        Observation { compared: vec![true; nodes.len()], nodes, prescribed, instants, pixel_size_mm: None };
+    let observation = Observation {
+        compared: vec![true; nodes.len()],
+        nodes,
+        prescribed,
+        instants,
+        pixel_size_mm: None,
+        force: None,
+    };
     let noise = Noise {
         precision: Precision::White(observation.n_rows()),
         common: 1.0,

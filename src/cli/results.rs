@@ -3,6 +3,7 @@
 use super::lines::wrapped;
 use super::paint::Paint;
 use super::plural;
+use crate::report::ForceRecord;
 use crate::report::fit::{FitRecord, budget_lines, defaults_used};
 use crate::report::joint::JointSummary;
 use crate::report::tournament::TournamentRecord;
@@ -25,6 +26,7 @@ pub(super) fn of_fit(json: &FitRecord, output: &Path, paint: Paint) {
         eprintln!("{name} = {:.6} {}{spread}{conditional}{bound}", p.value, p.unit);
     }
     of_tests(json);
+    json.force.iter().chain(json.tests.iter().filter_map(|test| test.force.as_ref())).for_each(of_force);
     let parts = budget_lines(json);
     if !parts.is_empty() {
         eprintln!("largest standard uncertainties: {}", parts.join("; "));
@@ -47,6 +49,12 @@ pub(super) fn of_fit(json: &FitRecord, output: &Path, paint: Paint) {
         json.seconds,
         output.display()
     );
+}
+
+/// The load cell beside the prediction.
+fn of_force(force: &ForceRecord) {
+    let used = if force.used { "" } else { " (not part of a fit)" };
+    eprintln!("{}", wrapped(&format!("{}{used}", force.text), 2));
 }
 
 /// Of several tests: what each tells of each parameter, and how well the model follows it.
@@ -87,6 +95,7 @@ pub(super) fn of_joint(summary: &JointSummary, output: &Path) {
     if let Some(message) = summary.instants.iter().find_map(|instant| instant.message.as_ref()) {
         eprintln!("{message}");
     }
+    summary.force.iter().for_each(of_force);
     if let Some(balance) = &summary.energy_balance {
         eprintln!("{}", balance.text());
     }

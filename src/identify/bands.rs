@@ -401,7 +401,8 @@ fn jump_errors(
     let follows = fit.evaluation.jacobian()[i].transposed_times(&pushed);
     let taken = covariance.times(&follows);
     cross.add(-1.0, &taken);
-    let of_common = noise.precision.inverse_times(&pushed);
+    let mut of_common = noise.precision.inverse_times(&pushed);
+    noise.precision.leave_force_out(&mut of_common);
     // The common error is known better than before by the number of instants.
     let m = observation.instants.len() as f64;
     let common = if noise.common > 0.0 { 1.0 / (m + 1.0 / noise.common) } else { 0.0 };

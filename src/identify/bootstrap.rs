@@ -146,6 +146,13 @@ impl Base<'_> {
         for observed in &mut data.instants {
             let u = &self.evaluation.solution.instants[observed.index].displacement;
             let e = &noise[observed.index];
+            if let (Some(cell), Some(row)) = (&mut data.force, observation.force_row())
+                && cell.at(observed.index).is_some()
+            {
+                let law = unknowns.law_at(&self.evaluation.x).ok()?;
+                let computed = cell.width_mm * cell.reaction(&joint.model, &*law, u).value;
+                cell.values[observed.index] = Some(computed + sign * e[row]);
+            }
             for (row, value) in observed.displacement.iter_mut().enumerate() {
                 *value = u[observation.nodes[row / 2] as usize][row % 2] + sign * e[row];
             }

@@ -1,6 +1,7 @@
 //! An identification as its case file describes it.
 
 use super::error::{FitError, wrong};
+use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
 use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
@@ -49,6 +50,8 @@ pub struct Case<'a> {
     pub implausible: Vec<Implausible>,
     /// Time after which the fit ends at the best point so far, s.
     pub max_seconds: Option<f64>,
+    /// The load cell, whether it takes part in the fit or is only held against the prediction.
+    pub force: Option<LoadCell>,
 }
 
 /// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
@@ -70,6 +73,20 @@ impl<'a> Case<'a> {
     /// See [`FitError`].
     pub fn new(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
         Self::of(joint, input, path).map_err(|error| error.in_case(&input.case.text))
+    }
+
+    /// The load cell of a case, to be held against a prediction; `None` where there is none.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn load_cell(
+        joint: &Joint,
+        input: &JointInput,
+        doubts: &mut Vec<String>,
+    ) -> Result<Option<LoadCell>, FitError> {
+        let (Some(asked), Some(read)) = (&input.case.force, &input.force) else { return Ok(None) };
+        let made = LoadCell::new(joint, asked, read, false, doubts);
+        made.map(Some).map_err(|error| error.in_case(&input.case.text))
     }
 
     /// Whether the laws, materials and parameters of a case are some that there are: what can be told before anything is measured.
@@ -97,8 +114,17 @@ impl<'a> Case<'a> {
     fn of(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
         let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
         let case = &input.case;
-        let (Some(measurement), Some(measured)) = (&case.measurement, &input.measurement) else {
-            return Err(missing("measurement", "give file = \"measured.csv\" or store = \"run/fields.zarr\""));
+        let used = case.force.as_ref().is_some_and(|force| force.used);
+        let nothing = CaseMeasurement::default();
+        let (measurement, measured) = match (&case.measurement, &input.measurement) {
+            (Some(measurement), Some(measured)) => (measurement, Some(measured)),
+            // The load curve alone.
+            (measurement, None) if used => (measurement.as_ref().unwrap_or(&nothing), None),
+            _ => {
+                let hint =
+                    "give file = \"measured.csv\" or store = \"run/fields.zarr\"; or [force] for a load curve alone";
+                return Err(missing("measurement", hint));
+            }
         };
         let Some(table) = &case.fit else {
             return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
@@ -108,14 +134,30 @@ impl<'a> Case<'a> {
             doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
         }
         let unknowns = unknowns(&*joint.law, table)?;
-        let of_run = matches!(measured, MeasurementInput::Run(_));
+        let cell = match (&case.force, &input.force) {
+            (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut doubts)?),
+            _ => None,
+        };
+        let in_fit = cell.clone().filter(|_| used);
+        let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
         let weights = match measurement.weights {
-            None if of_run => WeightKind::Covariance,
+            Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
+                let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \"covariance\", or \
+                            [force] use = false";
+                return Err(wrong("measurement", "weights", what));
+            }
+            None if of_run || used => WeightKind::Covariance,
             None | Some(CaseWeights::Paper) => WeightKind::Paper,
             Some(CaseWeights::Uniform) => WeightKind::Uniform,
             Some(CaseWeights::Covariance) => WeightKind::Covariance,
         };
         let boundary = match measurement.boundary.unwrap_or_default() {
+            _ if measured.is_none() && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
+                let what =
+                    "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
+                return Err(wrong("measurement", "boundary", what));
+            }
+            _ if measured.is_none() => "exact",
             CaseBoundaryNoise::Measured => "measured",
             CaseBoundaryNoise::Estimated => "estimated",
             CaseBoundaryNoise::Exact => "exact",
@@ -132,11 +174,21 @@ impl<'a> Case<'a> {
             let what = "boundary = \"estimated\" needs weights = \"covariance\"";
             return Err(wrong("measurement", "boundary", what));
         }
-        if let MeasurementInput::Run(run) = measured {
+        if let Some(MeasurementInput::Run(run)) = measured {
             doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
         }
-        let observation = observation(joint, input, measurement, measured, boundary != "exact", &mut doubts)?;
-        let noise = noise(joint, measurement, measured, &observation, boundary != "exact", &mut doubts)?;
+        let noisy = boundary != "exact";
+        let (mut observation, mut noise) = match measured {
+            Some(measured) => {
+                let observation = observation(joint, input, measurement, measured, noisy, &mut doubts)?;
+                let noise = noise(joint, measurement, measured, &observation, noisy, &mut doubts)?;
+                (observation, noise)
+            }
+            None => of_force_alone(joint, measurement)?,
+        };
+        if let Some(cell) = &in_fit {
+            (observation, noise) = with_force(observation, noise, cell, &mut doubts)?;
+        }
         check_weights(&observation, weights)?;
         let (n_data, n_parameters) = (observation.n_data(), unknowns.n());
         if n_data < n_parameters {
@@ -150,7 +202,7 @@ impl<'a> Case<'a> {
                 max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
                 ..TrustRegionOptions::default()
             },
-            constants: uncertainties::constants(joint, input, table, measurement, &mut doubts)?,
+            constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut doubts)?,
             doubt: true,
             release: true,
             rotations: !uncertainties::rotations_are_small(table),
@@ -218,8 +270,14 @@ impl<'a> Case<'a> {
             check_laws(&table.laws, unknowns.law(), n_data)?;
         }
         let n_compared = observation.compared.iter().filter(|c| **c).count();
+        let compared = match (n_compared, &observation.force) {
+            (0, _) => String::new(),
+            (n, None) => format!("{n} nodes"),
+            (n, Some(_)) => format!("{n} nodes and "),
+        };
+        let force = observation.force.as_ref().map_or(String::new(), |cell| format!("the load of {}", cell.group.name));
         let about = format!(
-            "{n_compared} nodes at {} instants, {} weights, {boundary} boundary; noise: {}",
+            "{compared}{force} at {} instants, {} weights, {boundary} boundary; noise: {}",
             observation.instants.len(),
             weights.name(),
             noise.source
@@ -239,6 +297,7 @@ impl<'a> Case<'a> {
             doubts,
             implausible,
             max_seconds,
+            force: cell,
         })
     }
 }
@@ -549,7 +608,72 @@ fn observation(
         false => Vec::new(),
     };
     let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
-    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm: uncertainties::mm_per_px(input) })
+    let pixel_size_mm = uncertainties::mm_per_px(input);
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None })
+}
+
+/// What is compared where no displacement was measured: no node, all instants of the border.
+fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Observation, Noise), FitError> {
+    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
+    let n = joint.boundary.instants().len();
+    if let Some(factor) = factors.iter().find(|factor| ![0.0, 1.0].contains(*factor)) {
+        let what = format!("instant_weights holds {factor}; of a load curve alone they may be 0 or 1 only");
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    if factors.len() > n {
+        let what = format!("instant_weights has {} entries, but there are {n} instants", factors.len());
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    let instant = |index: usize| ObservedInstant { index, displacement: Vec::new(), largest: [0.0; 2], factor: 1.0 };
+    let instants = (0..n).filter(|&index| factors.get(index) != Some(&0.0)).map(instant).collect();
+    let (nodes, compared, prescribed) = (Vec::new(), Vec::new(), Vec::new());
+    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force: None };
+    let noise = Noise {
+        precision: Precision::White(0),
+        common: 0.0,
+        on_boundary: false,
+        sigma: Some(1.0),
+        source: String::new(),
+        ratio: None,
+    };
+    Ok((observation, noise))
+}
+
+/// The same with the force of the load cell as one more row.
+fn with_force(
+    mut observation: Observation,
+    mut noise: Noise,
+    cell: &LoadCell,
+    doubts: &mut Vec<String>,
+) -> Result<(Observation, Noise), FitError> {
+    let Some(sigma) = noise.sigma else {
+        let what = "noise_mm is missing: displacements and forces are weighed by their noise, and that of the displacements cannot be \
+                    estimated from a residual that holds both";
+        return Err(wrong("measurement", "noise_mm", what));
+    };
+    // Asked for where a load cell is made for a fit.
+    let Some(std) = cell.std_n else { return Err(wrong("force", "std_N", "std_N is missing")) };
+    let without: Vec<String> = (observation.instants.iter())
+        .filter(|instant| cell.at(instant.index).is_none())
+        .map(|instant| (instant.index + 1).to_string())
+        .collect();
+    if without.len() == observation.instants.len() {
+        let what = "there is no force at any instant that is compared; look at the file, its column and its times";
+        return Err(wrong("force", "file", what));
+    }
+    if !without.is_empty() {
+        doubts.push(format!("no force is known at instants {}", without.join(", ")));
+    }
+    if observation.nodes.is_empty() {
+        // Rows of nothing would count as instants with data.
+        observation.instants.retain(|instant| cell.at(instant.index).is_some());
+    }
+    observation.force = Some(cell.clone());
+    let joined = if noise.source.is_empty() { "" } else { "; " };
+    noise.source = format!("{}{joined}force {std} N as given", noise.source);
+    let weight = sigma * sigma / (std * std);
+    noise.precision = Precision::WithForce { displacements: Box::new(noise.precision), weight };
+    Ok((observation, noise))
 }
 
 fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {

@@ -3,6 +3,7 @@
 //! To first order `dX/dc = -A J^T W dU/dc`. The derivatives of the displacements come from the tangent at the solution: the change
 //! of the internal forces when the constant moves, solved for the free nodes. No further forward run is needed.
 
+use super::load_cell::LoadCell;
 use super::objective::{Evaluation, Problem};
 use super::statistics::Statistics;
 use crate::linalg::Dense;
@@ -90,6 +91,8 @@ pub enum ConstantKind {
     Face(Face),
     /// Pixel size: all lengths, measured and of the mesh, grow alike.
     PixelSize,
+    /// Width of the specimen, mm: forces of the model are its multiple.
+    Width,
     /// Relative size of the noise: it moves no estimate and scales what the noise does.
     NoiseLevel,
 }
@@ -114,6 +117,8 @@ struct Change {
     /// Of computed less measured displacement at every node.
     nodes: NodalField,
     jumps: Vec<Jump>,
+    /// Of computed less measured force, N.
+    force: f64,
 }
 
 /// The model with a face or the thickness moved by `by`.
@@ -137,7 +142,14 @@ impl Moved {
     }
 
     /// What a unit of the constant changes at the field `u` that `base` was linearised at.
-    fn change(&self, base: &Model, law: &dyn CohesiveLaw, tangent: &Linearised<'_>, u: &[[f64; 2]]) -> Change {
+    fn change(
+        &self,
+        base: &Model,
+        law: &dyn CohesiveLaw,
+        tangent: &Linearised<'_>,
+        u: &[[f64; 2]],
+        cell: Option<&LoadCell>,
+    ) -> Change {
         let slope = self.slope(u);
         // The prescribed nodes of the face keep what was measured, continued to their new place.
         let mut lead = vec![[0.0; 2]; u.len()];
@@ -155,8 +167,12 @@ impl Moved {
             tangential: (a.tangential - b.tangential) / self.by,
         };
         let jumps = after.iter().zip(&jumps).map(rate).collect();
+        let force = cell.map_or(0.0, |cell| {
+            let more = cell.force_on(&self.model, cell.group.nodes.clone(), law, &along(&nodes));
+            (more - cell.width_mm * cell.reaction(base, law, u).value) / self.by
+        });
         nodes.iter_mut().zip(&slope).for_each(|(u, slope)| *u = [0, 1].map(|c| u[c] - slope[c]));
-        Change { nodes, jumps }
+        Change { nodes, jumps, force }
     }
 }
 
@@ -183,6 +199,13 @@ impl Problem<'_> {
             let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
             let mut by_group: BTreeMap<usize, Vec<NodalField>> = BTreeMap::new();
             let still = || vec![[0.0; 2]; u.len()];
+            let cell = self.observation.force.as_ref().filter(|cell| cell.at(observed.index).is_some());
+            let reaction = cell.map(|cell| (cell.width_mm, cell.reaction(model, law, u)));
+            let carried =
+                |nodes: &NodalField| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.change(nodes));
+            let by_law =
+                |index: usize| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.by_law[index]);
+            let whole = reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.value);
             let mut of = |(constant, moved): (&&Constant, &Option<Moved>)| -> Option<Change> {
                 match &constant.kind {
                     ConstantKind::Material { groups, index } => {
@@ -193,18 +216,28 @@ impl Problem<'_> {
                             add(&mut nodes, 1.0, fields.get(*index)?);
                         }
                         let jumps = model.jump_changes(u, &nodes);
-                        Some(Change { nodes, jumps })
+                        let own = |cell: &LoadCell| {
+                            groups.iter().map(|&group| cell.by_material(model, group, u)[*index]).sum::<f64>()
+                        };
+                        let force = carried(&nodes) + cell.map_or(0.0, own);
+                        Some(Change { nodes, jumps, force })
                     }
                     ConstantKind::Law { index } => {
                         let nodes = instant.sensitivities.get(*index)?.clone();
                         let jumps = model.jump_changes(u, &nodes);
-                        Some(Change { nodes, jumps })
+                        let force = carried(&nodes) + by_law(*index);
+                        Some(Change { nodes, jumps, force })
+                    }
+                    ConstantKind::Width => {
+                        let jumps = vec![Jump::default(); model.mesh().pairs().len()];
+                        Some(Change { nodes: still(), jumps, force: cell.map_or(0.0, |cell| whole / cell.width_mm) })
                     }
                     ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
-                        Some(Change { nodes: still(), jumps: vec![Jump::default(); model.mesh().pairs().len()] })
+                        let jumps = vec![Jump::default(); model.mesh().pairs().len()];
+                        Some(Change { nodes: still(), jumps, force: 0.0 })
                     }
                     ConstantKind::Thickness | ConstantKind::Face(_) => {
-                        Some(moved.as_ref()?.change(model, law, tangent.as_ref()?, u))
+                        Some(moved.as_ref()?.change(model, law, tangent.as_ref()?, u, cell))
                     }
                     ConstantKind::PixelSize => {
                         // Were all parameters of the law to grow by their power of mm, the solution would grow as the data do:
@@ -212,12 +245,15 @@ impl Problem<'_> {
                         let small = model.options().kinematics.is_small();
                         let (mut nodes, mut all) = (still(), if small { u.clone() } else { still() });
                         let fitted = |index: usize| self.unknowns.list().iter().any(|unknown| unknown.index == index);
+                        // A reaction by width grows as lengths do, what the load cell shows does not.
+                        let mut force = whole;
                         for (index, (p, value)) in law.parameters().iter().zip(law.values()).enumerate() {
                             let grown = -power_of_length(p.unit) * value;
                             let field = instant.sensitivities.get(index)?;
                             add(&mut all, grown, field);
                             if !fitted(index) {
                                 add(&mut nodes, grown, field);
+                                force += grown * (carried(field) + by_law(index));
                             }
                         }
                         let mut jumps = model.jump_changes(u, &all);
@@ -230,7 +266,7 @@ impl Problem<'_> {
                                 };
                             });
                         }
-                        Some(Change { nodes, jumps })
+                        Some(Change { nodes, jumps, force })
                     }
                     ConstantKind::NoiseLevel => None,
                 }
@@ -249,11 +285,11 @@ impl Problem<'_> {
                 (ConstantKind::PixelSize, Some(value)) => constant.std / value,
                 _ => constant.std,
             };
-            let nodes = &self.observation.nodes;
-            let rows_of = |change: &&Change| {
-                Dense::from_fn(2 * nodes.len(), 1, |r, _| std * change.nodes[nodes[r / 2] as usize][r % 2])
+            let rows_of = |(change, observed): (&&Change, &super::observation::ObservedInstant)| {
+                let of_node = |node: usize, c: usize| std * change.nodes[node][c];
+                self.observation.column(observed.index, of_node, |_| std * change.force)
             };
-            let rows: Vec<Dense> = changes.iter().map(rows_of).collect();
+            let rows: Vec<Dense> = changes.iter().zip(&self.observation.instants).map(rows_of).collect();
             let mut scaled = statistics.shift(&rows);
             if constant.kind == ConstantKind::PixelSize {
                 for (k, unknown) in self.unknowns.list().iter().enumerate() {

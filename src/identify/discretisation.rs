@@ -1,5 +1,6 @@
 //! What the size of the elements does to the parameters: the model once more with elements half as large.
 
+use super::load_cell::LoadCell;
 use super::noise::{Precision, even_texture};
 use super::objective::{Evaluation, Problem};
 use crate::io::joint::RunMatrix;
@@ -51,20 +52,22 @@ impl Problem<'_> {
         if !observation.instants.iter().all(compared) {
             return None;
         }
-        let correlated = !matches!(self.noise.precision, Precision::White(_)) && self.joint.measured.carry.is_none();
+        let of_table = matches!(self.noise.precision.of_displacements(), Precision::White(_));
+        let correlated = !of_table && self.joint.measured.carry.is_none();
         let projection = match correlated {
             true => Some(Projection::new(model.mesh(), fine.mesh(), &carry)?),
             false => None,
         };
         let difference = |observed: &super::observation::ObservedInstant| {
-            let seen = &solution.instants[observed.index].displacement;
+            let finer = &solution.instants[observed.index].displacement;
             // Nodes keep their numbers in the finer mesh.
-            let seen = projection.as_ref().map_or_else(|| seen.clone(), |projection| projection.of(seen));
+            let seen = projection.as_ref().map_or_else(|| finer.clone(), |projection| projection.of(finer));
             let computed = &evaluation.solution.instants[observed.index].displacement;
-            Dense::from_fn(observation.n_rows(), 1, |row, _| {
-                let (node, c) = (observation.nodes[row / 2] as usize, row % 2);
-                seen[node][c] - computed[node][c]
-            })
+            let of_force = |cell: &LoadCell| {
+                let nodes = carry.nodes_between(&cell.group.nodes);
+                cell.force_on(&fine, nodes, &*law, finer) - cell.width_mm * cell.reaction(model, &*law, computed).value
+            };
+            observation.column(observed.index, |node, c| seen[node][c] - computed[node][c], of_force)
         };
         let place: HashMap<[u32; 2], usize> = (0..).zip(fine.mesh().pairs()).map(|(k, &pair)| (pair, k)).collect();
         let places: Vec<usize> =

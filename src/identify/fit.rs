@@ -2,7 +2,7 @@
 
 use super::bootstrap::Base;
 use super::budget::{Budget, Ingredients, budget};
-use super::constants::ConstantEffect;
+use super::constants::{ConstantEffect, ConstantKind};
 use super::discretisation::Refinement;
 use super::far_starts::further_start;
 use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
@@ -12,12 +12,13 @@ use super::objective::{Evaluation, Problem};
 use super::options::{Discretisation, FitOptions, Intervals};
 use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
+use super::released_width::ReleasedWidth;
 use super::rotations::Rotations;
 use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
 use super::statistics::Statistics;
 use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
 use super::unknowns::Unknowns;
-use super::verdict::{Grounds, LARGEST_STD, Verdict};
+use super::verdict::{Grounds, LARGEST_STD, Verdict, curve_alone};
 use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
@@ -62,6 +63,8 @@ pub struct Fit {
     pub misfit: Option<Misfit>,
     /// What the prescribed parameters of the law would be as unknowns; `None` where there are none.
     pub released: Option<Released>,
+    /// What the width of the specimen would be as an unknown; `None` without a load cell in the fit.
+    pub width: Option<ReleasedWidth>,
     /// What it all comes to.
     pub verdict: Verdict,
     /// What noise does; `None` without covariance.
@@ -298,13 +301,17 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
         _ => (None, None),
     };
+    let width_std = options.constants.iter().find(|constant| constant.kind == ConstantKind::Width);
+    let width_std = width_std.map_or(0.0, |constant| constant.std);
+    let width =
+        misfit.as_ref().and_then(|_| problem.width_as_unknown(&evaluation, &weights, change, &constants, width_std));
     let cut_short = watch.ended().map(|ended| CutShort { ended, missing });
     let unfinished = unfinished(stage.status, cut_short.as_ref(), unknowns, &x);
     // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
     let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h, noise, LARGEST_STD) } else { None };
-    let verdict = match &of_noise {
+    let mut verdict = match &of_noise {
         None => Verdict::singular(&parameters, unfinished, missing.as_ref()),
         Some(correlation) => {
             let prescribed =
@@ -313,6 +320,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
                 correlation,
                 misfit: misfit.as_ref(),
                 released: released.as_ref(),
+                width: width.as_ref(),
                 released_std: &prescribed,
                 intervals: intervals.as_ref(),
                 noise_ratio: problem.noise.ratio,
@@ -323,6 +331,9 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             Verdict::new(&parameters, &grounds)
         }
     };
+    if problem.observation.nodes.is_empty() && statistics.is_some() {
+        verdict.sentences.push(curve_alone(&parameters, &derived));
+    }
     let mut history = stage.history;
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
@@ -342,6 +353,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         starts,
         misfit,
         released,
+        width,
         verdict,
         statistics,
         constants,

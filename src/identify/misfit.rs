@@ -214,7 +214,13 @@ impl Problem<'_> {
 
     /// `d^T Q d` of a change `d` of the rows, `Q = W - W J (J^T W J)^-1 J^T W`, and the part of `d` that other parameters do not
     /// take up.
-    fn not_absorbed(&self, weights: &Weights, jacobian: &[Dense], a: &Dense, change: &[Dense]) -> (f64, Vec<Dense>) {
+    pub(super) fn not_absorbed(
+        &self,
+        weights: &Weights,
+        jacobian: &[Dense],
+        a: &Dense,
+        change: &[Dense],
+    ) -> (f64, Vec<Dense>) {
         let weighted = weights.times(&self.noise, change);
         let n = a.n_rows();
         let mut by_unknown = Dense::zeros(n, 1);
@@ -246,6 +252,8 @@ struct Groups {
     /// Covariance of the residual of one instant, and the part that it shares with another.
     own: Dense,
     shared: Dense,
+    /// The row of the force, which has nothing in common with other instants, and the instants that have one.
+    force: Option<(usize, Vec<bool>)>,
 }
 
 impl Groups {
@@ -286,6 +294,12 @@ impl Groups {
         };
         let middle = statistics.by_boundary.get(statistics.by_boundary.len() / 2);
         let shared = full(middle);
+        let force = observation.force.as_ref().zip(observation.force_row());
+        let force = force.map(|(cell, row)| {
+            (row, observation.instants.iter().map(|instant| cell.at(instant.index).is_some()).collect::<Vec<bool>>())
+        });
+        let is_force = |r: usize| force.as_ref().is_some_and(|(row, _)| *row == r);
+        let there = |i: usize, r: usize| force.as_ref().is_none_or(|(row, at)| *row != r || at[i]);
         let floor = |i: usize, r: usize| left.map_or(0.0, |left| left[i][(r, 0)] * left[i][(r, 0)]);
         let compared = |r: usize, square: f64| if observation.compares(r) { square } else { 0.0 };
         let squared = |left: &Dense| (0..n).map(|r| compared(r, left[(r, 0)] * left[(r, 0)])).collect::<Vec<f64>>();
@@ -294,10 +308,12 @@ impl Groups {
             let plain = || (0..n).map(|r| covariance[(r, r)]).collect();
             let variance = statistics.by_boundary.get(i).map_or_else(plain, variance);
             let expected = (variance.iter().enumerate())
-                .map(|(r, v)| match observation.compares(r) {
+                .map(|(r, v)| match observation.compares(r) && there(i, r) {
                     true => {
                         let moved: f64 = constants.iter().map(|constant| constant[i][r]).sum();
-                        sigma2 * (1.0 + noise.common) * v + floor(i, r) + moved
+                        // Of a force only what the border makes of it is common.
+                        let alone = if is_force(r) { noise.common * covariance[(r, r)] } else { 0.0 };
+                        sigma2 * ((1.0 + noise.common) * v - alone) + floor(i, r) + moved
                     }
                     false => 0.0,
                 })
@@ -306,8 +322,10 @@ impl Groups {
             ((0..n).map(|r| compared(r, residual[r] * residual[r])).collect(), expected)
         };
         let (squares, expected) = (0..observation.instants.len()).map(of_instant).unzip();
-        let scaled = |factor: f64| Dense::from_fn(n, n, |r, c| sigma2 * factor * shared[(r, c)]);
-        Self { squares, expected, constants, own: scaled(1.0 + noise.common), shared: scaled(noise.common) }
+        let alone = |r: usize, c: usize| if r == c && is_force(r) { noise.common * covariance[(r, r)] } else { 0.0 };
+        let scaled = |factor: f64| Dense::from_fn(n, n, |r, c| sigma2 * (factor * shared[(r, c)] - alone(r, c)));
+        let (own, shared) = (scaled(1.0 + noise.common), scaled(noise.common));
+        Self { squares, expected, constants, own, shared, force }
     }
 
     /// The group of `rows` at `instants` (places among those compared).
@@ -324,7 +342,11 @@ impl Groups {
         let norm = |of: &Dense| -> f64 {
             rows.iter().map(|&r| rows.iter().map(|&c| of[(r, c)] * of[(r, c)]).sum::<f64>()).sum()
         };
-        let m = instants.len() as f64;
+        let m = match &self.force {
+            Some((row, at)) if rows == [*row] => instants.clone().filter(|&i| at[i]).count(),
+            _ => instants.len(),
+        };
+        let (n, m) = (rows.len() * m, m as f64);
         // Twice the sum of the squares of the covariance of all its numbers.
         let of_noise = 2.0 * (m * norm(&self.own) + m * (m - 1.0) * norm(&self.shared));
         let of_constants: f64 = self.constants.iter().map(|constant| 2.0 * sum(constant).powi(2)).sum();
@@ -334,7 +356,7 @@ impl Groups {
         MisfitGroup {
             name,
             instants: [number(instants.start), number(instants.end - 1)],
-            n: rows.len() * instants.len(),
+            n,
             ratio: if expected > 0.0 { (squares / expected).sqrt() } else { 0.0 },
             z: if std > 0.0 { as_normal(squares / expected, 2.0 * (expected / std).powi(2)) } else { 0.0 },
         }
@@ -344,10 +366,18 @@ impl Groups {
         let observation = &problem.observation;
         let n = observation.instants.len();
         let number = |i: usize| observation.instants[i].index + 1;
-        let rows: Vec<usize> = (0..observation.n_rows()).filter(|&r| observation.compares(r)).collect();
-        let by_instant =
-            (0..n).map(|i| self.group(problem, format!("instant {}", number(i)), &rows, i..i + 1)).collect();
-        let regions = regions(problem, &rows);
+        let rows: Vec<usize> = (0..2 * observation.nodes.len()).filter(|&r| observation.compares(r)).collect();
+        let mut regions = regions(problem, &rows);
+        // Millimetres and newtons do not add: the force is a region by itself, and fills the instants where it is alone.
+        let force: Vec<usize> = self.force.iter().map(|(row, _)| *row).collect();
+        let of_instants = if rows.is_empty() { &force } else { &rows };
+        let by_instant = (0..n)
+            .map(|i| self.group(problem, format!("instant {}", number(i)), of_instants, i..i + 1))
+            .filter(|group| group.n > 0)
+            .collect();
+        if !force.is_empty() {
+            regions.push(("the force of the load cell".to_owned(), force));
+        }
         let by_region =
             regions.iter().map(|(name, rows)| self.group(problem, name.clone(), rows, 0..n)).collect::<Vec<_>>();
         let mut by_both = Vec::new();
@@ -359,7 +389,8 @@ impl Groups {
                     [first, last] if first == last => format!("instant {first}"),
                     [first, last] => format!("instants {first} to {last}"),
                 };
-                by_both.push(self.group(problem, format!("{when}, {name}"), rows, part));
+                let group = self.group(problem, format!("{when}, {name}"), rows, part);
+                by_both.extend(Some(group).filter(|group| group.n > 0));
             }
         }
         (by_instant, by_region, by_both)

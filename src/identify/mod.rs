@@ -24,6 +24,7 @@ mod given;
 mod intervals;
 mod law_starts;
 mod left_out;
+mod load_cell;
 mod misfit;
 mod missing_mode;
 mod noise;
@@ -34,6 +35,7 @@ mod plausibility;
 mod profile;
 mod profile_ends;
 mod released;
+mod released_width;
 mod rotations;
 mod stage;
 mod starts;
@@ -64,6 +66,7 @@ pub use fit::{CutShort, Fit, first_order, fit};
 pub use fitted::{FittedParameter, FittedQuantity, StartEnd};
 pub use intervals::{DRAWS, IntervalBasis, IntervalKind, LINEAR_PROBE, LINEAR_STD, Linearity, doubts};
 pub use left_out::LeftOut;
+pub use load_cell::{LoadCell, LoadComparison};
 pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};
 pub use missing_mode::{MissingMode, Mode, opening_share};
 pub use noise::{Noise, Precision};
@@ -73,6 +76,7 @@ pub use options::{Discretisation, FitOptions, Intervals};
 pub use plausibility::{Implausible, implausible_joint, implausible_result};
 pub use profile::{Profile, profile};
 pub use released::{Released, ReleasedParameter};
+pub use released_width::ReleasedWidth;
 pub use rotations::{ROTATIONS_HELD, ROTATIONS_TOLD, Rotations};
 pub use starts::latin_hypercube;
 pub use statistics::{NORMAL_95, Statistics};
@@ -81,7 +85,7 @@ pub use tournament::{Average, LawFit, Score, Tournament, laws_of, tournament};
 pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
 pub use uncertainties::{
     DEFAULT_ALPHA, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU, DEFAULT_PIXEL_SIZE,
-    DEFAULT_THICKNESS_PX, DEFAULT_YIELD,
+    DEFAULT_THICKNESS_PX, DEFAULT_WIDTH, DEFAULT_YIELD,
 };
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
 pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};

@@ -29,6 +29,13 @@ pub enum Precision {
         /// Its inverse.
         matrix: Dense,
     },
+    /// Of displacements and, in one more row, a force whose noise has nothing in common with theirs, nor with another instant's.
+    WithForce {
+        /// That of the displacements.
+        displacements: Box<Precision>,
+        /// `sigma^2` over the variance of the force.
+        weight: f64,
+    },
 }
 
 impl Precision {
@@ -75,6 +82,23 @@ impl Precision {
             Self::White(n) => *n,
             Self::Sparse { matrix, .. } => 2 * matrix.pattern().n_nodes(),
             Self::Marginal { matrix, .. } => matrix.n_rows(),
+            Self::WithForce { displacements, .. } => displacements.n() + 1,
+        }
+    }
+
+    /// That of the displacements.
+    pub fn of_displacements(&self) -> &Self {
+        match self {
+            Self::WithForce { displacements, .. } => displacements,
+            other => other,
+        }
+    }
+
+    /// Takes the row of the force out of `x`: what the instants have in common is the noise of displacements alone.
+    pub(super) fn leave_force_out(&self, x: &mut Dense) {
+        if let Self::WithForce { displacements, .. } = self {
+            let row = displacements.n();
+            (0..x.n_columns()).for_each(|k| x[(row, k)] = 0.0);
         }
     }
 
@@ -84,6 +108,7 @@ impl Precision {
             Self::White(_) => x.clone(),
             Self::Sparse { matrix, .. } => each_column(x, |column| matrix.multiply(&column)),
             Self::Marginal { matrix, .. } => matrix.times(x),
+            Self::WithForce { displacements, weight } => with_last(x, |above| displacements.times(above), *weight),
         }
     }
 
@@ -96,6 +121,9 @@ impl Precision {
                 column
             }),
             Self::Marginal { covariance, .. } => covariance.times(x),
+            Self::WithForce { displacements, weight } => {
+                with_last(x, |above| displacements.inverse_times(above), 1.0 / weight)
+            }
         }
     }
 
@@ -105,6 +133,10 @@ impl Precision {
             Self::White(_) => x.clone(),
             Self::Sparse { .. } => self.inverse_times(&self.dense().cholesky().ok()?.half_times(x)),
             Self::Marginal { covariance, .. } => covariance.cholesky().ok()?.half_times(x),
+            Self::WithForce { displacements, weight } => {
+                let above = displacements.coloured(&without_last(x))?;
+                with_last(x, |_| above.clone(), 1.0 / weight.sqrt())
+            }
         })
     }
 
@@ -116,6 +148,18 @@ impl Precision {
             _ => self.times(&Dense::from_fn(n, n, |r, c| f64::from(r == c))),
         }
     }
+}
+
+/// `x` without its last row.
+fn without_last(x: &Dense) -> Dense {
+    Dense::from_fn(x.n_rows() - 1, x.n_columns(), |r, c| x[(r, c)])
+}
+
+/// What `map` makes of all rows but the last, and that times `factor`.
+fn with_last(x: &Dense, map: impl FnOnce(&Dense) -> Dense, factor: f64) -> Dense {
+    let last = x.n_rows() - 1;
+    let above = map(&without_last(x));
+    Dense::from_fn(x.n_rows(), x.n_columns(), |r, c| if r == last { factor * x[(r, c)] } else { above[(r, c)] })
 }
 
 fn each_column(x: &Dense, map: impl Fn(Vec<[f64; 2]>) -> Vec<[f64; 2]>) -> Dense {
@@ -147,14 +191,16 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// `sigma^2` for which one component of one instant has the variance 1 in the mean.
+    /// The variance of one displacement of one instant in the mean, by `sigma^2`; zero where there are none.
     pub fn mean_variance(&self) -> f64 {
-        let n = self.precision.n();
-        let sum = match &self.precision {
+        let precision = self.precision.of_displacements();
+        let n = precision.n();
+        let sum = match precision {
+            Precision::WithForce { .. } => 0.0, // a force beside a force: never made
             Precision::White(n) => *n as f64,
             Precision::Marginal { covariance, .. } => (0..n).map(|k| covariance[(k, k)]).sum(),
             Precision::Sparse { .. } => {
-                let inverse = self.precision.inverse_times(&Dense::from_fn(n, n, |r, c| f64::from(r == c)));
+                let inverse = precision.inverse_times(&Dense::from_fn(n, n, |r, c| f64::from(r == c)));
                 (0..n).map(|k| inverse[(k, k)]).sum()
             }
         };
@@ -173,7 +219,19 @@ impl Noise {
         let coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
         let (sigma, tied) = (self.sigma.unwrap_or(1.0), self.common.sqrt());
         let row = |(e, c): (&f64, &f64)| sigma * (e + tied * c);
-        let at_instant = |k: usize| coloured.column(k).iter().zip(coloured.column(n_instants)).map(row).collect();
+        let mut coloured = coloured;
+        let forces: Vec<f64> = match &self.precision {
+            Precision::WithForce { .. } => (0..n_instants).map(|k| coloured[(n - 1, k)]).collect(),
+            _ => Vec::new(),
+        };
+        self.precision.leave_force_out(&mut coloured);
+        let at_instant = |k: usize| {
+            let mut rows: Vec<f64> = coloured.column(k).iter().zip(coloured.column(n_instants)).map(row).collect();
+            if let (Some(last), Some(force)) = (rows.last_mut(), forces.get(k)) {
+                *last = sigma * force;
+            }
+            rows
+        };
         (0..n_instants).map(at_instant).collect()
     }
 }

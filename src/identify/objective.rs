@@ -137,14 +137,29 @@ impl Problem<'_> {
         let solution = model.forward_while(&*law, boundary, &options, &go_on)?;
         self.watch.evaluated();
         let slopes = self.unknowns.slopes(x);
-        let Observation { nodes, instants, .. } = &*self.observation;
+        let Observation { nodes, instants, force, .. } = &*self.observation;
         let mut blocks = Vec::with_capacity(instants.len());
         for observed in instants {
             let instant = &solution.instants[observed.index];
             if !instant.status.converged() {
                 return Ok(None);
             }
+            let measured = force.as_ref().and_then(|cell| Some((cell, cell.at(observed.index)?)));
+            let reaction = measured
+                .map(|(cell, force)| (cell.width_mm, force, cell.reaction(model, &*law, &instant.displacement)));
+            let of_force = |column: usize| match (&reaction, column) {
+                (None, _) => 0.0,
+                (Some((width, force, reaction)), 0) => force - width * reaction.value,
+                (Some((width, _, reaction)), k) => {
+                    let index = self.unknowns.list()[k - 1].index;
+                    let by = reaction.change(&instant.sensitivities[index]) + reaction.by_law[index];
+                    slopes[k - 1] * width * by
+                }
+            };
             let entry = |row: usize, column: usize| {
+                if row == 2 * nodes.len() {
+                    return of_force(column);
+                }
                 let (node, c) = (nodes[row / 2], row % 2);
                 match column {
                     0 => observed.displacement[row] - instant.displacement[node as usize][c],
@@ -154,7 +169,7 @@ impl Problem<'_> {
                     }
                 }
             };
-            let block = Dense::from_fn(2 * nodes.len(), 1 + slopes.len(), entry);
+            let block = Dense::from_fn(self.observation.n_rows(), 1 + slopes.len(), entry);
             if (0..block.n_columns()).any(|k| block.column(k).iter().any(|v| !v.is_finite())) {
                 return Ok(None);
             }
@@ -166,14 +181,22 @@ impl Problem<'_> {
 
     /// The paper's weights, or those that are all one, each with the factor of its instant.
     pub fn diagonal_weights(&self, kind: WeightKind) -> Weights {
+        let observation = &self.observation;
+        // By the noise of a displacement, in the mean.
+        let of_force = observation.force.as_ref().and_then(|cell| cell.std_n).map_or(0.0, |std| {
+            let sigma = self.noise.sigma.unwrap_or(1.0);
+            let variance = sigma * sigma * self.noise.mean_variance();
+            if variance > 0.0 { variance / (std * std) } else { 1.0 / (std * std) }
+        });
         let weight = |row: usize, largest: [f64; 2], factor: f64| match kind {
-            _ if !self.observation.compares(row) => 0.0,
+            _ if observation.force_row() == Some(row) => factor * of_force,
+            _ if !observation.compares(row) => 0.0,
             WeightKind::Paper if largest[row % 2] > 0.0 => factor / (largest[row % 2] * largest[row % 2]),
             WeightKind::Paper => 0.0,
             WeightKind::Uniform | WeightKind::Covariance => factor,
         };
-        let rows = self.observation.n_rows();
-        let instants = self.observation.instants.iter();
+        let rows = observation.n_rows();
+        let instants = observation.instants.iter();
         Weights::Diagonal(instants.map(|i| (0..rows).map(|row| weight(row, i.largest, i.factor)).collect()).collect())
     }
 
@@ -183,7 +206,8 @@ impl Problem<'_> {
     /// # Errors
     /// A tangent without inverse; values that the law refuses.
     pub fn by_boundary(&self, evaluation: &Evaluation) -> Result<Vec<Dense>, FitError> {
-        let Observation { nodes, prescribed, instants, .. } = &*self.observation;
+        let observation = &*self.observation;
+        let Observation { prescribed, instants, .. } = observation;
         if prescribed.is_empty() {
             return Ok(Vec::new());
         }
@@ -192,7 +216,16 @@ impl Problem<'_> {
         let by_boundary = |observed: &ObservedInstant| {
             let u = &evaluation.solution.instants[observed.index].displacement;
             let fields = self.joint.model.linearise(&*law, u)?.by_boundary(columns.instants());
-            Ok(Dense::from_fn(2 * nodes.len(), fields.len(), |r, c| fields[c][nodes[r / 2] as usize][r % 2]))
+            let cell = observation.force.as_ref().filter(|cell| cell.at(observed.index).is_some());
+            let reaction = cell.map(|cell| (cell.width_mm, cell.reaction(&self.joint.model, &*law, u)));
+            let force: Vec<f64> = (fields.iter())
+                .map(|field| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.change(field)))
+                .collect();
+            let row = |r: usize, c: usize| match observation.nodes.get(r / 2) {
+                Some(&node) => fields[c][node as usize][r % 2],
+                None => force[c],
+            };
+            Ok(Dense::from_fn(observation.n_rows(), fields.len(), row))
         };
         instants.par_iter().map(by_boundary).collect()
     }

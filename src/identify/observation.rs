@@ -1,8 +1,11 @@
 //! What the computed displacements are compared with: nodes, instants, and the scale of each instant.
 
+use super::load_cell::LoadCell;
 use crate::field::RigidMotion;
+use crate::linalg::Dense;
 
-/// The measured displacements that the fit uses. Rows go node by node, x then y.
+/// What was measured and the fit uses. Rows are displacements (mm), node by node, x then y; the last one, where a load cell takes part,
+/// is its force (N), which stays zero at instants without one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// The nodes of the rows: those compared and, where the boundary has noise, the prescribed ones.
@@ -15,6 +18,8 @@ pub struct Observation {
     pub instants: Vec<ObservedInstant>,
     /// Size of a pixel, mm; `None` where the displacements come from a table.
     pub pixel_size_mm: Option<f64>,
+    /// The load cell, where it takes part in the fit.
+    pub force: Option<LoadCell>,
 }
 
 /// One instant.
@@ -33,17 +38,42 @@ pub struct ObservedInstant {
 impl Observation {
     /// Rows of an instant.
     pub fn n_rows(&self) -> usize {
-        2 * self.nodes.len()
+        2 * self.nodes.len() + usize::from(self.force.is_some())
+    }
+
+    /// The row of the force.
+    pub fn force_row(&self) -> Option<usize> {
+        self.force.as_ref().map(|_| 2 * self.nodes.len())
+    }
+
+    /// A column of rows at the instant number `index` of the border: `of_node` of each node and component, `of_force` of the load cell
+    /// where it has a value then.
+    pub(super) fn column(
+        &self,
+        index: usize,
+        of_node: impl Fn(usize, usize) -> f64,
+        of_force: impl FnOnce(&LoadCell) -> f64,
+    ) -> Dense {
+        let force = self.force.as_ref().filter(|cell| cell.at(index).is_some()).map_or(0.0, of_force);
+        let n = 2 * self.nodes.len();
+        let entry = |row: usize| if row == n { force } else { of_node(self.nodes[row / 2] as usize, row % 2) };
+        Dense::from_fn(self.n_rows(), 1, |row, _| entry(row))
+    }
+
+    /// Forces compared over all instants.
+    pub fn n_forces(&self) -> usize {
+        let Some(cell) = &self.force else { return 0 };
+        self.instants.iter().filter(|instant| cell.at(instant.index).is_some()).count()
     }
 
     /// Whether a row is compared.
     pub fn compares(&self, row: usize) -> bool {
-        self.compared[row / 2]
+        self.compared.get(row / 2).is_none_or(|compared| *compared)
     }
 
     /// Numbers compared over all instants.
     pub fn n_data(&self) -> usize {
-        2 * self.compared.iter().filter(|compared| **compared).count() * self.instants.len()
+        2 * self.compared.iter().filter(|compared| **compared).count() * self.instants.len() + self.n_forces()
     }
 }
 

@@ -1,6 +1,7 @@
 //! What rotations that are taken as small cost: the model once more with finite ones, at the parameters found.
 
 use super::fitted::FittedParameter;
+use super::load_cell::LoadCell;
 use super::objective::{Evaluation, Problem};
 use crate::linalg::Dense;
 use crate::mechanics::{BoundaryHistory, ForwardOptions, Kinematics, ModelOptions};
@@ -79,11 +80,14 @@ impl Problem<'_> {
         let difference = |observed: &super::observation::ObservedInstant| {
             let after = &solution.instants[observed.index];
             let before = &evaluation.solution.instants[observed.index].displacement;
-            let entry = |row: usize, _: usize| {
-                let (node, c) = (observation.nodes[row / 2] as usize, row % 2);
-                after.displacement[node][c] - before[node][c]
-            };
-            after.status.converged().then(|| Dense::from_fn(observation.n_rows(), 1, entry))
+            after.status.converged().then(|| {
+                let of_force = |cell: &LoadCell| {
+                    let turned = cell.reaction(&finite, &*law, &after.displacement).value;
+                    cell.width_mm * (turned - cell.reaction(model, &*law, before).value)
+                };
+                let of_node = |node: usize, c: usize| after.displacement[node][c] - before[node][c];
+                observation.column(observed.index, of_node, of_force)
+            })
         };
         observation.instants.iter().map(difference).collect()
     }

@@ -139,6 +139,7 @@ impl Problem<'_> {
         if self.noise.common > 0.0 {
             let mut all = Dense::zeros(v[0].n_rows(), v[0].n_columns());
             v.iter().for_each(|v| all.add(1.0, v));
+            c.leave_force_out(&mut all);
             sum.add(self.noise.common, &all.transposed_times(&c.inverse_times(&all)));
         }
         sum
@@ -158,7 +159,13 @@ impl Problem<'_> {
             }
         }
         let cb = self.noise.precision.inverse_times(&b);
-        let variance = |k: usize| b.column(k).iter().zip(cb.column(k)).map(|(a, b)| a * b).sum::<f64>();
+        // A force has nothing in common with other instants; what is said here is multiplied by 1 + common.
+        let force = observation.force_row();
+        let variance = |k: usize| {
+            let whole = b.column(k).iter().zip(cb.column(k)).map(|(a, b)| a * b).sum::<f64>();
+            let common = self.noise.common / (1.0 + self.noise.common);
+            if force == Some(rows[k]) { whole - common * cb[(rows[k], k)] } else { whole }
+        };
         rows.iter().enumerate().map(|(k, &row)| weights[row] * variance(k)).sum()
     }
 }

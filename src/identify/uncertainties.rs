@@ -3,6 +3,7 @@
 use super::budget::NOISE_LEVEL;
 use super::constants::{Constant, ConstantKind, Face, Source};
 use super::error::{FitError, wrong};
+use super::load_cell::LoadCell;
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
 use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
 use crate::mechanics::Joint;
@@ -28,8 +29,13 @@ pub const DEFAULT_PIXEL_SIZE: f64 = 0.005;
 /// Default standard uncertainty of the noise, by its value.
 pub const DEFAULT_NOISE: f64 = 0.1;
 
+/// Default standard uncertainty of the width of the specimen, with that of the load cell's gain, by its value.
+pub const DEFAULT_WIDTH: f64 = 0.01;
+
 /// What `[fit] exact` may name.
-const OF_FIT: [&str; 5] = ["thickness", "faces", "pixel_size", NOISE_LEVEL, ROTATIONS];
+const OF_FIT: [&str; 6] = ["thickness", "faces", "pixel_size", NOISE_LEVEL, ROTATIONS, WIDTH];
+/// Of these that of the specimen across the plane, by which forces are counted.
+const WIDTH: &str = "width";
 /// Of these the one that is no constant: that rotations are small, as of data that were computed so.
 const ROTATIONS: &str = "rotations";
 
@@ -111,12 +117,31 @@ pub(super) fn constants(
     input: &JointInput,
     fit: &CaseFit,
     measurement: &CaseMeasurement,
+    force: Option<&LoadCell>,
     doubts: &mut Vec<String>,
 ) -> Result<Vec<Constant>, FitError> {
     let mut list = materials(joint, &input.case.substrate)?;
     list.extend(law(joint, &input.case.cohesive, fit, doubts)?);
     list.extend(lengths(joint, mm_per_px(input), fit, measurement)?);
+    list.extend(force.map(|cell| width(input, fit, cell)).transpose()?);
     Ok(list)
+}
+
+/// The width of the specimen.
+fn width(input: &JointInput, fit: &CaseFit, cell: &LoadCell) -> Result<Constant, FitError> {
+    let (section, key) = ("force", "width_mm_std");
+    let exact = exact_of("fit", fit.exact.as_ref(), &OF_FIT)?;
+    let stated = input.case.force.as_ref().and_then(|force| force.width_mm_std);
+    let stated = stated.map(|std| positive(section, key, std)).transpose()?;
+    let (std, source) = choose(section, key, stated, exact[5], Some(DEFAULT_WIDTH * cell.width_mm))?;
+    Ok(Constant {
+        name: WIDTH.to_owned(),
+        kind: ConstantKind::Width,
+        value: Some(cell.width_mm),
+        unit: "mm",
+        std,
+        source,
+    })
 }
 
 fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, FitError> {

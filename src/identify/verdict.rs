@@ -1,10 +1,11 @@
 //! What a fit comes to, in words: determined, not determined, or model rejected (THEORY 11).
 
-use super::fitted::FittedParameter;
+use super::fitted::{FittedParameter, FittedQuantity};
 use super::intervals::IntervalBasis;
-use super::misfit::Misfit;
+use super::misfit::{Misfit, as_normal};
 use super::missing_mode::MissingMode;
 use super::released::Released;
+use super::released_width::ReleasedWidth;
 use crate::linalg::Dense;
 
 /// Relative standard uncertainty above which a parameter is not determined.
@@ -64,6 +65,8 @@ pub struct Grounds<'a> {
     pub misfit: Option<&'a Misfit>,
     /// The prescribed parameters as unknowns.
     pub released: Option<&'a Released>,
+    /// The width of the specimen as an unknown, where a load cell takes part.
+    pub width: Option<&'a ReleasedWidth>,
     /// Standard uncertainty of each of those, as the error budget has it; zero where the value is exact.
     pub released_std: &'a [f64],
     /// Noise that the residual shows over the noise that was used, where both are known.
@@ -119,12 +122,12 @@ impl Verdict {
         }
         if let Some(misfit) = grounds.misfit
             && misfit.tested
-            && misfit.excess < LARGEST_NOISE_RATIO.powi(-2) - 1.0
+            && too_quiet(misfit)
         {
             open.push(format!(
                 "the noise is less than what the uncertainties are made with: the residual is {:.2} times what that would leave, \
                  and the intervals are too wide",
-                (1.0 + misfit.excess).max(0.0).sqrt()
+                (misfit.omega / misfit.freedom).max(0.0).sqrt()
             ));
         }
         let names = list_of(parameters);
@@ -163,6 +166,36 @@ impl Verdict {
     }
 }
 
+/// Whether even the noise alone, without anything that elements and constants may add, would leave more: by more than the factor at
+/// which a stated noise is contradicted, and more than chance (few numbers scatter).
+fn too_quiet(misfit: &Misfit) -> bool {
+    let chance = as_normal(misfit.omega / misfit.freedom, misfit.freedom);
+    misfit.omega < misfit.freedom / LARGEST_NOISE_RATIO.powi(2) && chance < -misfit.limit
+}
+
+/// What a load curve by itself tells, and what it leaves open, as a sentence.
+pub(super) fn curve_alone(parameters: &[FittedParameter], derived: &[FittedQuantity]) -> String {
+    let relative = |p: &FittedParameter| (p.parameter.name, p.relative_std());
+    let of_derived = |q: &FittedQuantity| {
+        let std = q.std.unwrap_or(f64::INFINITY);
+        (q.quantity.name, std / q.quantity.value.abs().max(f64::MIN_POSITIVE))
+    };
+    let all: Vec<(&str, f64)> = parameters.iter().map(relative).chain(derived.iter().map(of_derived)).collect();
+    let known = |&&(_, std): &&(&str, f64)| std <= LARGEST_STD;
+    let told: Vec<String> =
+        all.iter().filter(known).map(|(name, std)| format!("{name} to {:.2} %", 100.0 * std)).collect();
+    let open: Vec<&str> = all.iter().filter(|one| !known(one)).map(|(name, _)| *name).collect();
+    let told = if told.is_empty() { "nothing".to_owned() } else { told.join(", ") };
+    let open = match open.as_slice() {
+        [] => String::new(),
+        open => format!(
+            "; it leaves open {} (fields measured beside the adhesive, or prescribed values, tell them)",
+            open.join(", ")
+        ),
+    };
+    format!("the load curve alone, without fields, tells {told}{open}; the border is taken as exact")
+}
+
 pub(super) fn thresholds() -> String {
     format!(
         "not determined: a fit that did not come to its end, standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
@@ -197,6 +230,7 @@ pub(super) fn contradictions(grounds: &Grounds<'_>) -> Vec<String> {
             sentences.push(format!("worst: {}", worst.join("; ")));
         }
     }
+    sentences.extend(grounds.width.and_then(ReleasedWidth::sentence));
     if let Some(released) = grounds.released.filter(|released| released.significant()) {
         for (p, &std) in released.parameters.iter().zip(grounds.released_std) {
             if p.contradicts(std) {

@@ -39,7 +39,7 @@ pub enum Weights {
 /// the prescribed displacements of each instant, without forming it.
 ///
 /// The noise of the common reference is one more unknown field `e` with its own precision `M/common`: given it the instants
-/// are independent, with weights `D_i = M - Q_i Q_i^T`, `Q_i = M T_i L_i^-T`, `L_i L_i^T = T_i^T M T_i`; then
+/// (which a force, in its row, has no part of) are independent, with weights `D_i = M - Q_i Q_i^T`, `Q_i = M T_i L_i^-T`, `L_i L_i^T = T_i^T M T_i`; then
 /// `W = D - D 1 G^-1 1^T D`, `G = M/common + sum D_i`.
 #[derive(Debug)]
 pub struct InverseCovariance {
@@ -82,6 +82,14 @@ impl InverseCovariance {
             let mut g = Dense::zeros(dense.n_rows(), dense.n_rows());
             g.add(n_instants as f64 + 1.0 / noise.common, &dense);
             parts.iter().for_each(|part| g.add(1.0, part));
+            if let Precision::WithForce { .. } = m {
+                let last = g.n_rows() - 1;
+                for k in 0..last {
+                    g[(k, last)] = 0.0;
+                    g[(last, k)] = 0.0;
+                }
+                g[(last, last)] = 1.0;
+            }
             Some(g.cholesky()?)
         } else {
             None
@@ -103,6 +111,7 @@ impl InverseCovariance {
         let y: Vec<Dense> = x.par_iter().enumerate().map(weighted).collect();
         let mut sum = Dense::zeros(x[0].n_rows(), x[0].n_columns());
         y.iter().for_each(|y| sum.add(1.0, y));
+        precision.leave_force_out(&mut sum);
         (y, sum)
     }
 

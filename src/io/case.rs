@@ -8,6 +8,7 @@ mod document;
 mod drives;
 mod explain;
 mod fields;
+mod force;
 mod guard;
 mod joint;
 mod law;
@@ -21,6 +22,7 @@ pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, w
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
 pub use explain::{CaseError, CasePlace, CaseText};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
+pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;
 pub use joint::{
     CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
@@ -115,6 +117,9 @@ pub struct Case {
     /// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there
     /// neither is given.
     pub measurement: Option<CaseMeasurement>,
+    /// What the load cell recorded (docs/identification.md): beside the displacements in the objective of a fit, or alone; with `use =
+    /// false`, or without a fit, held against the prediction.
+    pub force: Option<CaseForce>,
     /// What is fitted, from where, and what is stated of its error (docs/identification.md).
     pub fit: Option<CaseFit>,
     /// Record of a finished run; read over.

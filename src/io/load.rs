@@ -1,10 +1,12 @@
 //! Load files: what other instruments recorded, a row for each image, or with a column of times at a rate of its own.
 
+mod asked;
 mod error;
 mod raw;
 mod times;
 mod units;
 
+pub use asked::read_as_asked;
 pub use error::LoadError;
 pub use times::FrameTimes;
 
@@ -62,15 +64,8 @@ impl LoadTable {
     /// # Errors
     /// No such column or several, and one `stress_MPa` that is there.
     pub fn with_stress(mut self, area_mm2: f64, path: &Path) -> Result<Self, LoadError> {
-        let forces: Vec<&LoadColumn> = self.columns.iter().filter(|column| column.name_and_unit().1 == "N").collect();
-        let is_named =
-            |column: &&&LoadColumn| ["load", "force"].contains(&column.name_and_unit().0.to_lowercase().as_str());
-        let force = match forces.as_slice() {
-            [force] => Some(*force),
-            several => several.iter().find(is_named).copied(),
-        };
         let there = self.columns.iter().any(|column| column.name == STRESS);
-        let Some(force) = force.filter(|_| !there) else {
+        let Some(force) = self.only_force().filter(|_| !there).cloned() else {
             let columns = self.columns.iter().map(|column| column.name.clone()).collect();
             return Err(LoadError::Force { path: path.to_owned(), columns });
         };
@@ -78,6 +73,37 @@ impl LoadTable {
         let values = force.values.iter().map(|value| value.map(|force| force / area_mm2)).collect();
         self.columns.push(LoadColumn { name: STRESS.to_owned(), values });
         Ok(self)
+    }
+
+    /// The column in N; of several that named `load` or `force`.
+    fn only_force(&self) -> Option<&LoadColumn> {
+        let forces: Vec<&LoadColumn> = self.columns.iter().filter(|column| column.name_and_unit().1 == "N").collect();
+        let is_named =
+            |column: &&&LoadColumn| ["load", "force"].contains(&column.name_and_unit().0.to_lowercase().as_str());
+        match forces.as_slice() {
+            [force] => Some(*force),
+            several => several.iter().find(is_named).copied(),
+        }
+    }
+
+    /// The column of forces called `name`, with or without its unit; without a name the only one in N, of several that named
+    /// `load` or `force`.
+    ///
+    /// # Errors
+    /// [`LoadError::NoForce`].
+    pub fn force(&self, name: Option<&str>, path: &Path) -> Result<&LoadColumn, LoadError> {
+        let found = match name {
+            None => self.only_force(),
+            Some(name) => {
+                let called = |column: &&LoadColumn| column.name == name || column.name_and_unit().0 == name;
+                self.columns.iter().find(called).filter(|column| column.name_and_unit().1 == "N")
+            }
+        };
+        found.ok_or_else(|| LoadError::NoForce {
+            path: path.to_owned(),
+            column: name.map(str::to_owned),
+            columns: self.columns.iter().map(|column| column.name.clone()).collect(),
+        })
     }
 }
 

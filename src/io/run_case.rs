@@ -3,7 +3,9 @@
 //! It holds the sections of a correlation ([`CaseFile`]), and those of a joint (as in
 //! [`super::joint::JointCase`]) with [`CaseInterface`] in place of mesh and border, which come from the images.
 
-use super::case::{Case, CaseDocument, CaseError, CaseFile, CaseJointMesh, CaseText, Reader, read_document};
+use super::case::{
+    Case, CaseDocument, CaseError, CaseFile, CaseForce, CaseJointMesh, CaseLoad, CaseText, Reader, read_document,
+};
 use super::joint::LAW;
 use facing::{Faces, face_each_other};
 use std::path::{Path, PathBuf};
@@ -142,6 +144,7 @@ impl RunCase {
     /// correlation's store is at `store`, relative to the folder of that case.
     pub fn joint_case(&self, store: &str, with_fit: bool) -> String {
         let mut case = self.joint.clone();
+        case.force = case.force.map(|force| self.force_from_anywhere(force));
         let mesh = case.mesh.get_or_insert_default();
         mesh.store = Some(store.to_owned());
         // Upwards is what a joint takes by itself.
@@ -154,6 +157,23 @@ impl RunCase {
         }
         let body = case.to_toml();
         format!("# Made by quadrille run. File names are relative to the folder of this file.\n{body}")
+    }
+
+    /// `[force]` with files that are found from any folder; without a file it is that of `[load]`.
+    fn force_from_anywhere(&self, mut force: CaseForce) -> CaseForce {
+        if let (None, Some(CaseLoad { file, time, frame_interval_s, frame_times, start_s, area_mm2: _ })) =
+            (&force.file, self.correlation.load.clone())
+        {
+            let file = Some(file);
+            force = CaseForce { file, time, frame_interval_s, frame_times, start_s, ..force };
+        }
+        let found = |file: String| {
+            let path = self.correlation.base.join(&file);
+            std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
+        };
+        force.file = force.file.map(found);
+        force.frame_times = force.frame_times.map(found);
+        force
     }
 
     /// Whether parameters are to be found.

@@ -759,6 +759,47 @@ impl Model {
         }
     }
 
+    /// Nodes of every element, those of the interface last.
+    pub(super) fn corners(&self) -> &[[u32; 4]] {
+        &self.corners
+    }
+
+    /// Nodal forces of an element under the displacements `u` of all nodes, and their derivative by those of its own.
+    pub(super) fn tangent_of(
+        &self,
+        element: usize,
+        law: &dyn CohesiveLaw,
+        u: &[[f64; 2]],
+    ) -> (ElementVector, ElementStiffness) {
+        let u = self.gather(element, u);
+        match element.checked_sub(self.quads.len()) {
+            None => self.quads[element].tangent(self.material(element), &u),
+            Some(k) => self.interfaces[k].tangent(law, Vector2::zeros(), &u),
+        }
+    }
+
+    /// Derivatives of the nodal forces of an element by each parameter of the law; none for an element of a strip.
+    pub(super) fn force_of_by_law(
+        &self,
+        element: usize,
+        law: &dyn CohesiveLaw,
+        u: &[[f64; 2]],
+    ) -> Option<Vec<ElementVector>> {
+        let k = element.checked_sub(self.quads.len())?;
+        Some(self.interfaces[k].force_by_parameters(law, &self.gather(element, u)))
+    }
+
+    /// Derivatives of the nodal forces of an element by each parameter of the material of `group`; none for other elements.
+    pub(super) fn force_of_by_material(
+        &self,
+        element: usize,
+        group: usize,
+        u: &[[f64; 2]],
+    ) -> Option<Vec<ElementVector>> {
+        let quad = self.quads.get(element).filter(|_| self.mesh.element_group()[element] as usize == group)?;
+        Some(quad.force_by_parameters(&*self.materials[group], &self.gather(element, u)))
+    }
+
     /// The jump at each node pair ([`JointMesh::pairs`]), mm: where two elements meet, the mean of theirs by
     /// length.
     ///

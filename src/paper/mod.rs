@@ -152,6 +152,7 @@ impl Experiment {
             prescribed: Vec::new(),
             instants,
             pixel_size_mm: None,
+            force: None,
         };
         let noise = Noise {
             precision: Precision::White(observation.n_rows()),

@@ -5,7 +5,7 @@ use super::event::{Event, Watcher};
 use super::folder::{FIGURES, RunFolder};
 use super::heard::Heard;
 use super::session::Outcome;
-use super::simulation::{save, write_solution};
+use super::simulation::{FORCE, save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
 use super::tournament::compared;
@@ -69,6 +69,9 @@ pub fn identify(
     folder.write("traction-bands.csv", |out| report.write_bands(out))?;
     folder.write("law.csv", |out| report.write_law(out))?;
     folder.write("budget.csv", |out| report.write_budget(out))?;
+    if let Some(force) = &report.force {
+        folder.write(FORCE, |out| force.write(out))?;
+    }
     let save = |name: String, picture: Picture| save(&folder, &name, &picture);
     let asked = input.case.output.figures.as_deref();
     let chosen = JointReport::new(&joint, found.solution()).chosen(asked);
@@ -79,7 +82,7 @@ pub fn identify(
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
     joint.law = law;
-    let of_joint = JointReport::new(&joint, found.solution());
+    let of_joint = JointReport { force: json.force.as_ref(), ..JointReport::new(&joint, found.solution()) };
     write_solution(&folder, &of_joint)?;
     folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
     of_joint.draw(&chosen, save)?;

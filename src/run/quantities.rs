@@ -6,8 +6,8 @@ use crate::field::{
     CrackLine, Elasticity, Extensometer, Facing, FrameQuantities, Measurement, Quantities, RemoveRigid, Segment,
     Status, StrainDefinition, StrainWindow,
 };
-use crate::io::case::{CaseLoad, CaseQuantities};
-use crate::io::load::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
+use crate::io::case::CaseQuantities;
+use crate::io::load::{LoadTable, read_as_asked};
 use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::mesh::Mesh;
@@ -105,71 +105,7 @@ pub(crate) fn resolve(
 /// A file that cannot be read or joined, and times that are missing or given twice.
 pub(crate) fn load(asked: &CaseQuantities, n_frames: usize) -> Result<LoadTable> {
     let Some(load) = &asked.load else { return Ok(LoadTable::default()) };
-    let path = Path::new(&load.file);
-    for (name, value, least) in [
-        ("the interval of the frames (--frame-interval, frame_interval_s)", load.frame_interval_s, 0.0),
-        ("the area of the cross-section (--area, area_mm2)", load.area_mm2, 0.0),
-        ("the time of the reference (--load-start, start_s)", load.start_s, f64::NEG_INFINITY),
-    ] {
-        if let Some(value) = value.filter(|value| !(value.is_finite() && *value > least)) {
-            let above = if least == 0.0 { " above 0" } else { "" };
-            return Err(format!("{name} is {value}; give a finite number{above}").into());
-        }
-    }
-    let start_s = load.start_s.unwrap_or(0.0);
-    let times = match (&load.frame_times, load.frame_interval_s) {
-        (Some(_), Some(_)) => {
-            return Err("the times of the frames are given twice; give either their interval or a file of times".into());
-        }
-        (Some(file), None) => Some(read_frame_times(Path::new(file), n_frames)?.later(start_s)),
-        (None, Some(interval_s)) => Some(FrameTimes::every(interval_s, start_s, n_frames)),
-        (None, None) => None,
-    };
-    let table = match (&load.time, times) {
-        (Some(time), Some(times)) => {
-            let mut table = read_record(path, time, &times)?;
-            table.notes.insert(0, said_of_times(load));
-            table
-        }
-        (None, None) if load.start_s.is_none() => read_load(path, n_frames)?,
-        (Some(_), None) => {
-            return Err(format!(
-                "{}: rows are joined with the frames by time, but nobody knows when the frames were taken; give \
-                 --frame-interval S (frame_interval_s) or --frame-times FILE (frame_times)",
-                path.display()
-            )
-            .into());
-        }
-        (None, _) => {
-            return Err(format!(
-                "{}: times of the frames are given, but not the column of the load file to join them with; give --load-time \
-                 COLUMN (time), or leave them out",
-                path.display()
-            )
-            .into());
-        }
-    };
-    Ok(match load.area_mm2 {
-        Some(area_mm2) => table.with_stress(area_mm2, path)?,
-        None => table,
-    })
-}
-
-/// How frames and rows of a load file were joined.
-fn said_of_times(load: &CaseLoad) -> String {
-    let start = load.start_s.unwrap_or(0.0);
-    match (load.frame_interval_s, &load.frame_times) {
-        (Some(interval), _) => format!(
-            "load joined by time, interpolated: the reference at {start} s, a frame every {interval} s after it"
-        ),
-        (None, Some(file)) if start != 0.0 => {
-            format!("load joined by time, interpolated: frames at the times of {file}, {start} s later")
-        }
-        (None, file) => {
-            let file = file.as_deref().unwrap_or("-");
-            format!("load joined by time, interpolated: frames at the times of {file}")
-        }
-    }
+    Ok(read_as_asked(load, n_frames)?)
 }
 
 /// What the fields of a run are like.

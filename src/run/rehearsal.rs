@@ -3,12 +3,14 @@
 
 use super::error::Result;
 use super::plan::Plan;
-use super::reference::{Reference, about_reference};
+use super::reference::{about_reference, Reference};
 use super::zones::Zones;
 use crate::correlate::CorrelationError;
 use crate::identify::Case;
 use crate::io::case::CaseDocument;
-use crate::io::joint::{BoundaryInput, DrivesInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput};
+use crate::io::joint::{
+    read_force, BoundaryInput, DrivesInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput,
+};
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;
 use crate::units::PixelSize;
@@ -37,13 +39,10 @@ pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
         mesh.lower = mesh.groups.iter().position(|group| group == first).map(|at| at as u32);
     }
     let measurement = case.has_fit().then(|| MeasurementInput::Run(run.clone()));
-    let input = JointInput {
-        case: of_joint,
-        mesh: MeshInput::Run(mesh),
-        boundary: BoundaryInput::Run(run),
-        drives: DrivesInput::default(),
-        measurement,
-    };
+    let boundary = BoundaryInput::Run(run);
+    let drives = DrivesInput::default();
+    let force = read_force(&of_joint, &boundary, &drives)?;
+    let input = JointInput { case: of_joint, mesh: MeshInput::Run(mesh), boundary, drives, measurement, force };
     let joint = Case::joint(&input)?;
     let mut warnings: Vec<String> = joint.doubts.iter().filter(|doubt| doubt.contains("in mm?")).cloned().collect();
     if case.has_fit() {

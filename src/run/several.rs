@@ -6,7 +6,7 @@ use super::folder::{FIGURES, RunFolder};
 use super::heard::Heard;
 use super::identification::FIT;
 use super::session::Outcome;
-use super::simulation::{save, write_solution};
+use super::simulation::{FORCE, save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::{CombinedCase, CombinedFit, CutShort, Ended, FitError, FitStatus, fit_combined};
@@ -67,6 +67,9 @@ pub fn identify_several(
         own.clear(false, true)?;
         own.make(FIGURES)?;
         own.write("traction-bands.csv", |out| report.write_bands(out))?;
+        if let Some(force) = &report.force {
+            own.write(FORCE, |out| force.write(out))?;
+        }
         let chosen = JointReport::new(joint, test.fit.solution()).chosen(asked);
         report.draw(&chosen, |name: String, picture: Picture| save(&own, &name, &picture))?;
     }

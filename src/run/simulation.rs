@@ -10,12 +10,15 @@ use super::text::absolute;
 use crate::identify::Case;
 use crate::io::case::CasePathControl;
 use crate::io::joint::{JointInput, read_joint};
-use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, PathEnd};
-use crate::report::Picture;
+use crate::mechanics::{EnergyOptions, FollowOptions, Followed, ForwardOptions, Joint, PathEnd, Solution};
 use crate::report::joint::{JointReport, JointSummary};
+use crate::report::{ForceRecord, Picture};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
+
+/// The load cell beside the prediction, in the folder of the results.
+pub(super) const FORCE: &str = "force.csv";
 
 /// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each instant.
 const ENERGIES_UP_TO: usize = 20_000;
@@ -83,10 +86,16 @@ pub fn simulate(
         false => Vec::new(),
     };
 
-    let report = JointReport { energies: &energies, times: &times, ..JointReport::new(&joint, &solution) };
-    let asked = input.case.output.figures.as_deref();
     let mut warnings = joint.doubts.clone();
     warnings.append(&mut doubts);
+    // The points of a path are no instants of the record.
+    let force = match follow {
+        None => force(&input, &joint, &solution, &mut warnings)?,
+        Some(_) => None,
+    };
+    let force = force.as_ref();
+    let report = JointReport { energies: &energies, times: &times, force, ..JointReport::new(&joint, &solution) };
+    let asked = input.case.output.figures.as_deref();
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
     for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
         warnings.push(format!("[output] figures names instant {instant}, which has no solution"));
@@ -95,6 +104,10 @@ pub fn simulate(
     write_solution(&folder, &report)?;
     if !energies.is_empty() {
         folder.write("energies.csv", |out| report.write_energies(out))?;
+    }
+    if let Some(force) = force {
+        folder.write(FORCE, |out| force.write(out))?;
+        save(&folder, "force", &force.draw()?)?;
     }
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
@@ -142,6 +155,18 @@ fn said_of_path(times: &[f64], n_instants: usize, end: PathEnd) -> Vec<String> {
         )),
     }
     said
+/// What the load cell measured beside the prediction.
+fn force(
+    input: &JointInput,
+    joint: &Joint,
+    solution: &Solution,
+    warnings: &mut Vec<String>,
+) -> Result<Option<ForceRecord>> {
+    let Some(cell) = Case::load_cell(joint, input, warnings)? else { return Ok(None) };
+    let comparison = cell.compare(&joint.model, &*joint.law, solution);
+    let record = comparison.map(|comparison| ForceRecord::of(&cell, &comparison, false));
+    warnings.extend(record.as_ref().and_then(|record| record.doubt.clone()));
+    Ok(record)
 }
 
 /// Writes a figure as PNG and SVG.

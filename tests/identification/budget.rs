@@ -4,13 +4,15 @@
 use quadrille::identify::{
     Budget, BudgetLine, Case, Constant, ConstantKind, ELEMENT_SIZE, Face, Fit, NORMAL_95, Source, bands, fit,
 };
-use quadrille::io::case::{CaseExact, CaseFit, CaseKinematics, CaseMaterial, CaseSubstrate};
+use quadrille::io::case::{CaseExact, CaseFit, CaseForce, CaseKinematics, CaseMaterial, CaseSubstrate};
 use quadrille::io::joint::{
-    BoundaryInput, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
+    BoundaryInput, ForceInput, JointInput, JointMeshFile, MeasurementInput, MeasurementTable, MeshInput, read_joint,
 };
 use quadrille::mechanics::cohesive::ExtendedXuNeedleman;
 use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use quadrille::mechanics::{BoundaryHistory, ForwardOptions, Joint, JointMesh, Kinematics, Model, ModelOptions};
+use quadrille::mechanics::{
+    BoundaryHistory, ForwardOptions, Joint, JointMesh, Kinematics, Model, ModelOptions, NodeGroup,
+};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -19,6 +21,8 @@ use std::sync::{Arc, OnceLock};
 const PIXEL_MM: f64 = 0.0019;
 const SIZE: f64 = 16.0 * PIXEL_MM;
 const GAP: f64 = 0.06;
+/// Of the specimen, mm.
+const WIDTH: f64 = 10.0;
 const TRUTH: [f64; 4] = [1.0, 0.005, 0.05, 4.0];
 const ALUMINIUM: [f64; 5] = [72_000.0, 0.33, 180.0, 0.06, 7.0];
 
@@ -84,6 +88,25 @@ fn input_of(kinematics: Kinematics, measurement: &str, fit: &str) -> JointInput 
     );
     std::fs::write(folder.path().join("case.toml"), text).unwrap();
     read_joint(&folder.path().join("case.toml")).unwrap()
+}
+
+/// The input with the force on the upper strip along y, of the truth, beside the displacements.
+fn with_force(mut input: JointInput, kinematics: Kinematics) -> JointInput {
+    let mesh = mesh();
+    let nodes = mesh.outer_nodes();
+    let groups = NodeGroup::of_strips(&mesh, &nodes);
+    let material: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress).unwrap());
+    let options = ModelOptions { kinematics, ..ModelOptions::default() };
+    let model = Model::new(mesh, vec![Arc::clone(&material), material], &nodes, options).unwrap();
+    let [phi_n, delta_n, delta_t, r] = TRUTH;
+    let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r).unwrap();
+    let force = |u: &Vec<[f64; 2]>| Some(WIDTH * model.reactions(&law, u, &groups)[1][1]);
+    let values = fields(kinematics).iter().map(force).collect();
+    let (path, column, notes) = ("load.csv".into(), "load_N".into(), Vec::new());
+    input.force = Some(ForceInput { path, column, values, notes });
+    let (group, width_mm, std_n) = (Some("upper".to_owned()), Some(WIDTH), Some(0.3));
+    input.case.force = Some(CaseForce { group, width_mm, std_n, ..CaseForce::default() });
+    input
 }
 
 fn fitted(input: &JointInput) -> Fit {
@@ -184,6 +207,7 @@ fn with_moved(input: &JointInput, constant: &Constant, share: f64) -> JointInput
                 nodes.iter_mut().chain(fields.iter_mut().flatten()).for_each(|at| *at = at.map(|v| factor * v));
             });
         }
+        ConstantKind::Width => other.case.force.as_mut().unwrap().width_mm = Some(WIDTH + by),
         ConstantKind::NoiseLevel => panic!("it moves nothing"),
     }
     other
@@ -194,13 +218,17 @@ fn the_effect_of_every_constant_is_what_a_refit_with_it_moved_changes() {
     // Small steps: what is left of the second order is their share of the first.
     let share = 0.02;
     let tolerance = 0.02;
-    for (measurement, kinematics, parameters) in [
-        ("weights = \"uniform\"\nboundary = \"exact\"", Kinematics::Paper, 3),
-        ("weights = \"covariance\"", Kinematics::Objective, 3),
+    for (measurement, kinematics, parameters, force) in [
+        ("weights = \"uniform\"\nboundary = \"exact\"", Kinematics::Paper, 3, false),
+        ("weights = \"covariance\"", Kinematics::Objective, 3, false),
         // A prescribed length of the law does not grow with the pixel.
-        ("weights = \"paper\"", Kinematics::Paper, 1),
+        ("weights = \"paper\"", Kinematics::Paper, 1, false),
+        ("boundary = \"exact\"", Kinematics::Objective, 3, true),
     ] {
         let mut input = input_of(kinematics, measurement, "discretisation = \"off\"");
+        if force {
+            input = with_force(input, kinematics);
+        }
         if parameters == 1 {
             input.case.fit.as_mut().unwrap().parameters.truncate(1);
             input.case.cohesive.exact = Some(names(&["delta_n", "delta_t"]));

@@ -14,6 +14,7 @@ mod identify_cli;
 mod intervals;
 mod joint_anywhere;
 mod linalg_lu;
+mod load_cell;
 mod load_files;
 mod mechanics_cli;
 mod mechanics_laws;

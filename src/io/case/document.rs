@@ -70,7 +70,7 @@ const OF_CORRELATION: [&str; 11] = [
     "report",
 ];
 const INTERFACE: &str = "interface";
-const OF_JOINT: [&str; 11] = [
+const OF_JOINT: [&str; 12] = [
     "mesh",
     "groups",
     "boundary",
@@ -81,6 +81,7 @@ const OF_JOINT: [&str; 11] = [
     "cohesive",
     "output",
     "measurement",
+    "force",
     "fit",
 ];
 /// What drives a joint that no images tell of.
@@ -178,6 +179,7 @@ impl CaseDocument {
             tests,
             output,
             measurement,
+            force,
             fit,
         } = self.case;
         let of_correlation = CaseFile {
@@ -208,6 +210,7 @@ impl CaseDocument {
             tests,
             output,
             measurement,
+            force,
             fit,
             ..Case::default()
         };

@@ -328,7 +328,7 @@ pub struct CaseFit {
     pub face_position_px_std: Option<f64>,
     /// The same in mm; one of both.
     pub face_position_mm_std: Option<f64>,
-    /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`; `"rotations"` where
+    /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`, `"width"`; `"rotations"` where
     /// the data were computed with small ones: what finite ones would change is then not asked.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,

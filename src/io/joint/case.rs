@@ -1,8 +1,9 @@
 //! The sections of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::{
-    CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
+    read_document, CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseForce,
+    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText,
+    Reader,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,8 @@ pub struct JointCase {
     pub output: CaseJointOutput,
     /// The section `[measurement]`: displacements that the parameters are fitted to.
     pub measurement: Option<CaseMeasurement>,
+    /// The section `[force]`.
+    pub force: Option<CaseForce>,
     /// The section `[fit]`.
     pub fit: Option<CaseFit>,
 }
@@ -68,6 +71,7 @@ impl CaseDocument {
             cohesive: case.cohesive.ok_or_else(|| missing("cohesive", LAW))?,
             output: case.output.unwrap_or_default(),
             measurement: case.measurement,
+            force: case.force,
             fit: case.fit,
             text,
         })

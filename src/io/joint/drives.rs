@@ -28,6 +28,16 @@ impl DrivesInput {
         self.supports.is_empty() && self.loads.is_empty()
     }
 
+    /// The number of instants of the longest list; 1 where all values are constant.
+    pub fn n_instants(&self) -> usize {
+        let of = |history: &Option<History>| match history {
+            Some(History::List(values)) => values.len(),
+            _ => 1,
+        };
+        let all = self.supports.iter().flat_map(|(_, u)| u).chain(self.loads.iter().flat_map(|(_, f)| f));
+        all.map(of).max().unwrap_or(1)
+    }
+
     /// Reads the columns that the sections name; `base` is the folder of the case.
     pub(super) fn read(
         supports: &[CaseSupport],

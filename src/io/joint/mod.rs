@@ -7,6 +7,7 @@ mod boundary;
 mod case;
 mod correlated;
 mod drives;
+mod force;
 mod measurement;
 mod mesh;
 #[cfg(feature = "store")]
@@ -23,6 +24,7 @@ pub(in crate::io) use case::LAW;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
 pub use drives::{DrivesInput, History};
+pub use force::{ForceInput, read_force};
 pub use measurement::{MeasurementTable, read_measurement};
 pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
 pub use run::read_joint_run;
@@ -30,6 +32,7 @@ pub use several::{IdentifyInput, TestInput, TestsInput, read_identify};
 pub use table::{read_table, write_table};
 
 use super::case::{CaseError, CasePlace};
+use super::load::LoadError;
 use super::mesh_file::MeshFileError;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -48,6 +51,8 @@ pub struct JointInput {
     pub drives: DrivesInput,
     /// What was measured, where the case says it.
     pub measurement: Option<MeasurementInput>,
+    /// What the load cell recorded, where the case says it.
+    pub force: Option<ForceInput>,
 }
 
 /// Where the displacements that parameters are fitted to come from.
@@ -149,6 +154,8 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
             }
             _ => return Err(wrong(JointFileError::OtherMeasuredRun)),
         },
+        // A load curve can be fitted alone.
+        Some(CaseMeasurement { file: None, store: None, .. }) if case.force.is_some() => None,
         Some(_) => return Err(wrong(JointFileError::NoMeasurement)),
     };
     let boundary = match (&boundary.file, run) {
@@ -158,7 +165,8 @@ pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
         _ => return Err(wrong(JointFileError::NoBoundary)),
     };
     let drives = DrivesInput::read(&case.supports, &case.applied_loads, &case.base, &case.text)?;
-    Ok(JointInput { case, mesh, boundary, drives, measurement })
+    let force = read_force(&case, &boundary, &drives).map_err(wrong)?;
+    Ok(JointInput { case, mesh, boundary, drives, measurement, force })
 }
 
 /// One name for each run, however it is written.
@@ -350,6 +358,12 @@ pub enum JointFileError {
         /// The table.
         path: PathBuf,
     },
+    /// A `[force]` without a file.
+    #[error("[force] names no load file; give file = \"load.csv\"")]
+    NoForceFile,
+    /// A load file that cannot be used.
+    #[error("[force] {0}")]
+    Force(#[from] LoadError),
     /// A scale that is none.
     #[error("[measurement] pixel_size_mm = {value}: it must be a finite number above zero")]
     BadScale {
@@ -371,6 +385,7 @@ impl JointFileError {
             Self::NoMesh => Some("mesh"),
             Self::NoBoundary | Self::OtherRun => Some("boundary"),
             Self::NoMeasurement | Self::BadScale { .. } | Self::OtherMeasuredRun => Some("measurement"),
+            Self::NoForceFile | Self::Force(_) => Some("force"),
             _ => None,
         }
     }

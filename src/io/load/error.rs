@@ -190,6 +190,22 @@ pub enum LoadError {
         /// Its columns.
         columns: Vec<String>,
     },
+    /// No column of forces, or too many to choose from.
+    #[error("{}: {}; the columns are {}", path.display(), no_force(column.as_deref()), listed(columns))]
+    NoForce {
+        /// The file.
+        path: PathBuf,
+        /// The column asked for.
+        column: Option<String>,
+        /// Its columns.
+        columns: Vec<String>,
+    },
+    /// Times of the frames that are missing, given twice, or mean nothing.
+    #[error("{what}")]
+    Times {
+        /// What is wrong, and what to do.
+        what: String,
+    },
     /// As many rows as there are neither deformed images nor images in all.
     #[error(
         "{}: {n_rows} rows for {n_frames} deformed images; give {n_frames} rows, {} with the reference first, a column `frame`, or \
@@ -208,6 +224,14 @@ pub enum LoadError {
 
 fn listed(names: &[String]) -> String {
     names.join(", ")
+}
+
+fn no_force(column: Option<&str>) -> String {
+    match column {
+        Some(name) => format!("there is no column '{name}' of forces in N (or kN, ...)"),
+        None => "one column of force in N (or kN, ...) is needed, of several one named load or force; name it with column = \"..\""
+            .to_owned(),
+    }
 }
 
 fn hint(decimal_commas: bool) -> &'static str {

@@ -15,6 +15,9 @@ impl FitReport<'_> {
         chosen: &[usize],
         mut save: impl FnMut(String, Picture) -> Result<(), E>,
     ) -> Result<(), E> {
+        if let Some(force) = &self.force {
+            save("force".into(), force.draw()?)?;
+        }
         save("fit-history".into(), self.history()?)?;
         save("parameters".into(), self.parameters()?)?;
         let modes = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];

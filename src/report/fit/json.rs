@@ -6,7 +6,7 @@ use crate::identify::{
     Outcome, Released, ReleasedParameter, SweepRow,
 };
 use crate::mechanics::Status;
-use crate::report::{Name, number, numbers};
+use crate::report::{ForceRecord, Name, number, numbers};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -91,6 +91,9 @@ pub struct FitRecord {
     /// or it is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change_by_finite_rotations: Option<BTreeMap<Name, f64>>,
+    /// The load cell beside the prediction, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force: Option<ForceRecord>,
     /// The profile likelihood, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<ProfileRecord>,
@@ -150,6 +153,9 @@ pub struct TestRecord {
     pub parameters: BTreeMap<Name, TestParameterRecord>,
     /// Whether it contradicts the model with the parameters that all share.
     pub misfit: Option<MisfitRecord>,
+    /// Its load cell beside the prediction, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force: Option<ForceRecord>,
 }
 
 /// What one of several tests tells of a parameter.
@@ -646,6 +652,7 @@ impl FitReport<'_> {
         }
         warnings.extend(of_intervals(fit));
         warnings.extend(fit.rotations.as_ref().and_then(|rotations| rotations.warning(&fit.parameters)));
+        warnings.extend(self.force.as_ref().and_then(|force| force.doubt.clone()));
         let agreement = |end: &&crate::identify::StartEnd| end.status == crate::identify::FitStatus::Converged;
         let agreement = fit.starts.iter().filter(agreement).fold(0.0_f64, |most, end| most.max(end.distance));
         if agreement > 1e-6 {
@@ -702,7 +709,7 @@ impl FitReport<'_> {
             condition: Some(fit.condition()).filter(|c| c.is_finite()),
             omega: fit.omega,
             omega_expected: statistics.map(|s| s.expected_omega),
-            noise_mm: statistics.map(|s| s.sigma * problem.noise.mean_variance().sqrt()),
+            noise_mm: statistics.map(|s| s.sigma * problem.noise.mean_variance().sqrt()).filter(|noise| *noise > 0.0),
             noise_estimated: statistics.is_some_and(|s| s.sigma_estimated),
             evaluations: fit.evaluations,
             rescued: fit.rescued,
@@ -735,6 +742,7 @@ impl FitReport<'_> {
             change_by_finite_rotations: (fit.rotations.as_ref()).and_then(|rotations| rotations.change.as_ref()).map(
                 |change| fit.parameters.iter().map(|p| p.parameter.name.into()).zip(change.iter().copied()).collect(),
             ),
+            force: self.force.clone(),
             profile: self.profile.as_ref().map(|p| ProfileRecord {
                 parameter: p.name.into(),
                 values: p.values.clone(),

@@ -17,7 +17,8 @@ pub use several_page::several_page;
 pub(super) use tables::rows_of;
 pub use tables::{Banded, LawRows, TractionRows, read_bands, read_law, write_sweep};
 
-use crate::identify::{Band, Case, CurveBand, Fit, FitError, Profile, bands, curve_bands};
+use super::ForceRecord;
+use crate::identify::{Band, Case, CurveBand, Fit, FitError, LoadCell, Profile, bands, curve_bands};
 
 /// A case, its fit, and what was made of it.
 #[derive(Debug)]
@@ -32,6 +33,8 @@ pub struct FitReport<'a> {
     pub curves: [CurveBand; 2],
     /// The profile that was asked for.
     pub profile: Option<Profile>,
+    /// The load cell beside the prediction.
+    pub force: Option<ForceRecord>,
 }
 
 impl<'a> FitReport<'a> {
@@ -41,7 +44,15 @@ impl<'a> FitReport<'a> {
     /// See [`FitError`].
     pub fn new(case: &'a Case<'a>, fit: &'a Fit, profile: Option<Profile>) -> Result<Self, FitError> {
         let (bands, curves) = (bands(&case.problem, fit)?, curve_bands(&case.problem, fit)?);
-        Ok(Self { case, fit, bands, curves, profile })
+        let Case { problem, force, .. } = case;
+        let law = problem.unknowns.law_at(&fit.evaluation.x)?;
+        let used = problem.observation.force.is_some();
+        let compare = |cell: &LoadCell| {
+            let comparison = cell.compare(&problem.joint.model, &*law, fit.solution())?;
+            Some(ForceRecord::of(cell, &comparison, used))
+        };
+        let force = force.as_ref().and_then(compare);
+        Ok(Self { case, fit, bands, curves, profile, force })
     }
 
     /// What the 95 % bands hold, in words.

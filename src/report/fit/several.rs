@@ -55,7 +55,7 @@ pub fn several_json(
     record.measurement.boundary = mixed(|test| &test.measurement.boundary);
     record.omega = fit.omega;
     record.omega_expected = fit.tests.iter().map(|t| t.fit.statistics.as_ref().map(|s| s.expected_omega)).sum();
-    record.noise_mm = None;
+    (record.noise_mm, record.force) = (None, None);
     record.noise_estimated = tests.iter().any(|test| test.noise_estimated);
     record.misfit = fit.misfit.as_ref().map(MisfitRecord::of);
     record.consistency = fit.consistency.as_ref().map(ConsistencyRecord::of);
@@ -80,6 +80,7 @@ fn test(test: &TestFit, record: &FitRecord, report: &FitReport<'_>) -> TestRecor
         adds_nothing: share.adds_nothing,
         parameters,
         misfit: record.misfit.clone(),
+        force: record.force.clone(),
     }
 }
 

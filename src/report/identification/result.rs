@@ -50,6 +50,12 @@ impl IdentificationReport<'_> {
         if let Some(record) = &fit.misfit {
             blocks.extend(misfit(record)?);
         }
+        if let Some(force) = &fit.force {
+            blocks.push(Block::Heading("The load cell".into()));
+            blocks.push(Block::Text(format!("{}.", capital(&force.text))));
+            let caption = if force.used { "It took part in the fit" } else { "It took no part in the fit" };
+            blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&force.plot(), caption)?)]));
+        }
         if let Some(matrix) = &fit.correlation {
             blocks.push(Block::Heading("Correlation of the parameters".into()));
             let rows = matrix.iter().map(|row| row.iter().map(|v| format!("{v:+.3}")).collect()).collect();

@@ -11,6 +11,7 @@ pub use drawing::{JointMap, JointProfiles};
 pub use loads::{Balance, EnergySummary, ReactionSummary};
 pub use summary::{InstantSummary, JointSummary, LawSummary};
 
+use super::ForceRecord;
 use crate::mechanics::{Energies, Instant, Joint, Sensitivity, Solution};
 
 /// A joint and its solution.
@@ -24,12 +25,14 @@ pub struct JointReport<'a> {
     pub energies: &'a [Option<Energies>],
     /// Where in the history of the case each instant is, of a path that was followed by its length; else empty.
     pub times: &'a [f64],
+    /// The load cell beside the prediction, where there is one.
+    pub force: Option<&'a ForceRecord>,
 }
 
 impl<'a> JointReport<'a> {
-    /// Without energies.
+    /// Without energies and load cell.
     pub fn new(joint: &'a Joint, solution: &'a Solution) -> Self {
-        Self { joint, solution, energies: &[], times: &[] }
+        Self { joint, solution, energies: &[], times: &[], force: None }
     }
 
     /// The instants that have a solution, with their numbers from 1.

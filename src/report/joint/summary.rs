@@ -6,6 +6,7 @@ use super::loads::{Balance, EnergySummary, ReactionSummary};
 use crate::field::RigidMotion;
 use crate::mechanics::cohesive::{Jump, Parameter};
 use crate::mechanics::{Instant, Joint, Status};
+use crate::report::ForceRecord;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -47,6 +48,9 @@ pub struct JointSummary {
     /// How the energies balance; absent where they were not computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub energy_balance: Option<Balance>,
+    /// The load cell beside the prediction, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<ForceRecord>,
     /// What a user should look at.
     pub warnings: Vec<String>,
     /// Every instant.
@@ -133,6 +137,7 @@ impl JointReport<'_> {
             remove_rigid_motion: if removed.is_empty() { "none" } else { "overall" },
             rigid_motion_removed: removed.clone(),
             energy_balance: self.balance(),
+            force: self.force.cloned(),
             warnings,
             instants: (1..).zip(&self.solution.instants).map(|(k, instant)| self.summary_of(k, instant)).collect(),
         }

@@ -1,0 +1,123 @@
+//! The load cell beside the prediction: the record, its table and its figure.
+
+use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style};
+use crate::identify::{LoadCell, LoadComparison};
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
+
+/// Measured and computed force of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ForceRecord {
+    /// The column of the load file.
+    pub column: Name,
+    /// The group of nodes whose reaction it is.
+    pub group: String,
+    /// The direction in which it counts, a unit vector.
+    pub direction: [f64; 2],
+    /// Width of the specimen.
+    pub width_mm: f64,
+    /// Standard uncertainty of a force; null where none is stated.
+    #[serde(rename = "std_N")]
+    pub std_n: Option<f64>,
+    /// Whether it took part in the fit.
+    pub used: bool,
+    /// Root mean square of measured less computed force.
+    #[serde(rename = "rms_N")]
+    pub rms_n: f64,
+    /// The same by the largest measured force, %; null where all are zero.
+    pub rms_percent: Option<f64>,
+    /// The largest difference, measured less computed.
+    #[serde(rename = "largest_N")]
+    pub largest_n: f64,
+    /// Its instant.
+    pub largest_at_instant: usize,
+    /// The factor that brings the computed forces closest to the measured ones; null where all computed ones are zero.
+    pub scale: Option<f64>,
+    /// All that in words.
+    pub text: String,
+    /// The instants that have a force.
+    pub points: Vec<ForcePoint>,
+    /// What a user should look at; the warnings have it too.
+    #[serde(skip)]
+    pub doubt: Option<String>,
+}
+
+/// The force at an instant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ForcePoint {
+    /// The instant, from 1.
+    pub instant: usize,
+    /// What the load cell showed.
+    #[serde(rename = "measured_N")]
+    pub measured_n: f64,
+    /// The reaction of the model times the width.
+    #[serde(rename = "computed_N")]
+    pub computed_n: f64,
+}
+
+impl ForceRecord {
+    /// What `cell` measured beside what was computed; `used` where it took part in the fit.
+    pub fn of(cell: &LoadCell, comparison: &LoadComparison, used: bool) -> Self {
+        let point =
+            |&(instant, measured_n, computed_n): &(usize, f64, f64)| ForcePoint { instant, measured_n, computed_n };
+        Self {
+            column: cell.column.clone().into(),
+            group: cell.group.name.clone(),
+            direction: cell.direction,
+            width_mm: cell.width_mm,
+            std_n: cell.std_n,
+            used,
+            rms_n: comparison.rms_n,
+            rms_percent: (comparison.peak_n > 0.0).then(|| 100.0 * comparison.rms_n / comparison.peak_n),
+            largest_n: comparison.largest.0,
+            largest_at_instant: comparison.largest.1,
+            scale: comparison.scale,
+            text: comparison.text(cell),
+            points: comparison.points.iter().map(point).collect(),
+            doubt: comparison.doubt(cell),
+        }
+    }
+
+    /// Writes `force.csv`.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write<W: Write>(&self, mut out: W) -> io::Result<()> {
+        writeln!(out, "# quadrille {}", env!("CARGO_PKG_VERSION"))?;
+        for line in self.text.lines() {
+            writeln!(out, "# {line}")?;
+        }
+        writeln!(out, "instant,measured_N,computed_N")?;
+        for ForcePoint { instant, measured_n, computed_n } in &self.points {
+            writeln!(out, "{instant},{measured_n:.16e},{computed_n:.16e}")?;
+        }
+        Ok(())
+    }
+
+    /// Measured and computed force over the instants.
+    ///
+    /// # Errors
+    /// Values without a finite range.
+    pub fn draw(&self) -> Result<Picture, ReportError> {
+        self.plot().draw()
+    }
+
+    /// The same before it is drawn.
+    pub(super) fn plot(&self) -> Plot {
+        let column = |of: fn(&ForcePoint) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
+        let x = column(|point| point.instant as f64);
+        let mut measured = PlotSeries::new("measured", Style::Markers, x.clone(), column(|point| point.measured_n));
+        if let Some(std) = self.std_n {
+            measured = measured.with_band(vec![1.96 * std; x.len()]);
+        }
+        let computed = PlotSeries::new("computed", Style::Line, x, column(|point| point.computed_n));
+        let used = if self.used { "It took part in the fit." } else { "It took no part in a fit." };
+        Plot {
+            title: format!("Force on {}", self.group),
+            x: Axis::linear("instant"),
+            y: Axis::linear("force (N)"),
+            series: vec![measured, computed],
+            notes: vec![self.text.clone(), used.to_owned()],
+        }
+    }
+}
