@@ -8,23 +8,35 @@ use crate::imaging::Image;
 use crate::linalg::Dense;
 use crate::mesh::{Mesh, PixelSet};
 use crate::units::Px;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Correlation coefficient from which on the pixels around a node are found.
-const FOUND: f64 = 0.95;
+const FOUND: f64 = 0.9;
 /// and by which they have to be better there than anywhere else nearby.
 const UNIQUE: f64 = 0.1;
 /// Whole pixels around a start that are tried, each way, and how near to the best another place counts as the same.
 const REACH: i32 = 10;
 const SAME: i32 = 3;
-/// Pixels that are needed: they have eight unknowns.
+/// Pixels are taken up to so many element sizes from a node, the second where the first do not find it.
+const AROUND: [f64; 2] = [1.5, 2.0];
+/// Nearer to the cut than this, px, they see what lies behind it, and a path is drawn by hand.
+const BESIDE_CUT_PX: f64 = 2.0;
+/// Pixels that are needed, and the unknowns that they have: six of the motion, four of the light.
 const PIXELS: usize = 80;
+const UNKNOWNS: f64 = 10.0;
+/// and so many are enough for the search by whole pixels.
+const THIN: usize = 150;
 /// Iterations, and the correction at which they end, px.
 const ITERATIONS: usize = 40;
 const TOLERANCE_PX: f64 = 1e-3;
 /// Largest displacement gradient, and how far from the place that was found by whole pixels it may end, px.
 const STEEPEST: f64 = 0.6;
 const AWAY_PX: f64 = 2.0;
+/// Starts that are nearer to each other lead to the same place: by this displacement, px, and this gradient.
+const SAME_START: (f64, f64) = (4.0, 0.05);
+/// Two neighbours have to be where the motion of both has them, px: true ones of a real crack differ by up to 2, false ones by 3.
+const AGREE_PX: f64 = 2.5;
 /// What is left is no white noise but of the size of speckles: it counts so many times in the standard uncertainty.
 const COLOURED: f64 = 2.0;
 
@@ -64,6 +76,12 @@ impl Affine {
         Self { about, p: [u[0], u[1], stretch, -turn, turn, stretch] }
     }
 
+    /// Whether the search from both would see the same.
+    fn is_like(&self, other: &Self) -> bool {
+        let (px, gradient) = SAME_START;
+        self.p.iter().zip(other.p).enumerate().all(|(k, (a, b))| (a - b).abs() < if k < 2 { px } else { gradient })
+    }
+
     /// The same about another place.
     fn about(&self, x: [f64; 2]) -> Self {
         let u = self.at(x);
@@ -73,17 +91,47 @@ impl Affine {
     }
 }
 
-/// The pixels around a node on its own side, with their grey levels in the reference: of mean 0 and length 1.
+/// The pixels around a node on its own side, with their grey levels in the reference: without their plane and of length 1. Light that
+/// changes with the place (out of the shadow of a loading block) is a plane, to first order.
 struct Patch {
     about: [f64; 2],
     pixels: Vec<[f64; 2]>,
+    /// Every second of its columns and rows, for the search by whole pixels.
+    thin: Option<Box<Self>>,
+    /// Orthonormal values of 1, x and y over the pixels.
+    planes: [Vec<f64>; 3],
     grey: Vec<f64>,
 }
 
 impl Patch {
     fn new(about: [f64; 2], pixels: Vec<[f64; 2]>, reference: &Image) -> Option<Self> {
-        let grey = pixels.iter().map(|p| f64::from(reference.grey(p[0] as usize, p[1] as usize))).collect();
-        Some(Self { about, grey: normalised(grey)?.0, pixels }).filter(|patch| patch.pixels.len() >= PIXELS)
+        let thinned: Vec<_> = pixels.iter().copied().filter(|p| p[0] % 2.0 == 0.0 && p[1] % 2.0 == 0.0).collect();
+        let thin = if thinned.len() >= THIN { Self::of_all(about, thinned, reference).map(Box::new) } else { None };
+        Some(Self { thin, ..Self::of_all(about, pixels, reference)? })
+    }
+
+    fn of_all(about: [f64; 2], pixels: Vec<[f64; 2]>, reference: &Image) -> Option<Self> {
+        if pixels.len() < PIXELS {
+            return None;
+        }
+        let of: [fn(&[f64; 2]) -> f64; 3] = [|_| 1.0, |p| p[0], |p| p[1]];
+        let mut planes = of.map(|of| pixels.iter().map(of).collect::<Vec<f64>>());
+        for k in 0..3 {
+            let (before, rest) = planes.split_at_mut(k);
+            before.iter().for_each(|plane| take_off(&mut rest[0], plane));
+            scale(&mut rest[0])?;
+        }
+        let mut patch = Self { about, pixels, thin: None, planes, grey: Vec::new() };
+        let grey = patch.pixels.iter().map(|p| f64::from(reference.grey(p[0] as usize, p[1] as usize))).collect();
+        patch.grey = patch.normalised(grey)?.0;
+        Some(patch)
+    }
+
+    /// The values without their plane, divided by their length, which comes with them; none where nothing is left.
+    fn normalised(&self, mut values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
+        self.planes.iter().for_each(|plane| take_off(&mut values, plane));
+        let length = scale(&mut values)?;
+        Some((values, length))
     }
 
     /// Correlation coefficient where whole pixels beside an affine motion put the patch; none outside the image.
@@ -95,52 +143,53 @@ impl Patch {
             let inside = at[0] >= 0 && at[1] >= 0 && at[0] < image.width() as i64 && at[1] < image.height() as i64;
             grey.push(f64::from(inside.then(|| image.grey(at[0] as usize, at[1] as usize))?));
         }
-        let (grey, _) = normalised(grey)?;
+        let (grey, _) = self.normalised(grey)?;
         Some(self.grey.iter().zip(&grey).map(|(f, g)| f * g).sum())
     }
 
-    /// The best place around `start` by whole pixels, and the coefficients there and at the best place that is another one.
-    fn nearby(&self, image: &Image, start: &Affine) -> Option<(Affine, [f64; 2])> {
+    /// The best place around `start` by whole pixels, and the coefficient at the best place that is another one.
+    fn nearby(&self, image: &Image, start: &Affine) -> Option<(Affine, f64)> {
+        let thin = self.thin.as_deref().unwrap_or(self);
         let steps = || (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [x, y]));
         let tried: Vec<([i32; 2], f64)> =
-            steps().filter_map(|step| Some((step, self.coefficient(image, start, step)?))).collect();
-        let (best, first) = tried.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+            steps().filter_map(|step| Some((step, thin.coefficient(image, start, step)?))).collect();
+        let (best, _) = tried.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let other = |step: &[i32; 2]| (0..2).any(|c| (step[c] - best[c]).abs() > SAME);
         let second = tried.iter().filter(|(step, _)| other(step)).map(|(_, c)| *c).fold(-1.0, f64::max);
         let mut motion = *start;
         (0..2).for_each(|c| motion.p[c] += f64::from(best[c]));
-        Some((motion, [first, second]))
+        Some((motion, second))
     }
 
-    /// Iterates from `start` by least squares of the grey levels of mean 0 and length 1: motion, coefficient, standard uncertainty.
+    /// Iterates from `start` by least squares of the grey levels without their plane and of length 1: motion, coefficient, standard uncertainty.
     fn iterated(&self, image: &Image, start: &Affine) -> Option<(Affine, f64, [f64; 2])> {
         let mut motion = *start;
         for _ in 0..ITERATIONS {
-            let mut slopes = Vec::with_capacity(self.pixels.len());
+            let mut slopes: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(self.pixels.len()));
             let mut grey = Vec::with_capacity(self.pixels.len());
             for p in &self.pixels {
                 let u = motion.at(*p);
                 let [g, gx, gy] = cubic(image, [p[0] + u[0], p[1] + u[1]])?;
                 let d = [p[0] - self.about[0], p[1] - self.about[1]];
-                slopes.push([gx, gy, gx * d[0], gx * d[1], gy * d[0], gy * d[1]]);
+                let of_pixel = [gx, gy, gx * d[0], gx * d[1], gy * d[0], gy * d[1]];
+                slopes.iter_mut().zip(of_pixel).for_each(|(slope, value)| slope.push(value));
                 grey.push(g);
             }
-            let (grey, length) = normalised(grey)?;
-            let n = slopes.len() as f64;
-            // Mean and length of the deformed grey levels follow the motion as well.
-            for k in 0..6 {
-                let mean = slopes.iter().map(|s| s[k]).sum::<f64>() / n;
-                let along = slopes.iter().zip(&grey).map(|(s, g)| (s[k] - mean) * g).sum::<f64>();
-                slopes.iter_mut().zip(&grey).for_each(|(s, g)| s[k] = (s[k] - mean - along * g) / length);
+            let (grey, length) = self.normalised(grey)?;
+            // Plane and length of the deformed grey levels follow the motion as well.
+            for slope in &mut slopes {
+                self.planes.iter().for_each(|plane| take_off(slope, plane));
+                take_off(slope, &grey);
+                slope.iter_mut().for_each(|s| *s /= length);
             }
             let (mut matrix, mut right) = ([[0.0; 6]; 6], [0.0; 6]);
             let (mut square, mut product) = (0.0, 0.0);
-            for ((s, f), g) in slopes.iter().zip(&self.grey).zip(&grey) {
+            for (k, (f, g)) in self.grey.iter().zip(&grey).enumerate() {
                 let left = f - g;
                 (square, product) = (square + left * left, product + f * g);
                 for i in 0..6 {
-                    right[i] += s[i] * left;
-                    (0..6).for_each(|j| matrix[i][j] += s[i] * s[j]);
+                    right[i] += slopes[i][k] * left;
+                    (0..6).for_each(|j| matrix[i][j] += slopes[i][k] * slopes[j][k]);
                 }
             }
             let inverse = Dense::from_fn(6, 6, |i, j| matrix[i][j]).cholesky().ok()?.inverse();
@@ -151,7 +200,7 @@ impl Patch {
                 return None;
             }
             if step[0].abs().max(step[1].abs()) < TOLERANCE_PX {
-                let variance = square / (n - 8.0);
+                let variance = square / (self.pixels.len() as f64 - UNKNOWNS);
                 let sigma = [0, 1].map(|c| COLOURED * (variance * inverse.column(c)[c]).sqrt());
                 return Some((motion, product, sigma));
             }
@@ -161,8 +210,11 @@ impl Patch {
 
     fn followed(&self, image: &Image, starts: &[Affine]) -> Option<(Affine, [f64; 2])> {
         let mut best: Option<(Affine, f64, [f64; 2])> = None;
-        for start in starts {
-            let Some((near, [_, second])) = self.nearby(image, start) else { continue };
+        for (k, start) in starts.iter().enumerate() {
+            if starts[..k].iter().any(|before| before.is_like(start)) {
+                continue;
+            }
+            let Some((near, second)) = self.nearby(image, start) else { continue };
             let Some(found) = self.iterated(image, &near) else { continue };
             if found.1 >= FOUND.max(second + UNIQUE) && best.as_ref().is_none_or(|best| found.1 > best.1) {
                 best = Some(found);
@@ -172,13 +224,17 @@ impl Patch {
     }
 }
 
-/// The values with their mean taken off, divided by their length, which comes with them; none where all are alike.
-fn normalised(mut values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    values.iter_mut().for_each(|v| *v -= mean);
+/// Takes off what the values have of others of length 1.
+fn take_off(values: &mut [f64], unit: &[f64]) {
+    let along: f64 = values.iter().zip(unit).map(|(v, u)| v * u).sum();
+    values.iter_mut().zip(unit).for_each(|(v, u)| *v -= along * u);
+}
+
+/// Divides the values by their length and gives it; none where it is zero.
+fn scale(values: &mut [f64]) -> Option<f64> {
     let length = values.iter().map(|v| v * v).sum::<f64>().sqrt();
     values.iter_mut().for_each(|v| *v /= length);
-    (length > 0.0).then_some((values, length))
+    (length > 0.0).then_some(length)
 }
 
 /// Grey level between pixels and its gradient, by cubic convolution (Keys 1981); none where it would reach beyond the image.
@@ -234,6 +290,83 @@ fn pixels_around(mesh: &Mesh<Px>, elements: &[usize], of_zone: &PixelSet) -> Vec
     found
 }
 
+/// The nodes of elements, rising.
+fn nodes_of(mesh: &Mesh<Px>, elements: &[usize]) -> Vec<usize> {
+    let mut nodes: Vec<usize> =
+        elements.iter().flat_map(|&element| mesh.elements()[element].map(|node| node as usize)).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}
+
+/// The edges of elements that lie on a cut: both ends are `doubled`.
+fn cut_edges(mesh: &Mesh<Px>, elements: &[usize], doubled: &BTreeSet<usize>) -> Vec<[[f64; 2]; 2]> {
+    let of_element = |&element: &usize| {
+        let nodes = mesh.elements()[element].map(|node| node as usize);
+        (0..4).map(move |k| [nodes[k], nodes[(k + 1) % 4]])
+    };
+    let on_cut = |[a, b]: &[usize; 2]| a != b && doubled.contains(a) && doubled.contains(b);
+    elements.iter().flat_map(of_element).filter(on_cut).map(|edge| edge.map(|node| mesh.nodes()[node])).collect()
+}
+
+/// Distance of a point from a segment.
+fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
+    let (d, r) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let along = ((r[0] * d[0] + r[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
+    (r[0] - along * d[0]).hypot(r[1] - along * d[1])
+}
+
+/// A node that is not yet followed: the pixels around it, the second where the first do not find it, and the nodes beside it.
+struct Waiting {
+    patches: Vec<Patch>,
+    beside: Vec<usize>,
+}
+
+impl Waiting {
+    /// The nodes of `doubled` that see texture (`sees`), were not measured and all of whose elements are `gone`.
+    fn nodes(
+        reference: &Image,
+        mesh: &Mesh<Px>,
+        doubled: &BTreeSet<usize>,
+        zone_pixels: &[PixelSet],
+        [measured, sees, gone]: [&[bool]; 3],
+    ) -> BTreeMap<usize, Self> {
+        let lost = |node: &usize| !measured[*node] && sees[*node];
+        if !doubled.iter().any(lost) {
+            return BTreeMap::new();
+        }
+        let mut elements_at: Vec<Vec<usize>> = vec![Vec::new(); mesh.n_nodes()];
+        for (element, nodes) in mesh.elements().iter().enumerate() {
+            let corners = if nodes[2] == nodes[3] { &nodes[..3] } else { &nodes[..] };
+            corners.iter().for_each(|&node| elements_at[node as usize].push(element));
+        }
+        // Who has an element left and was not measured has no texture beyond the noise.
+        let all_gone = |node: &usize| elements_at[*node].iter().all(|&element| gone[element]);
+        let of_node = |&node: &usize| {
+            let beside = nodes_of(mesh, &elements_at[node]);
+            // The elements around it and those around these: a cut parts them, so that they are on its side.
+            let mut elements: Vec<usize> =
+                beside.iter().flat_map(|&other| elements_at[other].iter().copied()).collect();
+            elements.sort_unstable();
+            elements.dedup();
+            let about = mesh.nodes()[node];
+            let edges = cut_edges(mesh, &elements, doubled);
+            let mut pixels = pixels_around(mesh, &elements, &zone_pixels[mesh.node_zone()[node] as usize]);
+            pixels.retain(|&p| edges.iter().all(|&edge| distance(p, edge) >= BESIDE_CUT_PX));
+            let within = |sizes: f64| {
+                let farthest = sizes * mesh.element_size();
+                let near = |p: &&[f64; 2]| (p[0] - about[0]).hypot(p[1] - about[1]) <= farthest;
+                Patch::new(about, pixels.iter().filter(near).copied().collect(), reference)
+            };
+            (node, Self { patches: AROUND.iter().filter_map(|&sizes| within(sizes)).collect(), beside })
+        };
+        doubled.iter().filter(|node| lost(node) && all_gone(node)).map(of_node).collect()
+    }
+}
+
+/// Motion of a node and its standard uncertainty.
+type Found = BTreeMap<usize, (Affine, [f64; 2])>;
+
 /// Follows the nodes on the faces of cuts (`doubled`) that see texture (`sees`) and all of whose elements are `gone`, from the `displacement` of
 /// those that were measured, from where the frame was started (`expected`: the frames before), and from each other.
 pub(super) fn followed(
@@ -245,40 +378,11 @@ pub(super) fn followed(
     displacement: &[[f64; 2]],
     expected: Option<&[[f64; 2]]>,
 ) -> Vec<Followed> {
-    let mut waiting: BTreeMap<usize, (Patch, Vec<usize>)> = BTreeMap::new();
-    let mut around: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for node in doubled.iter().copied().filter(|&node| !measured[node] && sees[node]) {
-        around.insert(node, Vec::new());
-    }
-    if around.is_empty() {
-        return Vec::new();
-    }
-    for (element, nodes) in mesh.elements().iter().enumerate() {
-        let corners = if nodes[2] == nodes[3] { &nodes[..3] } else { &nodes[..] };
-        for &node in corners {
-            if let Some(elements) = around.get_mut(&(node as usize)) {
-                elements.push(element);
-            }
-        }
-    }
-    // Who has an element left and was not measured has no texture beyond the noise.
-    around.retain(|_, elements| elements.iter().all(|&element| gone[element]));
-    for (node, elements) in around {
-        let zone = &zone_pixels[mesh.node_zone()[node] as usize];
-        let pixels = pixels_around(mesh, &elements, zone);
-        let mut beside: Vec<usize> =
-            elements.iter().flat_map(|&element| mesh.elements()[element].map(|node| node as usize)).collect();
-        beside.sort_unstable();
-        beside.dedup();
-        if let Some(patch) = Patch::new(mesh.nodes()[node], pixels, reference) {
-            waiting.insert(node, (patch, beside));
-        }
-    }
-    let mut found: BTreeMap<usize, (Affine, [f64; 2])> = BTreeMap::new();
+    let lost = Waiting::nodes(reference, mesh, doubled, zone_pixels, [measured, sees, gone]);
+    let mut found = Found::new();
     let mut tried_alone = false;
     loop {
-        let mut now = Vec::new();
-        for (&node, (patch, beside)) in &waiting {
+        let find = |(&node, Waiting { patches, beside }): (&usize, &Waiting)| {
             let x = mesh.nodes()[node];
             // What is beside it on its own side, and in the first round where the field around would have it.
             let by_found = beside.iter().filter_map(|other| found.get(other)).map(|(motion, _)| motion.about(x));
@@ -299,23 +403,108 @@ pub(super) fn followed(
                 true => by_found.collect(),
                 false => alone.collect(),
             };
-            if let Some(result) = patch.followed(deformed, &starts) {
-                now.push((node, result));
-            }
-        }
+            let motion = patches.iter().find_map(|patch| patch.followed(deformed, &starts))?;
+            Some((node, motion))
+        };
+        let waiting: Vec<_> = lost.iter().filter(|(node, _)| !found.contains_key(node)).collect();
+        let now: Vec<_> = waiting.into_par_iter().filter_map(find).collect();
         if now.is_empty() && tried_alone {
             break;
         }
         tried_alone = true;
-        for (node, result) in now {
-            waiting.remove(&node);
-            found.insert(node, result);
+        found.extend(now);
+    }
+    // The known nodes beside one that was found, and how far both disagree.
+    let beside = |found: &Found, node: usize| -> Vec<(usize, f64)> {
+        let known = |&other: &usize| other != node && (found.contains_key(&other) || measured[other]);
+        let off = |other| (other, disagreement(mesh, found, displacement, node, other));
+        lost[&node].beside.iter().copied().filter(known).map(off).collect()
+    };
+    for node in against_neighbours(&found, |node| beside(&found, node)) {
+        found.remove(&node);
+    }
+    let of = |(&node, (motion, sigma)): (&usize, &(Affine, [f64; 2]))| {
+        // What neighbours disagree by is not of the noise: light, or a motion that is not affine.
+        let off = beside(&found, node);
+        let square = off.iter().map(|(_, off)| off * off).sum::<f64>() / off.len().max(1) as f64;
+        Followed {
+            node,
+            displacement: [motion.p[0], motion.p[1]],
+            sigma: sigma.map(|sigma| (sigma * sigma + square).sqrt()),
+        }
+    };
+    found.iter().map(of).collect()
+}
+
+/// How far two neighbours, the first of which was followed, are from where the motion of both has them, px.
+fn disagreement(mesh: &Mesh<Px>, found: &Found, displacement: &[[f64; 2]], one: usize, other: usize) -> f64 {
+    let (a, _) = &found[&one];
+    let ahead = a.at(mesh.nodes()[other]);
+    let off = |c: usize| match found.get(&other) {
+        // By the mean of both gradients, which is exact for a parabola.
+        Some((b, _)) => 0.5 * ((ahead[c] - b.p[c]) - (b.at(mesh.nodes()[one])[c] - a.p[c])),
+        None => ahead[c] - displacement[other][c],
+    };
+    off(0).hypot(off(1))
+}
+
+/// The nodes of `found` that do not agree with their neighbours: of groups of nodes that agree the smaller ones beside a larger one.
+/// Where the edge of a face is brighter than its texture, the edge may be found anywhere along it.
+fn against_neighbours(found: &Found, beside: impl Fn(usize) -> Vec<(usize, f64)>) -> Vec<usize> {
+    let followed = |node: usize| beside(node).into_iter().filter(|(other, _)| found.contains_key(other));
+    // A group is named by its first node.
+    let mut group: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut size: BTreeMap<usize, usize> = BTreeMap::new();
+    for &first in found.keys() {
+        if group.contains_key(&first) {
+            continue;
+        }
+        let mut open = vec![first];
+        group.insert(first, first);
+        while let Some(node) = open.pop() {
+            *size.entry(first).or_default() += 1;
+            for (other, _) in followed(node).filter(|(_, off)| *off < AGREE_PX) {
+                if group.insert(other, first).is_none() {
+                    open.push(other);
+                }
+            }
         }
     }
-    let of = |(node, (motion, sigma)): (usize, (Affine, [f64; 2]))| Followed {
-        node,
-        displacement: [motion.p[0], motion.p[1]],
-        sigma,
-    };
-    found.into_iter().map(of).collect()
+    let larger = |own: usize, other: usize| size[&group[&other]] > size[&own];
+    let beaten: BTreeSet<usize> = found
+        .keys()
+        .filter(|node| followed(**node).any(|(other, _)| larger(group[node], other)))
+        .map(|node| group[node])
+        .collect();
+    found.keys().copied().filter(|node| beaten.contains(&group[node])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nodes 1 to 5 side by side, of which neighbours disagree by what is given.
+    fn against(off: [f64; 4]) -> Vec<usize> {
+        let motion = (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]);
+        let found: Found = (1..=5).map(|node| (node, motion)).collect();
+        against_neighbours(&found, |node| {
+            let before = (node > 1).then(|| (node - 1, off[node - 2]));
+            before.into_iter().chain((node < 5).then(|| (node + 1, off[node - 1]))).collect()
+        })
+    }
+
+    #[test]
+    fn of_nodes_that_disagree_the_smaller_group_is_not_measured() {
+        assert!(against([0.3; 4]).is_empty());
+        assert_eq!(against([3.0, 0.1, 0.1, 0.1]), [1]);
+        assert_eq!(against([0.1, 3.0, 0.1, 0.1]), [1, 2]);
+        // The last one is at odds with nobody but one who is wrong.
+        assert_eq!(against([0.1, 0.1, 3.0, 3.0]), [4]);
+        // Nobody can tell which of two is right.
+        assert!(against_neighbours(
+            &[1, 2].map(|node| (node, (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]))).into(),
+            |node| vec![(3 - node, 9.0)]
+        )
+        .is_empty());
+    }
 }

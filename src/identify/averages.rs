@@ -30,8 +30,8 @@ pub struct Part<T> {
 }
 
 /// The average of `parts`. Value and standard uncertainty are those of the mixture. The interval holds those of all laws that cannot be
-/// told apart: a weight says which of them noise favours today, and quantiles of the mixture held the truth in 84 % of the
-/// tractions where the true law by itself held it in 93 %.
+/// told apart: a weight says which of them noise favours today, and quantiles of the mixture hold the truth less often than the true law
+/// by itself does (docs/identification.md, "Law against law").
 pub fn average(parts: &[Part<Spread>]) -> Spread {
     let value: f64 = parts.iter().map(|part| part.weight * part.of.value).sum();
     let variance: Option<f64> =

@@ -2,8 +2,8 @@
 
 use super::load::LoadTable;
 use crate::field::{
-    CrackLine, CrackTip, Curve, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA, PointValues, Quantities,
-    Status, StrainWindows, TipState, Value,
+    CrackLine, CrackTip, Curve, ElementMark, FrameQuantities, Jump, Measurement, NodalNoise, PointValues, Quantities,
+    Status, StrainWindows, TipState, Value, OPEN_BY_SIGMA,
 };
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
@@ -63,6 +63,8 @@ pub struct CrackFrame {
     pub number: usize,
     /// Distance along the path and jump of each place that is measured.
     pub places: Vec<(f64, Jump)>,
+    /// How many of them are beside an element that was left out: their nodes were followed one by one.
+    pub followed: usize,
     /// Its tips.
     pub tips: Vec<CrackTip>,
 }
@@ -270,7 +272,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
             let Some(values) = drawn.as_ref().map(|drawn| &drawn.cracks[k]) else { continue };
             let places = self.quantities.cracks[k].1.points().iter().zip(&values.points);
             let places = places.filter_map(|(point, jump)| Some((point.along, (*jump)?))).collect();
-            history.frames.push(CrackFrame { number, places, tips: values.tips.clone() });
+            let given = values.points.iter().zip(&values.marks).filter(|(jump, _)| jump.is_some());
+            let followed = given.filter(|(_, mark)| **mark >= ElementMark::Saturated).count();
+            history.frames.push(CrackFrame { number, places, followed, tips: values.tips.clone() });
         }
         let mut keys = vec![number.to_string(), status.map_or("not_done", Status::name).to_owned()];
         for column in &self.load.columns {
@@ -460,6 +464,14 @@ impl CrackHistory {
                 "is open to the end of its path in {} of {n} fields, first in frame {first}: the tip may lie further on; lengthen \
                  the path by some elements to find it",
                 open.len()
+            ));
+        }
+        let followed: usize = self.frames.iter().map(|frame| frame.followed).sum();
+        if followed > 0 {
+            let all: usize = self.frames.iter().map(|frame| frame.places.len()).sum();
+            said.push(format!(
+                "has {followed} of {all} openings beside elements that do not match: their nodes were followed one by one; see \
+                 'mark' in cracks.csv before they are used"
             ));
         }
         if crack.elasticity().is_some() {

@@ -59,7 +59,7 @@ pub struct CrackTipSummary {
 impl CrackSummary {
     /// From what a series gave.
     pub fn of(history: &CrackHistory) -> Self {
-        let frame = |CrackFrame { number, places, tips }: &CrackFrame| {
+        let frame = |CrackFrame { number, places, tips, .. }: &CrackFrame| {
             let largest = places.iter().map(|(_, jump)| jump.opening).max_by(|a, b| a.value.total_cmp(&b.value));
             CrackFrameSummary {
                 number: *number,

@@ -465,10 +465,11 @@ fn a_pixel_size_in_micrometres_is_warned_of_at_once_and_the_run_ends_in_its_time
 }
 
 #[test]
-fn the_demo_closes_with_what_was_found_its_interval_and_the_truth() {
+fn the_demo_closes_with_what_was_found_its_interval_the_truth_and_the_law_that_the_data_leave() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("demo");
-    let done = quadrille(&["demo", "--seed", "3", "--output", out.to_str().unwrap()]);
+    let laws = "extended-xu-needleman,smith-ferrante";
+    let done = quadrille(&["demo", "--seed", "3", "--laws", laws, "--output", out.to_str().unwrap()]);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
     let said = String::from_utf8_lossy(&done.stdout).into_owned();
     let demo = json(out.join("demo.json"));
@@ -492,6 +493,12 @@ fn the_demo_closes_with_what_was_found_its_interval_and_the_truth() {
     let [error, sigma] = ["error_rms_px", "sigma_rms_px"].map(|key| demo[key].as_f64().unwrap());
     assert!((error / sigma - 1.0).abs() < 0.1, "{error} {sigma}");
     assert!(said.contains("report.html") && out.join("run/report.html").exists());
+    // The other one is rejected by what its residual has left.
+    let expected = serde_json::json!({"truth": "extended-xu-needleman", "best": "extended-xu-needleman",
+        "alike": ["extended-xu-needleman"], "alike_holds_truth": true});
+    assert_eq!(demo["laws"], expected);
+    assert!(said.contains("laws that the data leave: extended-xu-needleman (the truth is"), "{said}");
+    assert!(text(out.join("run/report.html")).contains("Law against law"));
 }
 
 #[test]

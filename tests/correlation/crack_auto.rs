@@ -4,12 +4,12 @@
 use crate::common;
 use crate::common::scenes;
 use common::{inside, prepared};
-use quadrille::correlate::{CrackSearch, NoCrack, Options, search_cracks};
+use quadrille::correlate::{search_cracks, CrackSearch, NoCrack, Options};
 use quadrille::field::{CrackLine, Measurement, NodalNoise, Status};
 use quadrille::imaging::Image;
 use quadrille::mesh::{Crack, Zone};
 use quadrille::units::Px;
-use scenes::{AffineMotion, SPOT_PX, Spots, photographed};
+use scenes::{photographed, AffineMotion, Spots, SPOT_PX};
 use std::sync::Arc;
 
 const SIDE: usize = 320;
@@ -53,7 +53,11 @@ fn cracked(line: Straight, opening: impl Fn(f64) -> f64 + Sync) -> [Arc<Image>; 
         for _ in 0..20 {
             below = MOTION.material([y[0], y[1] - opening(below[0])]);
         }
-        if line.below(below) >= 0.0 { s.grey(below) } else { 12.0 }
+        if line.below(below) >= 0.0 {
+            s.grey(below)
+        } else {
+            12.0
+        }
     };
     pair(|x| s.grey(x), seen)
 }
@@ -151,7 +155,9 @@ fn nothing_else_is_taken_for_a_crack() {
 fn faces_in_another_light_are_followed_where_their_elements_give_up() {
     let (s, opening) = (spots(), 3.0);
     let line = Straight { at: [160.0, 151.3], slope: 0.05 };
-    let dim = |x: [f64; 2]| if line.below(x) < 26.0 { 95.0 + 0.4 * (s.grey(x) - 120.0) } else { s.grey(x) };
+    // A shadow that ends along the crack: the light rises by half a grey level per pixel.
+    let dim =
+        |x: [f64; 2]| if line.below(x) < 26.0 { 30.0 + 0.5 * x[0] + 0.4 * (s.grey(x) - 120.0) } else { s.grey(x) };
     let seen = |y: [f64; 2]| {
         let above = MOTION.material(y);
         let below = MOTION.material([y[0], y[1] - opening]);

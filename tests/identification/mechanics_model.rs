@@ -19,25 +19,6 @@ fn options(kinematics: Kinematics, quadrature: Quadrature) -> ModelOptions {
     ModelOptions { kinematics, quadrature, solver: LuChoice::Auto }
 }
 
-/// The mesh with its nodes moved by `place`.
-#[track_caller]
-fn moved(mesh: &JointMesh, place: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> JointMesh {
-    let parts = JointParts {
-        nodes: mesh.nodes().iter().enumerate().map(|(k, &x)| place(k, x)).collect(),
-        elements: mesh.elements().to_vec(),
-        interfaces: mesh.interfaces().to_vec(),
-        groups: mesh.groups().to_vec(),
-        element_group: mesh.element_group().to_vec(),
-        ..JointParts::default()
-    };
-    JointMesh::new(parts).unwrap()
-}
-
-fn rotated([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sin, cos) = angle.sin_cos();
-    [cos * x - sin * y, sin * x + cos * y]
-}
-
 /// A number in -1..1 that depends on `k` alone.
 fn scatter(k: usize) -> f64 {
     (0.5 + 1.7 * k as f64).sin() * (2.3 + 0.9 * k as f64).cos()

@@ -6,7 +6,7 @@ use quadrille::linalg::LuChoice;
 use quadrille::mechanics::cohesive::{CohesiveLaw, Jump, Traction, law_by_name};
 use quadrille::mechanics::substrate::{LinearElastic, PlaneState, RambergOsgood, SubstrateLaw};
 use quadrille::mechanics::{
-    BoundaryHistory, ForwardOptions, JointMesh, JointParts, Kinematics, Model, ModelOptions, Quadrature, Solution,
+    BoundaryHistory, ForwardOptions, JointMesh, Kinematics, Model, ModelOptions, Quadrature, Solution,
 };
 use std::sync::Arc;
 
@@ -18,27 +18,9 @@ fn finite(quadrature: Quadrature) -> ModelOptions {
     ModelOptions { kinematics: Kinematics::Finite, quadrature, solver: LuChoice::Auto }
 }
 
-fn rotated([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sin, cos) = angle.sin_cos();
-    [cos * x - sin * y, sin * x + cos * y]
-}
-
 /// A number in -1..1 that depends on `k` alone.
 fn scatter(k: usize) -> f64 {
     (0.5 + 1.7 * k as f64).sin() * (2.3 + 0.9 * k as f64).cos()
-}
-
-#[track_caller]
-fn moved(mesh: &JointMesh, place: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> JointMesh {
-    let parts = JointParts {
-        nodes: mesh.nodes().iter().enumerate().map(|(k, &x)| place(k, x)).collect(),
-        elements: mesh.elements().to_vec(),
-        interfaces: mesh.interfaces().to_vec(),
-        groups: mesh.groups().to_vec(),
-        element_group: mesh.element_group().to_vec(),
-        ..JointParts::default()
-    };
-    JointMesh::new(parts).unwrap()
 }
 
 /// A joint that runs at an angle, with inner nodes out of place.

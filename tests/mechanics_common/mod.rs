@@ -1,6 +1,7 @@
 //! What the tests of the mechanics share: the reference numbers where their folder is there, and comparisons.
 #![allow(dead_code)] // each test program uses its own part
 
+use quadrille::mechanics::{JointMesh, JointParts};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -178,4 +179,24 @@ pub fn measured_table(fields: &[Vec<[f64; 2]>], mut error: impl FnMut() -> f64) 
         }
     }
     table
+}
+
+/// The mesh with its nodes moved by `place`.
+#[track_caller]
+pub fn moved(mesh: &JointMesh, place: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> JointMesh {
+    let parts = JointParts {
+        nodes: mesh.nodes().iter().enumerate().map(|(k, &x)| place(k, x)).collect(),
+        elements: mesh.elements().to_vec(),
+        interfaces: mesh.interfaces().to_vec(),
+        groups: mesh.groups().to_vec(),
+        element_group: mesh.element_group().to_vec(),
+        ..JointParts::default()
+    };
+    JointMesh::new(parts).unwrap()
+}
+
+/// A place turned about the origin, radians.
+pub fn rotated([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
 }
