@@ -155,6 +155,8 @@ fn said_of_path(times: &[f64], n_instants: usize, end: PathEnd) -> Vec<String> {
         )),
     }
     said
+}
+
 /// What the load cell measured beside the prediction.
 fn force(
     input: &JointInput,
