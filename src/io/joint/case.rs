@@ -1,8 +1,8 @@
 //! The sections of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::{
-    CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement,
-    CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
+    CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseJointMesh, CaseJointOutput,
+    CaseMeasurement, CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText, Reader, read_document,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
