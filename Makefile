@@ -37,6 +37,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/doubt.py --output out/study/doubt
 	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
 	scripts/tournament.py --output out/study/tournament
+	scripts/beams.py --output out/study/beams
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)

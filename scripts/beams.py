@@ -173,8 +173,8 @@ def mmb(runs):
         opening = 1.02 * compliance(51.0) * math.sqrt(2 * toughness(51.0) / slope(51.0))
         points = runs.compute("mmb", f"mmb-{share}-grows", law(K, 80, 80, g_n, g_t, eta), length=2 * half, crack=45,
                               opening=opening, instants=40, lever=lever)["lever"]
-        force = -points[-1][3]
-        crack = between(lambda a: compliance(a) * force < opening, 40.0, 55.0)
+        _, u, _, force = points[-1]
+        crack = between(lambda a: compliance(a) * force > u, 40.0, 55.0)
         runs.row(f"MMB, G_II/G = {mixity(crack):.2f}, crack {crack:.1f} mm: energy release rate while it grows, N/mm",
                  toughness(crack), force**2 / 2 * slope(crack), 0.02)
 

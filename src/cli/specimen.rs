@@ -12,12 +12,12 @@ pub(super) fn run(args: &SpecimenArgs) -> Result<Outcome> {
     let arm = |own: Option<f64>, default: f64| own.or(args.arm).unwrap_or(default);
     let options = SpecimenOptions {
         length: args.length.unwrap_or(given.length),
-        crack: args.crack.unwrap_or(given.crack),
+        crack: args.crack_length.unwrap_or(given.crack),
         arms: [arm(args.lower_arm, given.arms[0]), arm(None, given.arms[1])],
         adhesive: args.adhesive.unwrap_or(given.adhesive),
         element: args.element.unwrap_or(given.element),
         rows: args.rows.unwrap_or(given.rows),
-        opening: args.opening.unwrap_or(given.opening),
+        opening: args.last_opening.unwrap_or(given.opening),
         instants: args.instants.unwrap_or(given.instants),
         lever: args.lever.unwrap_or(given.lever),
     };

@@ -3,8 +3,8 @@
 use super::error::{FitError, wrong};
 use super::unknowns::Unknowns;
 use crate::mechanics::cohesive::{
-    Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, ParkPaulinoRoesler, SmithFerrante, Trapezoidal, XuNeedleman,
-    law_by_name, parameters_by_name,
+    Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, ParkPaulinoRoesler, SmithFerrante,
+    Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
 };
 use std::f64::consts::E;
 

@@ -163,7 +163,12 @@ impl Arc<'_> {
             // One more correction was made: the error left is the square.
             let settled = off.abs() <= 1e-9 * goal.abs() + f64::MIN_POSITIVE;
             if largest <= self.tolerance * forces + self.model.round_off(&field) && settled {
-                return self.assemble(&field, now).then_some((field, now, largest / forces.max(f64::MIN_POSITIVE), iteration));
+                return self.assemble(&field, now).then_some((
+                    field,
+                    now,
+                    largest / forces.max(f64::MIN_POSITIVE),
+                    iteration,
+                ));
             }
         }
         None
@@ -291,8 +296,7 @@ impl Arc<'_> {
             return Vec::new();
         }
         let groups = if options.substrate_sensitivities { self.model.mesh().groups().len() } else { 0 };
-        let rhs =
-            sensitivity::pseudo_loads(self.model, self.law, u, &self.work, options.law_sensitivities, groups);
+        let rhs = sensitivity::pseudo_loads(self.model, self.law, u, &self.work, options.law_sensitivities, groups);
         sensitivity::solve(self.model, &self.work, &rhs)
     }
 }

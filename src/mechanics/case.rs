@@ -2,9 +2,7 @@
 
 use super::boundary::{BoundaryHistory, Drives};
 use super::case_error::{JointError, OF_MESH, wrong};
-use super::cohesive::{
-    CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, Parameter, law_by_name, parameters_by_name,
-};
+use super::cohesive::{CohesiveLaw, ExtendedXuNeedleman, LAW_NAMES, Parameter, law_by_name, parameters_by_name};
 use super::drives::{drives_of_case, nodes_of_group};
 use super::element::{Kinematics, Quadrature};
 use super::error::BoundaryFault;
@@ -17,8 +15,8 @@ use super::substrate::{
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
-    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion,
-    CaseSubstrate, EXACT, LawKey, LawKeys, STD,
+    CaseCohesive, CaseKinematics, CaseLaws, CaseMaterial, CasePlane, CaseQuadrature, CaseRigidMotion, CaseSubstrate,
+    EXACT, LawKey, LawKeys, STD,
 };
 use crate::io::joint::{BoundaryInput, BoundaryTable, JointInput, JointMeshFile, JointRun, MeshInput};
 use std::collections::BTreeMap;
@@ -143,7 +141,8 @@ impl Joint {
                 };
                 let boundary = driven.map_err(JointError::Drives)?;
                 measured.drives = drives;
-                let model = Model::supported(mesh, materials, boundary.supports(), options).map_err(JointError::Held)?;
+                let model =
+                    Model::supported(mesh, materials, boundary.supports(), options).map_err(JointError::Held)?;
                 (model, boundary)
             }
         };

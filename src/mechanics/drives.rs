@@ -132,7 +132,9 @@ pub(super) fn drives_of_case(
             let inside = |edge: &[u32; 2]| edge.iter().all(|node| nodes.binary_search(node).is_ok());
             let edges: Vec<[u32; 2]> = border_edges(mesh.elements()).into_iter().filter(inside).collect();
             if edges.is_empty() {
-                return refused("no edge of the border lies between its nodes, so that T_x_MPa and T_y_MPa act on nothing");
+                return refused(
+                    "no edge of the border lies between its nodes, so that T_x_MPa and T_y_MPa act on nothing",
+                );
             }
             let values = pairs(tx, ty);
             for [a, b] in edges {

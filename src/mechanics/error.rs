@@ -74,7 +74,9 @@ pub enum MeshFault {
     #[error("the mesh has no interface element that holds; without adhesive there is no joint")]
     NoInterface,
     /// A crack in which no interface element lies.
-    #[error("no interface element lies in the crack with all of its nodes; it must reach over one at least, and the mesh must have interface elements there")]
+    #[error(
+        "no interface element lies in the crack with all of its nodes; it must reach over one at least, and the mesh must have interface elements there"
+    )]
     Crack,
     /// An interface element whose faces do not pair.
     #[error(
@@ -197,7 +199,9 @@ pub enum BoundaryFault {
         values: [f64; 2],
     },
     /// A force on a node that a block moves.
-    #[error("node {node} of a rigid block has a force of its own; load the group of the block, whose force acts at its point_mm")]
+    #[error(
+        "node {node} of a rigid block has a force of its own; load the group of the block, whose force acts at its point_mm"
+    )]
     LoadedBlock {
         /// The node.
         node: u32,
@@ -257,19 +261,25 @@ pub enum ModelError {
         motion: String,
     },
     /// A rigid block that has no rotation.
-    #[error("the rigid block \"{block}\" needs two nodes that its rotation moves against each other; tied along y alone they must differ in x")]
+    #[error(
+        "the rigid block \"{block}\" needs two nodes that its rotation moves against each other; tied along y alone they must differ in x"
+    )]
     NoBody {
         /// Its name.
         block: String,
     },
     /// A block on rollers in a model with finite rotations.
-    #[error("the rigid block \"{block}\" is tied in one component alone, which is for small rotations; with kinematics = \"finite\" tie both")]
+    #[error(
+        "the rigid block \"{block}\" is tied in one component alone, which is for small rotations; with kinematics = \"finite\" tie both"
+    )]
     LeverTurns {
         /// Its name.
         block: String,
     },
     /// A node with two masters.
-    #[error("node {node} of the rigid block \"{block}\" is held along {component} by a support or another block too; take it out of one of them")]
+    #[error(
+        "node {node} of the rigid block \"{block}\" is held along {component} by a support or another block too; take it out of one of them"
+    )]
     TiedTwice {
         /// The block.
         block: String,

@@ -101,6 +101,9 @@ impl Model {
         options: ModelOptions,
     ) -> Result<Self, ModelError> {
         let n_nodes = mesh.nodes().len();
+        if materials.len() != mesh.groups().len() {
+            return Err(ModelError::Materials { needed: mesh.groups().len(), given: materials.len() });
+        }
         if let Some(&node) = prescribed.iter().find(|&&node| node as usize >= n_nodes) {
             return Err(ModelError::PrescribedNode { node, n_nodes });
         }
@@ -197,7 +200,9 @@ impl Model {
         is_gone.extend(blocks.iter().map(|_| false));
         let coupling = |corners: &[u32; 4]| {
             let mut of: Vec<u32> = corners.to_vec();
-            of.extend(corners.iter().map(|&node| master[node as usize]).filter(|&k| k != NONE).map(|k| n_nodes as u32 + k));
+            of.extend(
+                corners.iter().map(|&node| master[node as usize]).filter(|&k| k != NONE).map(|k| n_nodes as u32 + k),
+            );
             of
         };
         let couplings: Vec<Vec<u32>> = corners.iter().map(coupling).collect();
@@ -467,7 +472,11 @@ impl Model {
     }
 
     /// How the displacements of an element's nodes follow its unknowns.
-    fn transformation(&self, tied: &Tied, levers: &[Vec<[f64; 2]>]) -> nalgebra::OMatrix<f64, nalgebra::U8, nalgebra::Dyn> {
+    fn transformation(
+        &self,
+        tied: &Tied,
+        levers: &[Vec<[f64; 2]>],
+    ) -> nalgebra::OMatrix<f64, nalgebra::U8, nalgebra::Dyn> {
         let mut t = nalgebra::OMatrix::<f64, nalgebra::U8, nalgebra::Dyn>::zeros(tied.unknowns.len());
         let column = |unknown: u32| tied.unknowns.binary_search(&unknown).ok();
         for (k, &node) in self.corners[tied.element as usize].iter().enumerate() {
@@ -660,7 +669,8 @@ impl Model {
             (0..2).filter(|&c| held[c]).for_each(|c| u[node as usize][c] = to[c]);
         }
         let motions = self.motions(u);
-        for ((rigid, motion), to) in self.supports.blocks.iter().zip(motions).zip(&border[self.supports.nodes.len()..]) {
+        for ((rigid, motion), to) in self.supports.blocks.iter().zip(motions).zip(&border[self.supports.nodes.len()..])
+        {
             for c in (0..2).filter(|&c| rigid.held[c] && rigid.tied[c]) {
                 rigid.nodes.iter().for_each(|&node| u[node as usize][c] += to[c] - motion.point[c]);
             }

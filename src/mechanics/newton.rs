@@ -104,6 +104,9 @@ impl Model {
     }
 }
 
+/// In so many iterations of an increment other faces of a crack may touch than before.
+const MOST_TURNS: u32 = 15;
+
 /// How often viscous steps begin again where Newton's did not finish what they began.
 const MOST_RETRIES: i32 = 5;
 
@@ -327,6 +330,8 @@ impl<'a> Path<'a> {
         self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
         let mut balance = self.balance();
         let mut stalled = 0;
+        // Which faces of a crack touch is found out by going all the way, whatever the residual says in between.
+        let mut turns = if self.cracked.contains(&true) { MOST_TURNS } else { 0 };
         loop {
             effort.residuals.push(balance.relative());
             if !self.goes_on() || !balance.norm.is_finite() || self.work.factor.refactor(&self.work.matrix).is_err() {
@@ -351,8 +356,12 @@ impl<'a> Path<'a> {
                 return false;
             }
             effort.iterations += 1;
-            match self.line_search(balance) {
-                Some(next) => {
+            match self.line_search(balance, turns > 0) {
+                Some((next, true)) => {
+                    turns -= 1;
+                    balance = next;
+                }
+                Some((next, false)) => {
                     // A residual that hardly falls is no convergence.
                     stalled = if next.norm > 0.9 * balance.norm { stalled + 1 } else { 0 };
                     balance = next;
@@ -365,8 +374,14 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not.
-    fn line_search(&mut self, before: Balance) -> Option<Balance> {
+    /// Which cracked pairs touch in a field.
+    fn touching(&self, u: &[[f64; 2]]) -> Vec<bool> {
+        self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal <= 0.0).collect()
+    }
+
+    /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not. With `turns` it goes all the way where
+    /// other faces of a crack touch there, and says so.
+    fn line_search(&mut self, before: Balance, turns: bool) -> Option<(Balance, bool)> {
         let mut best: Option<(f64, f64)> = None;
         let mut share = 1.0;
         for attempt in 0..6 {
@@ -379,12 +394,20 @@ impl<'a> Path<'a> {
                 self.model.evaluate_force(self.law, &self.trial, &mut self.work);
             }
             let balance = self.balance();
+            if attempt == 0
+                && turns
+                && balance.norm.is_finite()
+                && self.touching(&self.field) != self.touching(&self.trial)
+            {
+                std::mem::swap(&mut self.field, &mut self.trial);
+                return Some((balance, true));
+            }
             if balance.norm <= (1.0 - 1e-4 * share) * before.norm || balance.residual <= balance.floor {
                 std::mem::swap(&mut self.field, &mut self.trial);
                 if attempt > 0 {
                     self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
                 }
-                return Some(balance);
+                return Some((balance, false));
             }
             if balance.norm.is_finite() && best.is_none_or(|(norm, _)| balance.norm < norm) {
                 best = Some((balance.norm, share));
@@ -398,7 +421,7 @@ impl<'a> Path<'a> {
         }
         self.model.add_to_field(&self.rhs, share, &mut self.field);
         self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
-        Some(self.balance())
+        Some((self.balance(), false))
     }
 
     /// Carries the field over a snap: steps of a viscous adhesive at a border that stands still,

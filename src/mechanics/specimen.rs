@@ -83,7 +83,9 @@ impl SpecimenKind {
             Self::Enf => "End-notched flexure: a beam with a crack in its left end is bent in three points (mode II).",
             Self::Mmb => "Mixed-mode bending: a lever presses on the middle of the beam and lifts the upper arm's end.",
             Self::Peel => "Peel: the end of a thin arm is lifted off a thick adherend that is held at its bottom.",
-            Self::Lap => "A single lap joint: two adherends, glued over a short length, are pulled; they turn in doing so.",
+            Self::Lap => {
+                "A single lap joint: two adherends, glued over a short length, are pulled; they turn in doing so."
+            }
         }
     }
 

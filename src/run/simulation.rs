@@ -59,15 +59,17 @@ pub fn simulate(
     };
     let (mut doubts, mut times) = (Vec::new(), Vec::new());
     let solution = match follow {
-        None => heard.during(pool, watcher, || {
-            joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on)
-        })?,
+        None => {
+            heard.during(pool, watcher, || joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on))?
+        }
         Some(how) => {
-            let Followed { times: found, boundary, solution, end } = heard.during(pool, watcher, || {
-                joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on)
-            })?;
+            let Followed { times: found, boundary, solution, end } = heard
+                .during(pool, watcher, || joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on))?;
             if solution.instants.is_empty() {
-                return Err("[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out".into());
+                return Err(
+                    "[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out"
+                        .into(),
+                );
             }
             doubts.extend(said_of_path(&found, n_instants, end));
             times = found;
@@ -126,7 +128,10 @@ fn followed(input: &JointInput) -> Result<Option<FollowOptions>> {
     let default = FollowOptions::default();
     let (step, max_points) = (path.step.unwrap_or(default.step), path.max_points.unwrap_or(default.max_points));
     if !(step > 0.0 && step <= 10.0) || max_points == 0 {
-        return Err(format!("[path] step = {step}, max_points = {max_points}: give a step above 0, up to 10, and a point at least").into());
+        return Err(format!(
+            "[path] step = {step}, max_points = {max_points}: give a step above 0, up to 10, and a point at least"
+        )
+        .into());
     }
     Ok((path.control == Some(CasePathControl::ArcLength)).then_some(FollowOptions { step, max_points }))
 }

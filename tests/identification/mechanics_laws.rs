@@ -4,8 +4,8 @@
 use crate::mechanics_common;
 use mechanics_common::{assert_close, five_points, get, numbers, reference, table};
 use quadrille::mechanics::cohesive::{
-    Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, LAW_NAMES, LawError, MixedModeCriterion, ParkPaulinoRoesler,
-    SmithFerrante, Traction, Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
+    Bilinear, CohesiveLaw, ExponentialDamage, ExtendedXuNeedleman, Jump, LAW_NAMES, LawError, MixedModeCriterion,
+    ParkPaulinoRoesler, SmithFerrante, Traction, Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
 };
 use quadrille::mechanics::substrate::{
     EngineeringStrain, LinearElastic, PlaneState, RambergOsgood, SUBSTRATE_NAMES, Stress, SubstrateError, SubstrateLaw,

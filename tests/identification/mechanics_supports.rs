@@ -168,7 +168,12 @@ fn derivatives_with_rollers_blocks_and_forces_are_their_differences() {
                 for c in 0..2 {
                     let f = |k: usize| fields[k][node][c];
                     let want = (8.0 * (f(2) - f(1)) - (f(3) - f(0))) / (12.0 * h);
-                    assert_close(found[node][c], want, 1e-8 * scale, format!("parameter {k}, node {node}, {kinematics:?}"));
+                    assert_close(
+                        found[node][c],
+                        want,
+                        1e-8 * scale,
+                        format!("parameter {k}, node {node}, {kinematics:?}"),
+                    );
                 }
             }
         };
@@ -291,7 +296,8 @@ fn what_does_not_hold_a_joint_or_contradicts_itself_is_refused_by_name() {
         point: [0.0, 1.0],
         held: [false; 2],
     };
-    let with = |block| Drives { supports: supports.clone(), blocks: vec![(block, vec![[0.0; 2]])], ..Drives::default() };
+    let with =
+        |block| Drives { supports: supports.clone(), blocks: vec![(block, vec![[0.0; 2]])], ..Drives::default() };
     let column = nodes(&mesh, "x = 0 and y > 0");
     // Nodes above each other do not turn against each other along y.
     refused(&with(lever(column.clone(), [false, true])), &["lever", "two nodes"]);
@@ -316,8 +322,5 @@ fn what_does_not_hold_a_joint_or_contradicts_itself_is_refused_by_name() {
     // Forces on nodes of a block would be lost.
     let mut drives = with(lever(column.clone(), [true; 2]));
     drives.loads.push((column[0], vec![[1.0, 0.0]]));
-    assert_eq!(
-        BoundaryHistory::of_drives(&drives, 1).unwrap_err(),
-        BoundaryFault::LoadedBlock { node: column[0] }
-    );
+    assert_eq!(BoundaryHistory::of_drives(&drives, 1).unwrap_err(), BoundaryFault::LoadedBlock { node: column[0] });
 }

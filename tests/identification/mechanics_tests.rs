@@ -61,9 +61,8 @@ fn the_arms_of_a_cantilever_bend_as_timoshenko_beams_on_an_elastic_foundation() 
     let (bend, shear, springs) = (young * h.powi(3) / 12.0, 5.0 / 6.0 * 0.5 * young * h, 2.0 * k);
     let root = 0.5 * (springs / bend).sqrt();
     let (p, q) = ((root + springs / (4.0 * shear)).sqrt(), (root - springs / (4.0 * shear)).sqrt());
-    let moment_and_force = |[w, d1, d2, d3]: [f64; 4]| {
-        [bend * (d2 - springs / shear * w), -bend * (d3 - springs / shear * d1)]
-    };
+    let moment_and_force =
+        |[w, d1, d2, d3]: [f64; 4]| [bend * (d2 - springs / shear * w), -bend * (d3 - springs / shear * d1)];
     let of_a = moment_and_force([1.0, -p, p * p - q * q, -p.powi(3) + 3.0 * p * q * q]);
     let of_b = moment_and_force([0.0, q, -2.0 * p * q, 3.0 * p * p * q - q.powi(3)]);
     let det = of_a[0] * of_b[1] - of_a[1] * of_b[0];
@@ -82,9 +81,16 @@ fn every_specimen_can_be_computed_at_once_and_bad_sizes_are_refused() {
     for kind in SpecimenKind::ALL {
         // As it comes, but coarse, and only its beginning.
         let sizes = kind.defaults();
-        let few = SpecimenOptions { element: 4.0 * sizes.element, rows: 2, opening: 0.02 * sizes.opening, instants: 2, ..sizes };
+        let few = SpecimenOptions {
+            element: 4.0 * sizes.element,
+            rows: 2,
+            opening: 0.02 * sizes.opening,
+            instants: 2,
+            ..sizes
+        };
         let specimen = Specimen::new(kind, &few).unwrap();
-        let joint = joint(&specimen.mesh_json(), &specimen.case).unwrap_or_else(|error| panic!("{}: {error}", kind.name()));
+        let joint =
+            joint(&specimen.mesh_json(), &specimen.case).unwrap_or_else(|error| panic!("{}: {error}", kind.name()));
         assert_eq!(joint.groups.len(), specimen.groups().len(), "{}", kind.name());
         let solution = joint.model.forward(&*joint.law, &joint.boundary, &ForwardOptions::default()).unwrap();
         assert!(solution.instants.iter().all(|instant| instant.status == Status::Converged), "{}", kind.name());
@@ -154,7 +160,11 @@ fn brittle() -> (Model, BoundaryHistory) {
     let mesh = JointMesh::rectangular(2, 10, 1.0, 0.01).unwrap();
     let held = |text: &str, c: usize, to: f64| {
         let name = text.to_owned();
-        select_nodes(text, &mesh).unwrap().into_iter().map(move |node| (node, c, vec![to], name.clone())).collect::<Vec<_>>()
+        select_nodes(text, &mesh)
+            .unwrap()
+            .into_iter()
+            .map(move |node| (node, c, vec![to], name.clone()))
+            .collect::<Vec<_>>()
     };
     let supports =
         [held("y = min", 0, 0.0), held("y = min", 1, 0.0), held("y = max", 0, 0.0), held("y = max", 1, 1.0)].concat();
@@ -209,7 +219,8 @@ fn a_path_without_a_snap_passes_the_solutions_from_instant_to_instant() {
     let (model, boundary) = brittle();
     // Tough enough that nothing goes back.
     let law = law_by_name("smith-ferrante", &[4.0, 0.4, 1.0]).unwrap();
-    let path = model.follow(&*law, &boundary, &ForwardOptions::default(), &FollowOptions::default(), &|_| true).unwrap();
+    let path =
+        model.follow(&*law, &boundary, &ForwardOptions::default(), &FollowOptions::default(), &|_| true).unwrap();
     assert!(path.end == PathEnd::Last && path.times.windows(2).all(|pair| pair[0] < pair[1]), "{:?}", path.times);
     let same = model.forward(&*law, &path.boundary, &ForwardOptions::default()).unwrap();
     for (a, b) in path.solution.instants.iter().zip(&same.instants) {
@@ -219,7 +230,7 @@ fn a_path_without_a_snap_passes_the_solutions_from_instant_to_instant() {
 
 #[test]
 fn supports_and_loads_of_a_case_are_read_with_their_lists_columns_and_groups() {
-    let head = "[mesh]\nelement_size_mm = 0.5\ncolumns = 8\nrows = 2\ngap_mm = 0.1\n[groups]\nwall = \"x = 0\"\ntip = [44]\n\
+    let head = "[mesh]\nelement_size_mm = 0.5\ncolumns = 8\nrows = 2\ngap_mm = 0.1\n[groups]\nwall = \"x = 0\"\ntip = [53]\n\
                 top = \"y = max and x > 1.9\"\n";
     let law = format!("{SUBSTRATE}{}", bilinear(1e4, 20.0, 0.5));
     let wall = "[[support]]\ngroup = \"wall\"\nu_x_mm = 0\nu_y_mm = 0\n";
@@ -230,7 +241,7 @@ fn supports_and_loads_of_a_case_are_read_with_their_lists_columns_and_groups() {
     ))
     .unwrap();
     assert_eq!(made.boundary.instants().len(), 2);
-    let tip = made.boundary.nodes().iter().position(|&node| node == 44).unwrap();
+    let tip = made.boundary.nodes().iter().position(|&node| node == 53).unwrap();
     assert_eq!(made.boundary.instants().iter().map(|u| u[tip]).collect::<Vec<_>>(), [[0.0, 0.2], [0.0, 0.6]]);
     // Two millimetres of border under 2 MPa.
     let total: f64 = made.boundary.forces(1).iter().map(|force| force[1]).sum();
@@ -250,7 +261,7 @@ fn supports_and_loads_of_a_case_are_read_with_their_lists_columns_and_groups() {
     );
     refused(
         &format!("{wall}[[support]]\ngroup = \"top\"\nu_y_mm = 1\n[[support]]\ngroup = \"tip\"\nu_y_mm = 2\n"),
-        &["node 44", "\"top\"", "\"tip\"", "1 mm", "2 mm"],
+        &["node 53", "\"top\"", "\"tip\"", "1 mm", "2 mm"],
     );
     refused(&format!("{wall}[[applied_load]]\ngroup = \"tip\"\n"), &["tip", "F_x_N_per_mm"]);
     refused(&format!("{wall}[[applied_load]]\ngroup = \"tip\"\nT_x_MPa = 1\n"), &["tip", "no edge"]);

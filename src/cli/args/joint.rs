@@ -185,8 +185,8 @@ pub struct SpecimenArgs {
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub length: Option<f64>,
     /// Length of the crack, mm; of lap the overlap.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub crack: Option<f64>,
+    #[arg(long = "crack", value_name = "MM", allow_negative_numbers = true)]
+    pub crack_length: Option<f64>,
     /// Thickness of the arms, mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub arm: Option<f64>,
@@ -203,8 +203,8 @@ pub struct SpecimenArgs {
     #[arg(long, value_name = "N")]
     pub rows: Option<usize>,
     /// Displacement at the last instant, mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub opening: Option<f64>,
+    #[arg(long = "opening", value_name = "MM", allow_negative_numbers = true)]
+    pub last_opening: Option<f64>,
     /// Number of instants.
     #[arg(long, value_name = "N")]
     pub instants: Option<usize>,

@@ -128,7 +128,8 @@ struct HistoryTable {
 impl<'de> Deserialize<'de> for CaseHistory {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct History;
-        const FORMS: &str = "a number, a list of numbers, { to = 2.0, instants = 40 } or { file = \"curve.csv\", column = \"u_mm\" }";
+        const FORMS: &str =
+            "a number, a list of numbers, { to = 2.0, instants = 40 } or { file = \"curve.csv\", column = \"u_mm\" }";
         impl<'de> Visitor<'de> for History {
             type Value = CaseHistory;
 

@@ -1,9 +1,9 @@
 //! The sections of a case file that describe a joint, what was measured on it, and what is to be found.
 
 use crate::io::case::{
-    read_document, CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseForce,
-    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText,
-    Reader,
+    CaseAppliedLoad, CaseBoundary, CaseCohesive, CaseDocument, CaseError, CaseFit, CaseForce, CaseJointMesh,
+    CaseJointOutput, CaseMeasurement, CaseNodeGroup, CasePath, CaseSubstrate, CaseSupport, CaseText, Reader,
+    read_document,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -53,9 +53,8 @@ impl CohesiveLaw for Touching<'_> {
     }
 
     fn secant(&self, jump: Jump) -> CohesiveStiffness {
-        Self::pressed(jump).map_or_else(CohesiveStiffness::zeros, |jump| {
-            Matrix2::new(self.0.secant(jump).m11, 0.0, 0.0, 0.0)
-        })
+        Self::pressed(jump)
+            .map_or_else(CohesiveStiffness::zeros, |jump| Matrix2::new(self.0.secant(jump).m11, 0.0, 0.0, 0.0))
     }
 
     fn peak(&self) -> Traction {

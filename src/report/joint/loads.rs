@@ -91,7 +91,8 @@ impl JointReport<'_> {
         let mean = |nodes: &[u32]| {
             // Of a rigid body it is that of its point.
             let blocks = model.supports().blocks.iter().zip(model.block_displacements(&instant.displacement));
-            let same = |block: &RigidBlock| block.nodes.len() == nodes.len() && block.nodes.iter().all(|n| nodes.contains(n));
+            let same =
+                |block: &RigidBlock| block.nodes.len() == nodes.len() && block.nodes.iter().all(|n| nodes.contains(n));
             if let Some((block, moved)) = blocks.into_iter().find(|(block, _)| same(block)) {
                 let middle = |c: usize| nodes.iter().map(|&node| instant.displacement[node as usize][c]).sum::<f64>();
                 return [0, 1].map(|c| if block.tied[c] { moved[c] } else { middle(c) / nodes.len() as f64 });
