@@ -24,6 +24,7 @@ mod mechanics_reference;
 mod mechanics_rotation;
 mod paper;
 mod several_tests;
+mod substrates;
 mod sweep_limit;
 mod tournament;
 mod virtual_test;
