@@ -35,6 +35,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/study.py --output out/study
 	scripts/bands.py --output out/study/bands
 	scripts/doubt.py --output out/study/doubt
+	scripts/rotations.py --output out/study/rotations
 	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
 	scripts/tournament.py --output out/study/tournament
 	scripts/beams.py --output out/study/beams

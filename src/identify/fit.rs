@@ -311,7 +311,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
     let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
     let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h, noise, LARGEST_STD) } else { None };
-    let mut verdict = match &of_noise {
+    let verdict = match &of_noise {
         None => Verdict::singular(&parameters, unfinished, missing.as_ref()),
         Some(correlation) => {
             let prescribed =
@@ -331,6 +331,7 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             Verdict::new(&parameters, &grounds)
         }
     };
+    let mut verdict = verdict.with_rotations(rotations.as_ref(), &parameters);
     if problem.observation.nodes.is_empty() && statistics.is_some() {
         verdict.sentences.push(curve_alone(&parameters, &derived));
     }

@@ -84,8 +84,8 @@ pub use sweep::{SweepRow, sweep};
 pub use tournament::{Average, LawFit, Score, Tournament, laws_of, tournament};
 pub use trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions, minimise};
 pub use uncertainties::{
-    DEFAULT_ALPHA, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU, DEFAULT_PIXEL_SIZE,
-    DEFAULT_THICKNESS_PX, DEFAULT_WIDTH, DEFAULT_YIELD,
+    DEFAULT_ALPHA, DEFAULT_ANGLE, DEFAULT_E, DEFAULT_FACE_PX, DEFAULT_LAW, DEFAULT_NOISE, DEFAULT_NU,
+    DEFAULT_PIXEL_SIZE, DEFAULT_THICKNESS_PX, DEFAULT_WIDTH, DEFAULT_YIELD,
 };
 pub use unknowns::{Scale, Unknown, Unknowns, WIDE};
 pub use verdict::{Grounds, LARGEST_CORRELATION, LARGEST_FAILED, LARGEST_NOISE_RATIO, LARGEST_STD, Outcome, Verdict};

@@ -14,7 +14,9 @@ use std::collections::BTreeMap;
 pub const DEFAULT_E: f64 = 0.03;
 /// Default standard uncertainty of Poisson's ratio.
 pub const DEFAULT_NU: f64 = 0.01;
-/// Default standard uncertainty of `sigma_0` and `n`, by their value.
+/// Default standard uncertainty of the angle of an orthotropic material, degrees.
+pub const DEFAULT_ANGLE: f64 = 1.0;
+/// Default standard uncertainty of `sigma_0`, `n` and the stresses of a curve, by their value.
 pub const DEFAULT_YIELD: f64 = 0.05;
 /// Default standard uncertainty of `alpha`, by its value.
 pub const DEFAULT_ALPHA: f64 = 0.2;
@@ -166,8 +168,9 @@ fn materials(joint: &Joint, substrate: &CaseSubstrate) -> Result<Vec<Constant>, 
             for (index, (p, value)) in material.parameters().iter().zip(material.values()).enumerate() {
                 let key = format!("{}{STD}", p.key());
                 let default = match p.name {
-                    "E" => DEFAULT_E * value,
-                    "nu" => DEFAULT_NU,
+                    "E" | "E_1" | "E_2" | "E_3" | "G_12" => DEFAULT_E * value,
+                    "nu" | "nu_12" | "nu_13" | "nu_23" => DEFAULT_NU,
+                    "angle" => DEFAULT_ANGLE,
                     "alpha" => DEFAULT_ALPHA * value,
                     _ => DEFAULT_YIELD * value,
                 };

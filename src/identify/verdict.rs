@@ -6,6 +6,7 @@ use super::misfit::{Misfit, as_normal};
 use super::missing_mode::MissingMode;
 use super::released::Released;
 use super::released_width::ReleasedWidth;
+use super::rotations::{ROTATIONS_HELD, Rotations};
 use crate::linalg::Dense;
 
 /// Relative standard uncertainty above which a parameter is not determined.
@@ -166,6 +167,24 @@ impl Verdict {
     }
 }
 
+impl Verdict {
+    /// The same with what is known of rotations that were taken as small: where they cost more than what is not known, nothing is
+    /// determined.
+    pub(super) fn with_rotations(mut self, rotations: Option<&Rotations>, parameters: &[FittedParameter]) -> Self {
+        let held = |rotations: &&Rotations| rotations.in_stds(parameters).is_none_or(|cost| cost <= ROTATIONS_HELD);
+        let cost = rotations.filter(|rotations| rotations.change.is_some() && !held(rotations));
+        let Some(sentence) = cost.and_then(|rotations| rotations.warning(parameters)) else { return self };
+        if self.outcome == Outcome::Determined {
+            self.outcome = Outcome::NotDetermined;
+            let names = list_of(parameters);
+            self.sentences[0] = format!("{names} are not determined by a model whose rotations are small");
+        }
+        let place = self.sentences.len().min(1);
+        self.sentences.insert(place, sentence);
+        self
+    }
+}
+
 /// Whether even the noise alone, without anything that elements and constants may add, would leave more: by more than the factor at
 /// which a stated noise is contradicted, and more than chance (few numbers scatter).
 fn too_quiet(misfit: &Misfit) -> bool {
@@ -199,7 +218,7 @@ pub(super) fn curve_alone(parameters: &[FittedParameter], derived: &[FittedQuant
 pub(super) fn thresholds() -> String {
     format!(
         "not determined: a fit that did not come to its end, standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
-         the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
+         the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times, rotations taken as small that cost more than a standard uncertainty; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
         100.0 * LARGEST_STD,
         100.0 * LARGEST_FAILED
     )

@@ -6,7 +6,7 @@
 use super::case::{
     Case, CaseDocument, CaseError, CaseFile, CaseForce, CaseJointMesh, CaseLoad, CaseText, Reader, read_document,
 };
-use super::joint::LAW;
+use super::joint::{LAW, read_curves};
 use facing::{Faces, face_each_other};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -84,7 +84,10 @@ impl CaseDocument {
         let missing = |section, hint| CaseError::Missing { path: text.path().to_owned(), section, hint };
         let names = "give zones = [\"lower\", \"upper\"], the names of two [[zone]]";
         let interface = joint.interface.take().ok_or_else(|| missing("interface", names))?;
-        joint.substrate.as_ref().ok_or_else(|| missing("substrate", LAW))?;
+        // The case of the joint is written into another folder: it holds the curves themselves.
+        let base = correlation.base.clone();
+        let substrate = joint.substrate.as_mut().ok_or_else(|| missing("substrate", LAW))?;
+        read_curves(substrate, &base).map_err(|error| wrong(error.to_string()))?;
         joint.cohesive.as_ref().ok_or_else(|| missing("cohesive", LAW))?;
         let boundary = joint.boundary.as_ref().map(|section| ("boundary", &section.file, &section.store));
         let measurement = joint.measurement.as_ref().map(|section| ("measurement", &section.file, &section.store));

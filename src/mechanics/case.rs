@@ -11,7 +11,7 @@ use super::joint::{Carry, JointMesh};
 use super::model::{Model, ModelOptions};
 use super::parts::JointParts;
 use super::substrate::{
-    PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, substrate_by_name, substrate_parameters,
+    PlaneState, RambergOsgood, SUBSTRATE_NAMES, SubstrateLaw, Tabulated, substrate_by_name, substrate_parameters,
 };
 use crate::field::RigidMotion;
 use crate::io::case::{
@@ -75,6 +75,9 @@ impl MeasuredMesh {
         .with(&self.drives)
     }
 }
+
+/// Key of the one value of a material that need not be given.
+const FACTOR: &str = "curve_factor";
 
 impl Joint {
     /// The joint of a case.
@@ -390,12 +393,29 @@ pub fn materials_of_case(
         .map(|group| {
             let of_group = own.get(group);
             let section = of_group.map_or_else(|| "substrate".to_owned(), |_| format!("substrate.{group}"));
-            let CaseMaterial { model, plane, values: given, exact: _ } = of_group.unwrap_or(common);
+            let CaseMaterial { model, plane, values: given, curve, file, exact: _ } = of_group.unwrap_or(common);
             let model = model.as_deref().unwrap_or(RambergOsgood::NAME);
-            let parameters = substrate_parameters(model)?;
-            let values = values(given, &section, model, parameters, "model, plane")?;
-            let plane = plane.or(common.plane).unwrap_or_default();
-            Ok(Arc::from(substrate_by_name(model, &values, plane.into())?))
+            let plane = PlaneState::from(plane.or(common.plane).unwrap_or_default());
+            let parameters = substrate_parameters(model, plane)?;
+            if model != Tabulated::NAME {
+                if let Some(key) = curve.as_ref().map(|_| "curve").or(file.as_ref().map(|_| "file")) {
+                    let what = format!("{key}: model = \"{model}\" takes no curve; give model = \"{}\"", Tabulated::NAME);
+                    return Err(wrong(&section, Some(key), what));
+                }
+                let values = values(given, &section, model, parameters, "model, plane")?;
+                return Ok(Arc::from(substrate_by_name(model, &values, plane)?));
+            }
+            let mut given = given.clone();
+            given.entry(FACTOR.to_owned()).or_insert(1.0);
+            let values = values(&given, &section, model, parameters, "model, plane, file, curve")?;
+            let Some(curve) = curve else {
+                let what = "file is missing; model = \"tabulated\" needs a file with the columns strain and stress_MPa, or curve = \
+                            [[strain, MPa], ...]";
+                return Err(wrong(&section, None, what.to_owned()));
+            };
+            let values: [f64; 3] = values.try_into().unwrap_or([f64::NAN; 3]);
+            let law: Arc<dyn SubstrateLaw> = Arc::new(Tabulated::new(values, curve, plane)?);
+            Ok(law)
         })
         .collect()
 }
@@ -408,6 +428,8 @@ pub fn case_laws() -> CaseLaws {
     };
     // Every name has its parameters.
     let cohesive = LAW_NAMES.iter().filter_map(|name| Some(law_keys(name, parameters_by_name(name).ok()?)));
-    let substrate = SUBSTRATE_NAMES.iter().filter_map(|name| Some(law_keys(name, substrate_parameters(name).ok()?)));
+    // In plane strain a law has all of its parameters.
+    let of_material = |name| Some(law_keys(name, substrate_parameters(name, PlaneState::PlaneStrain).ok()?));
+    let substrate = SUBSTRATE_NAMES.into_iter().filter_map(of_material);
     CaseLaws { cohesive: cohesive.collect(), substrate: substrate.collect() }
 }

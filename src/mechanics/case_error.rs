@@ -101,6 +101,7 @@ impl JointError {
             Self::Law(LawError::Parameter { key, .. }) => Some(("cohesive", Some(key))),
             Self::Law(LawError::Unknown { .. }) => Some(("cohesive", Some("model"))),
             Self::Substrate(SubstrateError::Parameter { key, .. }) => Some(("substrate", Some(key))),
+            Self::Substrate(SubstrateError::Curve { .. }) => Some(("substrate", Some("curve"))),
             Self::Substrate(SubstrateError::Unknown { .. }) => Some(("substrate", Some("model"))),
             Self::Mesh { place, .. } if place == OF_MESH => Some(("mesh", None)),
             Self::Model(_) => Some(("boundary", None)),

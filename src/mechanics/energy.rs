@@ -270,10 +270,11 @@ impl Follower<'_> {
         let touching = Touching(self.law);
         // Two points for each interface element.
         let bonds = self.model.mesh().cracked().iter().flat_map(|&cracked| [cracked; 2]);
-        let along = |((&(weight, from), &(_, to)), cracked): ((&(f64, Jump), &(f64, Jump)), bool)| {
-            weight * work_along(if cracked { &touching } else { self.law }, from, to)
-        };
-        a.jumps.iter().zip(&b.jumps).zip(bonds).map(along).sum()
+        let mut sum = 0.0;
+        for ((&(weight, from), &(_, to)), cracked) in a.jumps.iter().zip(&b.jumps).zip(bonds) {
+            sum += weight * work_along(if cracked { &touching } else { self.law }, from, to);
+        }
+        sum
     }
 }
 
@@ -282,9 +283,15 @@ fn along(forces: &[[f64; 2]], places: &[[f64; 2]]) -> f64 {
     forces.iter().zip(places).map(|(f, u)| f[0] * u[0] + f[1] * u[1]).sum()
 }
 
-/// `int T . d(jump)` along the straight line between two jumps, MPa mm. Pieces are short against the law, and one ends where the
-/// faces touch, since laws have a kink there.
+/// `int T . d(jump)` along the straight line between two jumps, MPa mm.
 fn work_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> f64 {
+    let [opening, sliding] = works_along(law, from, to);
+    opening + sliding
+}
+
+/// The same of opening and of sliding. Pieces are short against the law, and one ends where the
+/// faces touch, since laws have a kink there.
+pub(super) fn works_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> [f64; 2] {
     let by = Jump { normal: to.normal - from.normal, tangential: to.tangential - from.tangential };
     let at = |share: f64| Jump {
         normal: from.normal + share * by.normal,
@@ -292,7 +299,7 @@ fn work_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> f64 {
     };
     let touch = if from.normal * to.normal < 0.0 { -from.normal / by.normal } else { 1.0 };
     let pieces = (40.0 * by.normal.hypot(by.tangential) / law.front_opening()).ceil().clamp(1.0, 200.0);
-    let mut sum = 0.0;
+    let mut sum = [0.0; 2];
     for [begin, end] in [[0.0, touch], [touch, 1.0]] {
         let width = (end - begin) / pieces;
         if width <= 0.0 {
@@ -302,7 +309,8 @@ fn work_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> f64 {
             for place in GAUSS {
                 let share = begin + (piece as f64 + place) * width;
                 let Traction { normal, tangential } = law.response(at(share)).traction;
-                sum += 0.5 * width * (normal * by.normal + tangential * by.tangential);
+                sum[0] += 0.5 * width * normal * by.normal;
+                sum[1] += 0.5 * width * tangential * by.tangential;
             }
         }
     }

@@ -364,11 +364,8 @@ impl JointMesh {
             },
             _ => [false; 2],
         };
-        let kept: Vec<(u32, [bool; 2], &[(u32, f64)])> = (0u32..)
-            .zip(&carry.weights)
-            .map(|(node, weights)| (node, held_by(weights), weights.as_slice()))
-            .filter(|(_, held, _)| held.contains(&true))
-            .collect();
+        let all = (0u32..).zip(&carry.weights).map(|(node, weights)| (node, held_by(weights), weights.as_slice()));
+        let kept: Vec<_> = all.filter(|(_, held, _)| held.contains(&true)).collect();
         let carried = |field: &[[f64; 2]]| {
             let value = |weights: &[(u32, f64)], c: usize| {
                 weights.iter().map(|(node, weight)| weight * field[place[node]][c]).sum::<f64>()

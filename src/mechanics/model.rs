@@ -2,7 +2,7 @@
 
 use super::boundary::BoundaryHistory;
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
-use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Quadrature};
+use super::element::{ElementStiffness, ElementVector, Interface, InterfacePoint, Kinematics, Q4, Q4Point, Quadrature};
 use super::error::ModelError;
 use super::held::check;
 use super::joint::JointMesh;
@@ -908,6 +908,20 @@ impl Model {
             let u = self.gather(element, u);
             quad.points().map(|point| (self.material(element), point.weight, quad.strain(&point, &u)))
         })
+    }
+
+    /// Calls `each` with the corners of the element, its material, the point and the strain there, for every Gauss point of the strips.
+    pub(super) fn for_each_point(
+        &self,
+        u: &[[f64; 2]],
+        mut each: impl FnMut(&[u32; 4], &dyn SubstrateLaw, &Q4Point, EngineeringStrain),
+    ) {
+        for (element, quad) in self.quads.iter().enumerate() {
+            let of_element = self.gather(element, u);
+            for point in quad.points() {
+                each(&self.corners[element], self.material(element), point, quad.strain(point, &of_element));
+            }
+        }
     }
 
     /// The stress at the four Gauss points of each element, MPa, in the order (-,-), (+,-), (+,+), (-,+); with finite rotations

@@ -22,6 +22,10 @@ pub(super) const TOURNAMENT: &str = "tournament.json";
 /// Its page, and its table of tractions.
 pub(super) const TOURNAMENT_PAGE: &str = "tournament.html";
 pub(super) const TOURNAMENT_TRACTIONS: &str = "tournament-tractions.csv";
+/// The load cell beside the prediction.
+pub(super) const FORCE: &str = "force.csv";
+/// The energy that flows to the front of the joint.
+pub(super) const J_INTEGRAL: &str = "j-integral.csv";
 /// Folder of the pictures in that of a run.
 pub(crate) const FIGURES: &str = "figures";
 /// Folder of what a later start of the same run needs: locks, and a record of every frame.
@@ -102,7 +106,8 @@ impl RunFolder {
     pub(crate) fn clear(&self, csv: bool, vtu: bool) -> Result<()> {
         // First: while it is there, the folder shows that a run was here.
         let shown = [SERIES, INTERFACE_SERIES, Self::REPORT, Self::SUMMARY, TOURNAMENT_PAGE, TOURNAMENT_TRACTIONS];
-        for name in shown.into_iter().chain(FITS) {
+        // Not every run writes these.
+        for name in shown.into_iter().chain(FITS).chain([FORCE, J_INTEGRAL]) {
             remove(&self.0.join(name))?;
         }
         remove_store(&self.0.join(STORE))?;

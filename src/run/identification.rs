@@ -2,10 +2,10 @@
 
 use super::error::Result;
 use super::event::{Event, Watcher};
-use super::folder::{FIGURES, RunFolder};
+use super::folder::{FIGURES, FORCE, RunFolder};
 use super::heard::Heard;
 use super::session::Outcome;
-use super::simulation::{FORCE, save, write_solution};
+use super::simulation::{save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
 use super::tournament::compared;
@@ -82,7 +82,9 @@ pub fn identify(
     // The joint of the fit, for everything that `simulate` writes.
     let law = of_case.problem.unknowns.law_at(&found.evaluation.x)?;
     joint.law = law;
-    let of_joint = JointReport { force: json.force.as_ref(), ..JointReport::new(&joint, found.solution()) };
+    let j_integrals = joint.model.j_integrals(&*joint.law, found.solution());
+    let (force, j_integrals) = (json.force.as_ref(), j_integrals.as_slice());
+    let of_joint = JointReport { force, j_integrals, ..JointReport::new(&joint, found.solution()) };
     write_solution(&folder, &of_joint)?;
     folder.write_summary(&of_joint.summary(absolute(case), seconds, json.warnings.clone()))?;
     of_joint.draw(&chosen, save)?;

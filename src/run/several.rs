@@ -2,11 +2,11 @@
 
 use super::error::{Result, RunError};
 use super::event::{Event, Watcher};
-use super::folder::{FIGURES, RunFolder};
+use super::folder::{FIGURES, FORCE, RunFolder};
 use super::heard::Heard;
 use super::identification::FIT;
 use super::session::Outcome;
-use super::simulation::{FORCE, save, write_solution};
+use super::simulation::{save, write_solution};
 use super::stop::Stop;
 use super::text::absolute;
 use crate::identify::{CombinedCase, CombinedFit, CutShort, Ended, FitError, FitStatus, fit_combined};
@@ -116,7 +116,8 @@ fn write_test(
     seconds: f64,
     asked: Option<&[usize]>,
 ) -> Result<()> {
-    let report = JointReport::new(joint, solution);
+    let j_integrals = joint.model.j_integrals(&*joint.law, solution);
+    let report = JointReport { j_integrals: &j_integrals, ..JointReport::new(joint, solution) };
     write_solution(folder, &report)?;
     folder.write_summary(&report.summary(case.to_owned(), seconds, joint.doubts.clone()))?;
     report.draw(&report.chosen(asked), |name, picture| save(folder, &name, &picture))

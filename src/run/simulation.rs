@@ -2,7 +2,7 @@
 
 use super::error::Result;
 use super::event::{Event, Watcher};
-use super::folder::{FIGURES, RunFolder};
+use super::folder::{FIGURES, FORCE, J_INTEGRAL, RunFolder};
 use super::heard::Heard;
 use super::session::Outcome;
 use super::stop::Stop;
@@ -16,9 +16,6 @@ use crate::report::{ForceRecord, Picture};
 use rayon::ThreadPool;
 use std::path::Path;
 use std::time::Instant;
-
-/// The load cell beside the prediction, in the folder of the results.
-pub(super) const FORCE: &str = "force.csv";
 
 /// Unknowns up to which the energies are computed without being asked for: that takes several solutions for each instant.
 const ENERGIES_UP_TO: usize = 20_000;
@@ -96,7 +93,9 @@ pub fn simulate(
         Some(_) => None,
     };
     let force = force.as_ref();
-    let report = JointReport { energies: &energies, times: &times, force, ..JointReport::new(&joint, &solution) };
+    let j_integrals = joint.model.j_integrals(&*joint.law, &solution);
+    let (energies, j_integrals) = (energies.as_slice(), j_integrals.as_slice());
+    let report = JointReport { energies, times: &times, force, j_integrals, ..JointReport::new(&joint, &solution) };
     let asked = input.case.output.figures.as_deref();
     let solved = |number: &usize| report.solved().any(|(solved, _)| solved == *number);
     for instant in asked.unwrap_or_default().iter().filter(|number| !solved(number)) {
@@ -188,6 +187,10 @@ pub(super) fn write_solution(folder: &RunFolder, report: &JointReport) -> Result
     folder.write("solution.csv", |out| report.write_solution(out))?;
     folder.write("tractions.csv", |out| report.write_tractions(out))?;
     folder.write("reactions.csv", |out| report.write_reactions(out))?;
+    folder.write("mode-mixity.csv", |out| report.write_mode_mixity(out))?;
+    if report.has_j_integral() {
+        folder.write(J_INTEGRAL, |out| report.write_j_integral(out))?;
+    }
     folder.write("sensitivities.csv", |out| report.write_sensitivities(out))?;
     let mut numbers = Vec::new();
     for (number, instant) in report.solved() {

@@ -195,7 +195,7 @@ fn a_noisy_border_moves_the_force_too_and_the_fit_knows_it() {
 #[test]
 fn a_width_that_is_wrong_by_a_tenth_contradicts_the_fields() {
     let force = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 11\nstd_N = 2\n";
-    fitted(&with_force(force), |case, found| {
+    fitted(&with_force(force), |_, found| {
         assert_eq!(found.verdict.outcome, Outcome::Rejected, "{:?}", found.verdict.sentences);
         assert!(
             found.verdict.sentences.join(" ").contains("width_mm = 11 is refused"),
@@ -205,13 +205,14 @@ fn a_width_that_is_wrong_by_a_tenth_contradicts_the_fields() {
         let width = found.width.unwrap();
         // To first order from where the wrong width led the fit: a tenth squared, times what is not linear.
         assert!((width.value_mm - 10.0).abs() < 0.5 && width.std_mm < 0.2 && width.gain > 50.0, "{width:?}");
+    });
+    // Held against the prediction alone it is a plain factor.
+    let force = "[force]\nfile = 'load.csv'\ngroup = 'upper'\nwidth_mm = 11\nuse = false\n";
+    fitted(&with_force(force), |case, found| {
+        let law = case.problem.unknowns.law_at(&found.evaluation.x).unwrap();
         let cell = case.force.as_ref().unwrap();
-        let comparison = cell.compare(
-            &case.problem.joint.model,
-            &*case.problem.unknowns.law_at(&found.evaluation.x).unwrap(),
-            found.solution(),
-        );
-        let comparison = comparison.unwrap();
+        let comparison = cell.compare(&case.problem.joint.model, &*law, found.solution()).unwrap();
+        assert!((comparison.scale.unwrap() - 10.0 / 11.0).abs() < 0.02, "{comparison:?}");
         assert!(comparison.doubt(cell).unwrap().contains("width"), "{comparison:?}");
     });
     // Where the width may be off by that much it rejects nothing, and the fields decide.

@@ -26,6 +26,7 @@ mod mechanics_supports;
 mod mechanics_tests;
 mod paper;
 mod several_tests;
+mod substrates;
 mod sweep_limit;
 mod tournament;
 mod virtual_test;

@@ -8,8 +8,8 @@ use quadrille::mechanics::cohesive::{
     ParkPaulinoRoesler, SmithFerrante, Traction, Trapezoidal, XuNeedleman, law_by_name, parameters_by_name,
 };
 use quadrille::mechanics::substrate::{
-    EngineeringStrain, LinearElastic, PlaneState, RambergOsgood, SUBSTRATE_NAMES, Stress, SubstrateError, SubstrateLaw,
-    substrate_by_name, substrate_parameters,
+    EngineeringStrain, LinearElastic, Orthotropic, PlaneState, RambergOsgood, SUBSTRATE_NAMES, Stress, SubstrateError,
+    SubstrateLaw, Tabulated, substrate_by_name, substrate_parameters,
 };
 
 fn cohesive_laws() -> Vec<Box<dyn CohesiveLaw>> {
@@ -38,8 +38,125 @@ fn substrate_laws() -> Vec<Box<dyn SubstrateLaw>> {
         for values in [[72000.0, 0.33, 180.0, 0.06, 7.0], [2e5, 0.3, 300.0, 0.3, 4.5], [2e5, 0.3, 300.0, 0.3, 2.5]] {
             laws.push(Box::new(RambergOsgood::new(values, plane).unwrap()));
         }
+        laws.push(Box::new(laminate(30.0, plane)));
+        laws.push(Box::new(Tabulated::new([72000.0, 0.33, 1.1], &CURVE, plane).unwrap()));
     }
     laws
+}
+
+/// Carbon fibres at `angle` degrees.
+fn laminate(angle: f64, plane: PlaneState) -> Orthotropic {
+    let values = [140e3, 10e3, 0.3, 5e3, angle, 9e3, 0.25, 0.4];
+    Orthotropic::new(&values[..if plane == PlaneState::PlaneStress { 5 } else { 8 }], plane).unwrap()
+}
+
+/// Strain and stress (MPa) of an aluminium: elastic up to 150 MPa.
+const CURVE: [[f64; 2]; 7] = [
+    [0.0, 0.0],
+    [100.0 / 72e3, 100.0],
+    [150.0 / 72e3, 150.0],
+    [0.004, 200.0],
+    [0.02, 260.0],
+    [0.06, 310.0],
+    [0.12, 340.0],
+];
+
+#[test]
+fn an_orthotropic_material_turns_with_its_axes_and_is_isotropic_where_its_moduli_are() {
+    for plane in [PlaneState::PlaneStress, PlaneState::PlaneStrain] {
+        // The strain turned by 25 degrees meets the material turned by as much with the stress turned by as much.
+        let (sin, cos) = 25.0_f64.to_radians().sin_cos();
+        let turn = |[x, y, shear]: [f64; 3]| {
+            [
+                cos * cos * x + sin * sin * y - 2.0 * sin * cos * shear,
+                sin * sin * x + cos * cos * y + 2.0 * sin * cos * shear,
+                sin * cos * (x - y) + (cos * cos - sin * sin) * shear,
+            ]
+        };
+        for strain in STRAINS {
+            let straight = laminate(10.0, plane).stress(engineering(strain)).0;
+            let [x, y, half] = turn([strain[0], strain[1], 0.5 * strain[2]]);
+            let found = laminate(35.0, plane).stress(engineering([x, y, 2.0 * half])).0;
+            for (found, wanted) in found.into_iter().zip(turn(straight)) {
+                assert_close(found, wanted, 1e-13 * 140e3, format!("{plane:?} {strain:?}"));
+            }
+            let isotropic = LinearElastic::new(72e3, 0.33, plane).unwrap();
+            let shear = 72e3 / (2.0 * 1.33);
+            let values = [72e3, 72e3, 0.33, shear, 17.0, 72e3, 0.33, 0.33];
+            let n = if plane == PlaneState::PlaneStress { 5 } else { 8 };
+            let alike = Orthotropic::new(&values[..n], plane).unwrap();
+            let (found, wanted) = (alike.stress(engineering(strain)).0, isotropic.stress(engineering(strain)).0);
+            (0..3).for_each(|k| assert_close(found[k], wanted[k], 1e-12 * 72e3 * 0.1, "isotropic"));
+            let (found, wanted) = (alike.state(engineering(strain)), isotropic.state(engineering(strain)));
+            let (found, wanted) = (found.equivalent_stress, wanted.equivalent_stress);
+            assert_close(found, wanted, 1e-10 * wanted.max(1.0), "equivalent stress");
+        }
+        // Along its fibres it is what its constants say: uniaxial stress.
+        let law = laminate(0.0, PlaneState::PlaneStress);
+        let Stress(stress) = law.stress(engineering([1e-3, -0.3e-3, 0.0]));
+        assert_close(stress[0], 140.0, 1e-10, "along");
+        assert_close(stress[1], 0.0, 1e-10, "across");
+    }
+}
+
+#[test]
+fn a_tabulated_material_follows_its_table_in_uniaxial_tension() {
+    let law = Tabulated::new([72000.0, 0.33, 1.0], &CURVE, PlaneState::PlaneStress).unwrap();
+    for [strain, stress] in &CURVE[1..] {
+        // The lateral strain of uniaxial tension: elastic by nu, plastic by a half.
+        let lateral = -0.33 * stress / 72e3 - 0.5 * (strain - stress / 72e3);
+        let Stress([x, y, _]) = law.stress(engineering([*strain, lateral, 0.0]));
+        assert_close(x, *stress, 1e-8 * stress, "along");
+        assert_close(y, 0.0, 1e-8 * stress, "across");
+        let state = law.state(engineering([*strain, lateral, 0.0]));
+        assert_close(state.plastic_strain, strain - stress / 72e3, 1e-10, "plastic strain");
+    }
+    // A table of the law of Ramberg and Osgood is that law, but for what lies between its rows.
+    let wanted = RambergOsgood::new([72000.0, 0.33, 180.0, 0.06, 7.0], PlaneState::PlaneStrain).unwrap();
+    let row = |k: u32| {
+        let q = 2.5 * f64::from(k);
+        [q / 72e3 + 0.06 * 180.0 / 72e3 * (q / 180.0).powi(7), q]
+    };
+    let curve: Vec<[f64; 2]> = (1..=160).map(row).collect();
+    let found = Tabulated::new([72000.0, 0.33, 1.0], &curve, PlaneState::PlaneStrain).unwrap();
+    for strain in &STRAINS[..5] {
+        let (a, b) = (found.stress(engineering(*strain)).0, wanted.stress(engineering(*strain)).0);
+        (0..3).for_each(|k| assert_close(a[k], b[k], 0.05, format!("{strain:?}")));
+    }
+    assert!((found.yield_strain().unwrap() - 2.5 / 72e3).abs() < 1e-3 && found.known_up_to().unwrap() > 0.03);
+}
+
+#[test]
+fn what_no_material_is_is_refused_by_name() {
+    let key = |result: Result<Orthotropic, SubstrateError>| match result {
+        Err(SubstrateError::Parameter { key, .. }) => key,
+        other => panic!("{other:?}"),
+    };
+    let with = |k: usize, value: f64| {
+        let mut values = [140e3, 10e3, 0.3, 5e3, 30.0, 9e3, 0.25, 0.4];
+        values[k] = value;
+        key(Orthotropic::new(&values, PlaneState::PlaneStrain))
+    };
+    assert_eq!(with(0, -1.0), "E_1_MPa");
+    assert_eq!(with(1, 0.0), "E_2_MPa");
+    assert_eq!(with(2, 3.8), "nu_12");
+    assert_eq!(with(3, f64::NAN), "G_12_MPa");
+    assert_eq!(with(4, f64::INFINITY), "angle_deg");
+    assert_eq!(with(6, 4.0), "nu_13");
+    assert_eq!(with(7, 1.1), "nu_23");
+    let count = Orthotropic::new(&[1.0; 5], PlaneState::PlaneStrain);
+    assert!(matches!(count, Err(SubstrateError::Count { needed: 8, given: 5, .. })));
+    let curve = |rows: &[[f64; 2]]| match Tabulated::new([72e3, 0.33, 1.0], rows, PlaneState::PlaneStress) {
+        Err(SubstrateError::Curve { what }) => what,
+        other => panic!("{other:?}"),
+    };
+    assert!(curve(&[[0.001, 72.0]]).contains("two or more"));
+    assert!(
+        curve(&[[0.002, 140.0], [0.004, 140.0]]).contains("row 2")
+            && curve(&[[0.002, 140.0], [0.001, 150.0]]).contains("rise")
+    );
+    assert!(curve(&[[0.001, 150.0], [0.002, 160.0]]).contains("give the E of the curve"));
+    assert!(curve(&[[0.2, 140.0], [4.0, 200.0]]).contains("not in %"));
 }
 
 /// Jumps in every branch, none within a step of a difference from a kink (D_n = 0).
@@ -497,10 +614,10 @@ fn parameters_out_of_their_range_are_refused_by_name() {
     assert_eq!(refused(&[72e3, 0.33, 180.0, 0.0, 7.0]), "alpha");
     assert_eq!(refused(&[72e3, 0.33, 180.0, 0.06, 0.5]), "n");
     for name in SUBSTRATE_NAMES {
-        let needed = substrate_parameters(name).unwrap().len();
+        let needed = substrate_parameters(name, PlaneState::PlaneStress).unwrap().len();
         let error = substrate_by_name(name, &[1.0; 1], PlaneState::PlaneStress).unwrap_err();
         assert!(matches!(error, SubstrateError::Count { needed: n, given: 1, .. } if n == needed));
     }
-    assert!(matches!(substrate_parameters("wood"), Err(SubstrateError::Unknown { .. })));
+    assert!(matches!(substrate_parameters("wood", PlaneState::PlaneStress), Err(SubstrateError::Unknown { .. })));
     assert!(substrate_by_name("wood", &[], PlaneState::PlaneStress).is_err());
 }

@@ -4,7 +4,7 @@ use crate::mechanics_common;
 use mechanics_common::*;
 use quadrille::mechanics::cohesive::{CohesiveLaw, law_by_name};
 use quadrille::mechanics::substrate::{
-    EngineeringStrain, LinearElastic, PlaneState, RambergOsgood, Stress, SubstrateLaw,
+    EngineeringStrain, LinearElastic, Orthotropic, PlaneState, RambergOsgood, Stress, SubstrateLaw, Tabulated,
 };
 use quadrille::mechanics::{
     BoundaryHistory, EnergyOptions, ForwardOptions, JointMesh, Kinematics, ModelOptions, NodeGroup, Quadrature, Status,
@@ -136,7 +136,12 @@ fn a_snap_is_told_by_the_energy_that_is_lost_in_it() {
 #[test]
 fn the_energy_of_a_material_is_the_integral_of_its_stress() {
     for plane in [PlaneState::PlaneStress, PlaneState::PlaneStrain] {
-        let laws: [Arc<dyn SubstrateLaw>; 2] = [
+        let curve = [[0.0025, 180.0], [0.004, 200.0], [0.02, 260.0]];
+        let n = if plane == PlaneState::PlaneStress { 5 } else { 8 };
+        let fibres = [140e3, 10e3, 0.3, 5e3, 30.0, 9e3, 0.25, 0.4];
+        let laws: [Arc<dyn SubstrateLaw>; 4] = [
+            Arc::new(Tabulated::new([72_000.0, 0.33, 1.0], &curve, plane).unwrap()),
+            Arc::new(Orthotropic::new(&fibres[..n], plane).unwrap()),
             Arc::new(RambergOsgood::new([72_000.0, 0.33, 180.0, 0.06, 7.0], plane).unwrap()),
             Arc::new(LinearElastic::new(72_000.0, 0.33, plane).unwrap()),
         ];
@@ -161,6 +166,9 @@ fn the_energy_of_a_material_is_the_integral_of_its_stress() {
                 .sum();
             let found = law.energy(end);
             assert_close(found.elastic + found.plastic, sum, 1e-9 * sum, law.name());
+            if law.name() == Orthotropic::NAME {
+                continue;
+            }
             // The elastic part is that of the stress by Hooke's law.
             let hooke = LinearElastic::new(72_000.0, 0.33, plane).unwrap();
             let Stress([x, y, shear]) = law.stress(end);
@@ -170,7 +178,7 @@ fn the_energy_of_a_material_is_the_integral_of_its_stress() {
             if plane == PlaneState::PlaneStress {
                 assert_close(found.elastic, elastic, 1e-9 * sum, "elastic");
             }
-            assert!(found.plastic >= 0.0 && (found.plastic > 0.1 * sum) == (law.name() == "ramberg-osgood"));
+            assert!(found.plastic >= 0.0 && (found.plastic > 0.1 * sum) == (law.name() != LinearElastic::NAME));
         }
     }
 }

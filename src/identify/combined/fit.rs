@@ -243,6 +243,7 @@ fn put_together(
             }
             Rotations::new(sum, &slopes)
         });
+    let verdict = verdict.with_rotations(rotations.as_ref(), &made.parameters);
     let mut list = Vec::with_capacity(tests.len());
     for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {
         let statistics = statistics[k].take();

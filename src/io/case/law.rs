@@ -35,6 +35,10 @@ pub struct CaseMaterial {
     /// Constants without uncertainty: `true` for all of the section, or a list of symbols.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
+    /// Of `tabulated`: the file of the curve, with the columns `strain` (mm/mm) and `stress_MPa` of a uniaxial test.
+    pub file: Option<String>,
+    /// The same in the case itself: rows of strain and stress, MPa, both rising.
+    pub curve: Option<Vec<[f64; 2]>>,
     /// The parameters of the law, and their standard uncertainties, by key: the symbol with its unit, as in `E_MPa`.
     #[serde(flatten)]
     pub values: BTreeMap<String, f64>,
@@ -187,6 +191,8 @@ impl<'de> Visitor<'de> for Materials {
                 "model" => common.model = Some(map.next_value()?),
                 "plane" => common.plane = Some(map.next_value()?),
                 EXACT => common.exact = Some(map.next_value()?),
+                "file" => common.file = Some(map.next_value()?),
+                "curve" => common.curve = Some(map.next_value()?),
                 _ if !self.groups => drop(common.values.insert(key, map.next_value()?)),
                 _ => match map.next_value()? {
                     NumberOrGroup::Number(value) => drop(common.values.insert(key, value)),

@@ -29,9 +29,8 @@ pub fn read_force(
 ) -> Result<Option<ForceInput>, JointFileError> {
     let Some(asked) = &case.force else { return Ok(None) };
     let mut load = asked.load().ok_or(JointFileError::NoForceFile)?;
-    let on_disk = |file: &str| case.base.join(file).to_string_lossy().into_owned();
-    load.file = on_disk(&load.file);
-    load.frame_times = load.frame_times.as_deref().map(on_disk);
+    load.file = case.base.join(&load.file).to_string_lossy().into_owned();
+    load.frame_times = load.frame_times.map(|file| case.base.join(file).to_string_lossy().into_owned());
     let n_frames = match boundary {
         BoundaryInput::Table(table) => table.instants.len(),
         BoundaryInput::Run(run) => run.frames.iter().chain(&run.left_out).copied().max().unwrap_or(0),

@@ -6,6 +6,7 @@
 mod boundary;
 mod case;
 mod correlated;
+mod curve;
 mod drives;
 mod force;
 mod measurement;
@@ -23,6 +24,7 @@ pub use boundary::{BoundaryTable, read_boundary};
 pub(in crate::io) use case::LAW;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
+pub use curve::read_curves;
 pub use drives::{DrivesInput, History};
 pub use force::{ForceInput, read_force};
 pub use measurement::{MeasurementTable, read_measurement};
@@ -102,7 +104,10 @@ pub enum BoundaryInput {
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
-    let case = read_joint_case(path)?;
+    let mut case = read_joint_case(path)?;
+    let base = case.base.clone();
+    read_curves(&mut case.substrate, &base)?;
+    let case = case;
     let wrong = |error: JointFileError| match error.section() {
         Some(section) => JointFileError::InCase { place: case.text.place(section, None), error: Box::new(error) },
         None => error,
@@ -358,6 +363,9 @@ pub enum JointFileError {
         /// The table.
         path: PathBuf,
     },
+    /// A curve in a file and in the case.
+    #[error("[substrate] file and curve are both given; take one away")]
+    CurveTwice,
     /// A `[force]` without a file.
     #[error("[force] names no load file; give file = \"load.csv\"")]
     NoForceFile,
@@ -386,6 +394,7 @@ impl JointFileError {
             Self::NoBoundary | Self::OtherRun => Some("boundary"),
             Self::NoMeasurement | Self::BadScale { .. } | Self::OtherMeasuredRun => Some("measurement"),
             Self::NoForceFile | Self::Force(_) => Some("force"),
+            Self::CurveTwice => Some("substrate"),
             _ => None,
         }
     }

@@ -2,13 +2,18 @@
 //!
 //! A law is one file: a type that implements [`SubstrateLaw`], and its line in [`substrate_by_name`].
 
+mod deformation;
 mod linear_elastic;
+mod orthotropic;
 mod ramberg_osgood;
 mod strain;
+mod tabulated;
 
 pub use linear_elastic::LinearElastic;
+pub use orthotropic::Orthotropic;
 pub use ramberg_osgood::RambergOsgood;
 pub use strain::EngineeringStrain;
+pub use tabulated::Tabulated;
 
 use super::cohesive::Parameter;
 use nalgebra::Matrix3;
@@ -110,8 +115,13 @@ pub trait SubstrateLaw: Debug + Send + Sync {
     /// Strain at which the material yields, if it does: what rotations of the strips are measured by.
     fn yield_strain(&self) -> Option<f64>;
 
-    /// Young's modulus, MPa.
+    /// Young's modulus, MPa; of several the largest.
     fn young(&self) -> f64;
+
+    /// Plastic strain up to which the law was measured, where that is told: beyond it is continued.
+    fn known_up_to(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// Why there is no such law.
@@ -138,6 +148,12 @@ pub enum SubstrateError {
         /// Number given.
         given: usize,
     },
+    /// A curve that no material has.
+    #[error("[substrate] curve: {what}")]
+    Curve {
+        /// What is wrong with which row.
+        what: String,
+    },
     /// No law has this name.
     #[error("[substrate] model = \"{name}\": there is no such law; give one of {}", SUBSTRATE_NAMES.join(", "))]
     Unknown {
@@ -147,16 +163,18 @@ pub enum SubstrateError {
 }
 
 /// Names of all laws.
-pub const SUBSTRATE_NAMES: [&str; 2] = [RambergOsgood::NAME, LinearElastic::NAME];
+pub const SUBSTRATE_NAMES: [&str; 4] = [RambergOsgood::NAME, LinearElastic::NAME, Orthotropic::NAME, Tabulated::NAME];
 
-/// The parameters of the law called `name`.
+/// The parameters of the law called `name` in `plane`.
 ///
 /// # Errors
 /// [`SubstrateError::Unknown`].
-pub fn substrate_parameters(name: &str) -> Result<&'static [Parameter], SubstrateError> {
+pub fn substrate_parameters(name: &str, plane: PlaneState) -> Result<&'static [Parameter], SubstrateError> {
     match name {
         RambergOsgood::NAME => Ok(&RambergOsgood::PARAMETERS),
         LinearElastic::NAME => Ok(&LinearElastic::PARAMETERS),
+        Orthotropic::NAME => Ok(Orthotropic::parameters_in(plane)),
+        Tabulated::NAME => Ok(&Tabulated::PARAMETERS),
         _ => Err(SubstrateError::Unknown { name: name.to_owned() }),
     }
 }
@@ -164,7 +182,8 @@ pub fn substrate_parameters(name: &str) -> Result<&'static [Parameter], Substrat
 /// The law called `name` with the given parameter values, in the order of [`substrate_parameters`].
 ///
 /// # Errors
-/// No such law, another number of values, a value that is not allowed.
+/// No such law, another number of values, a value that is not allowed; [`SubstrateError::Curve`] for a law that needs more than
+/// numbers ([`Tabulated::new`]).
 pub fn substrate_by_name(
     name: &str,
     values: &[f64],
@@ -176,6 +195,8 @@ pub fn substrate_by_name(
             let [young, nu] = exactly(LinearElastic::NAME, values)?;
             Ok(Box::new(LinearElastic::new(young, nu, plane)?))
         }
+        Orthotropic::NAME => Ok(Box::new(Orthotropic::new(values, plane)?)),
+        Tabulated::NAME => Ok(Box::new(Tabulated::new(exactly(Tabulated::NAME, values)?, &[], plane)?)),
         _ => Err(SubstrateError::Unknown { name: name.to_owned() }),
     }
 }

@@ -1,25 +1,21 @@
 //! Ramberg-Osgood deformation plasticity: metals that harden by a power law, without history (THEORY 3).
 
+use super::deformation::{Deformation, Modes, Point};
 use super::{
     EngineeringStrain, Parameter, PlaneState, Stress, SubstrateEnergy, SubstrateError, SubstrateLaw, SubstrateResponse,
-    SubstrateState, SubstrateStiffness, check_elastic, check_positive, exactly, isotropic,
+    SubstrateState, SubstrateStiffness, check_elastic, check_positive, exactly,
 };
-use nalgebra::Vector3;
 
 /// `eps = (1+nu)/E S + (1-2nu)/E p I + 3/2 (alpha/E) (q/sigma_0)^(n-1) S`: in uniaxial tension the plastic strain
 /// at `sigma_0` is `alpha sigma_0/E`.
 ///
-/// The stress follows from one scalar monotone equation in the equivalent stress `q`. In plane stress elastic
-/// and plastic compliance share the modes `sx + sy`, `sx - sy`, `txy`; in plane strain the deviator is
-/// proportional to that of the strain.
+/// The stress follows from one scalar monotone equation in the equivalent stress `q`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RambergOsgood {
-    young: f64,
-    nu: f64,
+    elastic: Deformation,
     sigma_0: f64,
     alpha: f64,
     n: f64,
-    plane: PlaneState,
     /// `n - 1` where it is a whole number: its powers are then products.
     whole_power: Option<i32>,
 }
@@ -51,7 +47,7 @@ impl RambergOsgood {
             return Err(SubstrateError::Parameter { key: Self::PARAMETERS[4].key(), value: n, needed });
         }
         let whole_power = (n.fract() == 0.0).then_some(n as i32 - 1);
-        Ok(Self { young, nu, sigma_0, alpha, n, plane, whole_power })
+        Ok(Self { elastic: Deformation { young, nu, plane }, sigma_0, alpha, n, whole_power })
     }
 
     /// The plastic compliance `h = (alpha/E)(q/sigma_0)^(n-1)`, 1/MPa.
@@ -61,30 +57,7 @@ impl RambergOsgood {
             Some(power) => ratio.powi(power),
             None => ratio.powf(self.n - 1.0),
         };
-        self.alpha / self.young * power
-    }
-
-    /// The modes of a strain in the plane state.
-    fn modes(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain) -> Modes {
-        let Self { young, nu, .. } = *self;
-        match self.plane {
-            PlaneState::PlaneStress => {
-                let (sum, difference) = (x + y, x - y);
-                Modes {
-                    weight: [sum * sum / 4.0, 0.75 * (difference * difference + shear * shear)],
-                    elastic: [(1.0 - nu) / young, (1.0 + nu) / young],
-                    plastic: [0.5, 1.5],
-                }
-            }
-            PlaneState::PlaneStrain => {
-                let (x, y, z) = deviator(x, y);
-                Modes {
-                    weight: [0.0, 1.5 * (x * x + y * y + z * z + 0.5 * shear * shear)],
-                    elastic: [1.0, (1.0 + nu) / young],
-                    plastic: [0.0, 1.5],
-                }
-            }
-        }
+        self.alpha / self.elastic.young * power
     }
 
     /// The equivalent stress: the root of `q^2 = sum_i w_i/(a_i + c_i h(q))^2`.
@@ -100,7 +73,8 @@ impl RambergOsgood {
         let of_elastic = (weight[0] / elastic[0].powi(2) + weight[1] / elastic[1].powi(2)).sqrt();
         // Without elastic compliance: q h = sqrt(w_1/c_1^2 + w_2/c_2^2).
         let plastic_strain = (4.0 * weight[0] + weight[1] / 2.25).sqrt();
-        let of_plastic = self.sigma_0 * (plastic_strain * self.young / (self.alpha * self.sigma_0)).powf(1.0 / self.n);
+        let of_plastic =
+            self.sigma_0 * (plastic_strain * self.elastic.young / (self.alpha * self.sigma_0)).powf(1.0 / self.n);
         let (mut low, mut high) = (0.0, of_elastic.min(of_plastic) * (1.0 + 1e-14));
         let mut q = high;
         for _ in 0..80 {
@@ -131,65 +105,10 @@ impl RambergOsgood {
 
     /// Everything at a strain.
     fn point(&self, strain: EngineeringStrain) -> Point {
-        let modes = self.modes(strain);
-        let q = self.equivalent_stress(&modes);
-        Point { q, h: self.plastic_compliance(q) }
+        let q = self.equivalent_stress(&self.elastic.modes(strain));
+        let h = self.plastic_compliance(q);
+        Point { q, h, slope: (self.n - 1.0) * h }
     }
-
-    fn stress_at(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain, h: f64) -> Stress {
-        let Self { young, nu, .. } = *self;
-        match self.plane {
-            PlaneState::PlaneStress => {
-                let sum = (x + y) / ((1.0 - nu) / young + 0.5 * h);
-                let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
-                let difference = (x - y) * stiffness;
-                Stress([0.5 * (sum + difference), 0.5 * (sum - difference), 0.5 * shear * stiffness])
-            }
-            PlaneState::PlaneStrain => {
-                let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
-                let pressure = young * (x + y) / (3.0 * (1.0 - 2.0 * nu));
-                let (x, y, _) = deviator(x, y);
-                Stress([stiffness * x + pressure, stiffness * y + pressure, 0.5 * shear * stiffness])
-            }
-        }
-    }
-
-    /// The secant, with the plastic compliance `h`.
-    fn secant_at(&self, h: f64) -> SubstrateStiffness {
-        let Self { young, nu, .. } = *self;
-        let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
-        let (along, across) = match self.plane {
-            PlaneState::PlaneStress => {
-                let sum = 1.0 / ((1.0 - nu) / young + 0.5 * h);
-                (0.5 * (sum + stiffness), 0.5 * (sum - stiffness))
-            }
-            PlaneState::PlaneStrain => {
-                let bulk = young / (3.0 * (1.0 - 2.0 * nu));
-                (bulk + stiffness * 2.0 / 3.0, bulk - stiffness / 3.0)
-            }
-        };
-        isotropic(along, across, 0.5 * stiffness)
-    }
-}
-
-/// Equivalent stress and plastic compliance at a point.
-struct Point {
-    q: f64,
-    h: f64,
-}
-
-/// The scalar equation of a strain: `q^2 = sum_i weight_i/(elastic_i + plastic_i h(q))^2`.
-#[derive(Debug, Clone, Copy)]
-struct Modes {
-    weight: [f64; 2],
-    elastic: [f64; 2],
-    plastic: [f64; 2],
-}
-
-/// Deviator (xx, yy, zz) of a strain without component out of the plane.
-fn deviator(x: f64, y: f64) -> (f64, f64, f64) {
-    let mean = (x + y) / 3.0;
-    (x - mean, y - mean, -mean)
 }
 
 impl SubstrateLaw for RambergOsgood {
@@ -202,126 +121,54 @@ impl SubstrateLaw for RambergOsgood {
     }
 
     fn values(&self) -> Vec<f64> {
-        vec![self.young, self.nu, self.sigma_0, self.alpha, self.n]
+        vec![self.elastic.young, self.elastic.nu, self.sigma_0, self.alpha, self.n]
     }
 
     fn with_values(&self, values: &[f64]) -> Result<Box<dyn SubstrateLaw>, SubstrateError> {
-        Ok(Box::new(Self::new(exactly(Self::NAME, values)?, self.plane)?))
+        Ok(Box::new(Self::new(exactly(Self::NAME, values)?, self.elastic.plane)?))
     }
 
     fn response(&self, strain: EngineeringStrain) -> SubstrateResponse {
-        let Point { q, h } = self.point(strain);
-        let stress = self.stress_at(strain, h);
-        let mut tangent = self.secant_at(h);
-        // The tangent is the secant less a term of rank one, D = S - k v v^T, v = S (d q^2/d sigma)/(2 q): the
-        // inverse of the compliance, written out (Sherman-Morrison).
-        let Stress([x, y, shear]) = stress;
-        let slope = (self.n - 1.0) * h; // q h'
-        let Self { young, nu, .. } = *self;
-        if q > 0.0 && slope > 0.0 {
-            let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
-            let (v, denominator) = match self.plane {
-                PlaneState::PlaneStress => {
-                    // By modes: normal m = (sum/4, 3 difference/4, 3 shear)/q is d q/d(sum, difference, shear).
-                    let stiffness_sum = 1.0 / ((1.0 - nu) / young + 0.5 * h);
-                    let (sum, difference) = ((x + y) / q, (x - y) / q);
-                    let shear = shear / q;
-                    let along = 0.5 * stiffness_sum * sum;
-                    let apart = 1.5 * stiffness * difference;
-                    let v = Vector3::new(0.5 * (along + apart), 0.5 * (along - apart), 1.5 * stiffness * shear);
-                    let bend = 0.125 * stiffness_sum * sum * sum
-                        + 1.125 * stiffness * difference * difference
-                        + 4.5 * stiffness * shear * shear;
-                    (v, 1.0 + slope * bend)
-                }
-                PlaneState::PlaneStrain => {
-                    let pressure = young * (strain.xx + strain.yy) / (3.0 * (1.0 - 2.0 * nu));
-                    let v = Vector3::new(x - pressure, y - pressure, shear).map(|s| 1.5 * stiffness * s / q);
-                    (v, 1.0 + slope * 1.5 * stiffness)
-                }
-            };
-            tangent -= (slope / denominator * v) * v.transpose();
-        }
-        SubstrateResponse { stress, tangent }
+        let point = self.point(strain);
+        let stress = self.elastic.stress_at(strain, point.h);
+        SubstrateResponse { stress, tangent: self.elastic.tangent_at(strain, stress, &point) }
     }
 
     fn stress(&self, strain: EngineeringStrain) -> Stress {
-        self.stress_at(strain, self.point(strain).h)
+        self.elastic.stress_at(strain, self.point(strain).h)
     }
 
     fn by_parameters(&self, strain: EngineeringStrain, derivatives: &mut [Stress]) {
-        let Self { young, nu, sigma_0, alpha, n, .. } = *self;
-        let Point { q, h } = self.point(strain);
-        let slope = (n - 1.0) * h;
-        // At fixed strain a change of the compliances (a of each mode) and of h at fixed q moves the stress; the
-        // change of q that follows is that of the scalar equation. Log of q/sigma_0: no matter at q = 0, h = 0.
+        let Self { elastic: Deformation { young, .. }, sigma_0, alpha, .. } = *self;
+        let point = self.point(strain);
+        let Point { q, h, slope } = point;
+        // Log of q/sigma_0: no matter at q = 0, h = 0.
         let log = if q > 0.0 { (q / sigma_0).ln() } else { 0.0 };
         // Explicit derivatives of h by E, nu, sigma_0, alpha, n.
         let h_by = [-h / young, 0.0, -slope / sigma_0, h / alpha, h * log];
-        let Modes { weight, elastic, plastic } = self.modes(strain);
-        let elastic_by: [[f64; 2]; 5] = {
-            let mut by = [[0.0; 2]; 5];
-            by[0] = elastic.map(|a| -a / young);
-            by[1] = [-1.0 / young, 1.0 / young];
-            if self.plane == PlaneState::PlaneStrain {
-                by[0][0] = 0.0;
-                by[1][0] = 0.0;
-            }
-            by
-        };
-        let stiffness: [f64; 2] = std::array::from_fn(|k| 1.0 / (elastic[k] + plastic[k] * h));
-        let shares: [f64; 2] =
-            if q > 0.0 { std::array::from_fn(|k| weight[k] * stiffness[k] * stiffness[k] / (q * q)) } else { [0.0; 2] };
-        let bend: f64 = (0..2).map(|k| shares[k] * plastic[k] * stiffness[k]).sum();
-        let EngineeringStrain { xx: x, yy: y, gamma_xy: shear } = strain;
-        assert_eq!(derivatives.len(), Self::PARAMETERS.len(), "one derivative per parameter");
-        for (parameter, derivative) in derivatives.iter_mut().enumerate() {
-            let compliance_by = |k: usize| elastic_by[parameter][k] + plastic[k] * h_by[parameter];
-            let pull: f64 = (0..2).map(|k| shares[k] * stiffness[k] * compliance_by(k)).sum();
-            // d ln q = -pull - bend slope d ln q.
-            let log_q_by = -pull / (1.0 + bend * slope);
-            let total = |k: usize| -stiffness[k] * stiffness[k] * (compliance_by(k) + plastic[k] * slope * log_q_by);
-            *derivative = match self.plane {
-                PlaneState::PlaneStress => {
-                    let (sum, difference) = (total(0) * (x + y), total(1) * (x - y));
-                    Stress([0.5 * (sum + difference), 0.5 * (sum - difference), 0.5 * total(1) * shear])
-                }
-                PlaneState::PlaneStrain => {
-                    let pressure = match parameter {
-                        0 => (x + y) / (3.0 * (1.0 - 2.0 * nu)),
-                        1 => 2.0 * young * (x + y) / (3.0 * (1.0 - 2.0 * nu).powi(2)),
-                        _ => 0.0,
-                    };
-                    let (x, y, _) = deviator(x, y);
-                    Stress([total(1) * x + pressure, total(1) * y + pressure, 0.5 * total(1) * shear])
-                }
-            };
-        }
+        self.elastic.by_parameters(strain, &point, &h_by, derivatives);
     }
 
     fn secant(&self, strain: EngineeringStrain) -> SubstrateStiffness {
-        self.secant_at(self.point(strain).h)
+        self.elastic.secant_at(self.point(strain).h)
     }
 
     fn state(&self, strain: EngineeringStrain) -> SubstrateState {
-        let Point { q, h } = self.point(strain);
+        let Point { q, h, .. } = self.point(strain);
         SubstrateState { equivalent_stress: q, plastic_strain: h * q }
     }
 
     fn energy(&self, strain: EngineeringStrain) -> SubstrateEnergy {
-        let Point { q, h } = self.point(strain);
-        let Stress([x, y, shear]) = self.stress_at(strain, h);
-        let whole = x * strain.xx + y * strain.yy + shear * strain.gamma_xy;
+        let point = self.point(strain);
         // The plastic strain grows as q^n.
-        let of_plastic = q * q * h;
-        SubstrateEnergy { elastic: 0.5 * (whole - of_plastic), plastic: self.n / (self.n + 1.0) * of_plastic }
+        self.elastic.energy(strain, &point, point.q * point.q * point.h / (self.n + 1.0))
     }
 
     fn yield_strain(&self) -> Option<f64> {
-        Some(self.sigma_0 / self.young)
+        Some(self.sigma_0 / self.elastic.young)
     }
 
     fn young(&self) -> f64 {
-        self.young
+        self.elastic.young
     }
 }

@@ -4,15 +4,17 @@ mod drawing;
 mod figures;
 mod grids;
 mod loads;
+mod release;
 mod summary;
 mod tables;
 
 pub use drawing::{JointMap, JointProfiles};
 pub use loads::{Balance, EnergySummary, ReactionSummary};
+pub use release::JSummary;
 pub use summary::{InstantSummary, JointSummary, LawSummary};
 
 use super::ForceRecord;
-use crate::mechanics::{Energies, Instant, Joint, Sensitivity, Solution};
+use crate::mechanics::{Energies, Instant, JFault, JIntegral, Joint, Sensitivity, Solution};
 
 /// A joint and its solution.
 #[derive(Debug, Clone, Copy)]
@@ -27,12 +29,14 @@ pub struct JointReport<'a> {
     pub times: &'a [f64],
     /// The load cell beside the prediction, where there is one.
     pub force: Option<&'a ForceRecord>,
+    /// Its J-integrals, by instant; empty where they were not computed.
+    pub j_integrals: &'a [Option<Result<JIntegral, JFault>>],
 }
 
 impl<'a> JointReport<'a> {
-    /// Without energies and load cell.
+    /// Without energies, load cell and J-integrals.
     pub fn new(joint: &'a Joint, solution: &'a Solution) -> Self {
-        Self { joint, solution, energies: &[], times: &[], force: None }
+        Self { joint, solution, energies: &[], times: &[], force: None, j_integrals: &[] }
     }
 
     /// The instants that have a solution, with their numbers from 1.

@@ -3,6 +3,7 @@
 use super::JointReport;
 use super::grids::softens;
 use super::loads::{Balance, EnergySummary, ReactionSummary};
+use super::release::JSummary;
 use crate::field::RigidMotion;
 use crate::mechanics::cohesive::{Jump, Parameter};
 use crate::mechanics::{Instant, Joint, Status};
@@ -45,6 +46,9 @@ pub struct JointSummary {
     /// What was taken off at each instant.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rigid_motion_removed: Vec<RigidMotion>,
+    /// Why there is no J-integral, where there is none at any instant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_j_integral: Option<String>,
     /// How the energies balance; absent where they were not computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub energy_balance: Option<Balance>,
@@ -101,6 +105,12 @@ pub struct InstantSummary {
     /// Energies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub energy: Option<EnergySummary>,
+    /// The energy that flows to the front of the joint when it moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub j_integral: Option<JSummary>,
+    /// Share of sliding in the work of separation at the pair that is nearest to the crack front.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sliding_share_at_front: Option<f64>,
     /// Node pairs (lower, upper) that snapped, or moved most where the instant failed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub snapped_pairs: Vec<[u32; 2]>,
@@ -119,6 +129,11 @@ impl JointReport<'_> {
     /// The summary of a run of the case file `case` that took `seconds`.
     pub fn summary(&self, case: String, seconds: f64, warnings: Vec<String>) -> JointSummary {
         let Joint { model, law, removed, .. } = self.joint;
+        let shares = self.sliding_at_front();
+        let of_instant = |(k, instant)| InstantSummary {
+            sliding_share_at_front: shares.get(&k).copied(),
+            ..self.summary_of(k, instant)
+        };
         JointSummary {
             quadrille: env!("CARGO_PKG_VERSION"),
             case,
@@ -136,10 +151,11 @@ impl JointReport<'_> {
             quadrature: model.options().quadrature.name(),
             remove_rigid_motion: if removed.is_empty() { "none" } else { "overall" },
             rigid_motion_removed: removed.clone(),
+            no_j_integral: self.no_j_integral(),
             energy_balance: self.balance(),
             force: self.force.cloned(),
             warnings,
-            instants: (1..).zip(&self.solution.instants).map(|(k, instant)| self.summary_of(k, instant)).collect(),
+            instants: (1..).zip(&self.solution.instants).map(of_instant).collect(),
         }
     }
 
@@ -171,10 +187,15 @@ impl JointReport<'_> {
             largest_strip_rotation_rad: rotation,
             reactions: if converged { self.reactions_of(instant) } else { BTreeMap::new() },
             energy: self.energies.get(number - 1).copied().flatten().map(EnergySummary::from),
+            j_integral: self.j_integral(number),
+            sliding_share_at_front: None,
             snapped_pairs,
             message,
             time: self.times.get(number - 1).copied(),
-            warnings: rotation.and_then(|w| too_large(self.joint, w)).into_iter().chain(self.closing(number)).collect(),
+            warnings: (rotation.and_then(|w| too_large(self.joint, w)).into_iter())
+                .chain(converged.then(|| beyond_curve(self.joint, &instant.displacement)).flatten())
+                .chain(self.closing(number))
+                .collect(),
         }
     }
 
@@ -209,6 +230,27 @@ fn largest_rotation(joint: &Joint, u: &[[f64; 2]]) -> f64 {
         RigidMotion::fit(nodes().map(|node| (mesh.nodes()[node], u[node]))).map_or(0.0, |motion| motion.rotation_rad)
     };
     (0..mesh.n_strips()).map(rotation).fold(0.0, |most: f64, w| if w.abs() > most.abs() { w } else { most })
+}
+
+/// What is to be said where a strip is strained beyond the curve that its material was measured up to.
+fn beyond_curve(joint: &Joint, u: &[[f64; 2]]) -> Option<String> {
+    let model = &joint.model;
+    if model.materials().iter().all(|law| law.known_up_to().is_none()) {
+        return None;
+    }
+    let mut worst: Option<(f64, f64, usize)> = None;
+    for (states, &group) in model.states(u).iter().zip(model.mesh().element_group()) {
+        let Some(end) = model.materials()[group as usize].known_up_to() else { continue };
+        let strain = states.iter().map(|state| state.plastic_strain).fold(0.0, f64::max);
+        if strain > end && worst.is_none_or(|(most, ..)| strain > most) {
+            worst = Some((strain, end, group as usize));
+        }
+    }
+    let (strain, end, group) = worst?;
+    Some(format!(
+        "the plastic strain of {} reaches {strain:.2e}, its curve ends at {end:.2e}: beyond it the curve is continued with its last slope",
+        model.mesh().groups()[group]
+    ))
 }
 
 /// What is to be said when small strains do not hold under the rotation `w` of a strip.
