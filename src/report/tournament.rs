@@ -322,7 +322,9 @@ impl TournamentReport {
             series.push(series_of("average", curve, Style::Dashed, false));
             // The bands of a law that the data hardly know would leave nothing to be seen of the others.
             let largest = curve.high.iter().chain(&series[0].y).fold(0.0_f64, |most, v| most.max(*v));
-            y = y.with_range(-0.05 * largest, 1.2 * largest);
+            if largest > 0.0 {
+                y = y.with_range(-0.05 * largest, 1.2 * largest);
+            }
         }
         Some(Plot {
             title: format!("{law} in {name}"),

@@ -136,7 +136,7 @@ pub enum RunError {
     Joint(#[from] JointFileError),
     /// The joint that a case describes.
     #[error(transparent)]
-    JointModel(#[from] JointError),
+    JointModel(Box<JointError>),
     /// The values of a law.
     #[error(transparent)]
     Law(#[from] LawError),
@@ -178,6 +178,12 @@ impl RunError {
     /// `path` cannot be `what`.
     pub(super) fn file(path: &Path, what: &'static str, source: std::io::Error) -> Self {
         Self::File { path: path.to_owned(), what, source }
+    }
+}
+
+impl From<JointError> for RunError {
+    fn from(error: JointError) -> Self {
+        Self::JointModel(Box::new(error))
     }
 }
 

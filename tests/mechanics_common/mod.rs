@@ -1,9 +1,12 @@
 //! What the tests of the mechanics share: the reference numbers where their folder is there, and comparisons.
 #![allow(dead_code)] // each test program uses its own part
 
-use quadrille::mechanics::{JointMesh, JointParts};
+use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
+use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
+use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, Model, ModelOptions};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The folder of the reference numbers (QUADRILLE_REFERENCE); says so when it is not there.
 pub fn reference_folder() -> Option<PathBuf> {
@@ -59,11 +62,6 @@ pub fn assert_close(found: f64, wanted: f64, tolerance: f64, what: impl std::fmt
 pub fn five_points(f: impl Fn(f64) -> f64, x: f64, h: f64) -> f64 {
     (8.0 * (f(x + h) - f(x - h)) - (f(x + 2.0 * h) - f(x - 2.0 * h))) / (12.0 * h)
 }
-
-use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
-use quadrille::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
-use quadrille::mechanics::{BoundaryHistory, ForwardOptions, JointMesh, JointParts, Model, ModelOptions};
-use std::sync::Arc;
 
 /// The aluminium of the reference test.
 pub fn aluminium(groups: usize) -> Vec<Arc<dyn SubstrateLaw>> {
