@@ -85,11 +85,11 @@ impl Elements<'_> {
         };
         let mut fit = even(&rows);
         for _ in 0..ROUNDS {
-            let foretold = |row: &[f64; 4]| (fit.a * row[0] + fit.b * row[1]).max(self.least * row[0]);
-            let quiet: Vec<&[f64; 4]> = rows.iter().filter(|row| row[2] <= LOUD * foretold(row)).collect();
+            let predicted = |row: &[f64; 4]| (fit.a * row[0] + fit.b * row[1]).max(self.least * row[0]);
+            let quiet: Vec<&[f64; 4]> = rows.iter().filter(|row| row[2] <= LOUD * predicted(row)).collect();
             let mut sums = [0.0; 5];
             for row in &quiet {
-                let weight = row[3] / foretold(row).powi(2).max(f64::MIN_POSITIVE);
+                let weight = row[3] / predicted(row).powi(2).max(f64::MIN_POSITIVE);
                 let [p, q, square, _] = **row;
                 let terms = [p * p, p * q, q * q, p * square, q * square];
                 sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);

@@ -93,15 +93,15 @@ impl Base<'_> {
     }
 
     /// What one pair of opposite draws moves the unknowns by, to second order: the even and the odd part of what the linear
-    /// theory does not foretell. `None` where a forward run has no solution. Two evaluations.
+    /// theory does not predict. `None` where a forward run has no solution. Two evaluations.
     pub(super) fn probe(&self) -> Option<[Vec<f64>; 2]> {
         let noise = self.noise(SEED);
-        let foretold = self.foretold(&noise);
+        let predicted = self.predicted(&noise);
         let off: Vec<Vec<f64>> = [1.0, -1.0]
             .into_par_iter()
             .map(|sign| {
                 let (problem, boundary) = self.simulated(&noise, sign)?;
-                let evaluation = problem.evaluate(&self.start(&foretold, sign), &boundary).ok().flatten()?;
+                let evaluation = problem.evaluate(&self.start(&predicted, sign), &boundary).ok().flatten()?;
                 let local = evaluation.local(self.weights, &problem.noise);
                 let b = Dense::from_fn(local.b.len(), 1, |k, _| local.b[k]);
                 let step = local.h.cholesky().ok()?.solve(&b).column(0).to_vec();
@@ -122,7 +122,7 @@ impl Base<'_> {
     }
 
     /// `dz = A sum_i v_i^T e_i`.
-    fn foretold(&self, noise: &[Vec<f64>]) -> Vec<f64> {
+    fn predicted(&self, noise: &[Vec<f64>]) -> Vec<f64> {
         let statistics = self.statistics;
         let mut sum = Dense::zeros(statistics.a.n_rows(), 1);
         for (observed, v) in self.problem.observation.instants.iter().zip(&statistics.v) {
@@ -132,11 +132,11 @@ impl Base<'_> {
         statistics.a.times(&sum).column(0).to_vec()
     }
 
-    /// The parameters that linear theory foretells for the draw, within the bounds.
-    fn start(&self, foretold: &[f64], sign: f64) -> Vec<f64> {
+    /// The parameters that linear theory predicts for the draw, within the bounds.
+    fn start(&self, predicted: &[f64], sign: f64) -> Vec<f64> {
         let unknowns = &self.problem.unknowns;
         let z = unknowns.scaled(&self.evaluation.x);
-        unknowns.unscaled(&z.iter().zip(foretold).map(|(z, d)| z + (sign * d).clamp(-1.0, 1.0)).collect::<Vec<_>>())
+        unknowns.unscaled(&z.iter().zip(predicted).map(|(z, d)| z + (sign * d).clamp(-1.0, 1.0)).collect::<Vec<_>>())
     }
 
     /// The problem and the border that the fitted model gives with this noise.
@@ -186,7 +186,7 @@ impl Base<'_> {
             ..TrustRegionOptions::default()
         };
         let from = |start: &[f64]| run(&problem, &boundary, self.weights, start, None, &region);
-        let mut end = from(&self.start(&self.foretold(noise), sign));
+        let mut end = from(&self.start(&self.predicted(noise), sign));
         if end.status == FitStatus::NoStart {
             end = from(&self.evaluation.x);
         }

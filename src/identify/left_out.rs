@@ -1,4 +1,4 @@
-//! How well a fit foretells instants that it has not seen.
+//! How well a fit predicts instants that it has not seen.
 
 use super::FitError;
 use super::fit::Fit;
@@ -22,7 +22,7 @@ const EVALUATIONS_REJECTED: usize = 3;
 /// What is left of instants that were left out of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftOut {
-    /// The sum of the squares of their whitened residuals, each foretold by a fit to the others; with an unknown noise that of
+    /// The sum of the squares of their whitened residuals, each predicted by a fit to the others; with an unknown noise that of
     /// noise 1.
     pub omega: f64,
     /// Parts that were left out, one after the other.
@@ -39,7 +39,7 @@ impl Problem<'_> {
         Ok(Self { observation, ..self.with_unknowns(unknowns) })
     }
 
-    /// The instants left out of `fit` part by part: every part is foretold by a fit to the others that goes on from there; `None`
+    /// The instants left out of `fit` part by part: every part is predicted by a fit to the others that goes on from there; `None`
     /// where there are fewer than two instants, or such a fit has no solution or no time.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl Problem<'_> {
             };
             let seen = Evaluation { blocks: blocks(&kept, &fit.evaluation), ..fit.evaluation.clone() };
             let end = run(&problem, &fit.boundary, &weights, &fit.evaluation.x, Some(seen), &region);
-            // Whose residual is not that of a fit to the others would be foretold too well.
+            // Whose residual is not that of a fit to the others would be predicted too well.
             let at = match end.status {
                 FitStatus::TimeLimit | FitStatus::Stopped | FitStatus::NoStart => None,
                 _ => self.evaluate(&self.unknowns.unscaled(&end.z), &fit.boundary)?,

@@ -448,9 +448,9 @@ impl Tournament<'_> {
         if let Some(best) = self.best
             && let Some(better) = all(&|law| law.counts() && law.score.is_some_and(|score| score.aic > aic(best)))
                 .into_iter()
-                .find(|&k| self.laws[k].foretells_better_than(&self.laws[best]))
+                .find(|&k| self.laws[k].predicts_better_than(&self.laws[best]))
         {
-            said.push(format!("left-out instants are foretold better by {}", self.laws[better].name()));
+            said.push(format!("left-out instants are predicted better by {}", self.laws[better].name()));
         }
         for law in &self.laws {
             match &law.fit {
@@ -480,8 +480,8 @@ impl Tournament<'_> {
 }
 
 impl LawFit<'_> {
-    /// Whether it foretells the left-out instants better than `other`, by more than laws that are alike differ.
-    fn foretells_better_than(&self, other: &LawFit<'_>) -> bool {
+    /// Whether it predicts the left-out instants better than `other`, by more than laws that are alike differ.
+    fn predicts_better_than(&self, other: &LawFit<'_>) -> bool {
         match (&self.left_out, &other.left_out) {
             (Some(own), Some(others)) => own.omega + ALIKE < others.omega,
             _ => false,

@@ -121,8 +121,8 @@ const PATIENCE: usize = 10;
 /// Share of the objective below which its differences are round-off.
 const ROUND_OFF: f64 = 1e-12;
 
-/// Decrease of the objective that the quadratic model with curvature `h` foretells for a step.
-fn foretold(h: &Dense, b: &[f64], step: &[f64]) -> f64 {
+/// Decrease of the objective that the quadratic model with curvature `h` predicts for a step.
+fn predicted(h: &Dense, b: &[f64], step: &[f64]) -> f64 {
     2.0 * step.iter().zip(b).map(|(s, b)| s * b).sum::<f64>()
         - times(h, step).iter().zip(step).map(|(h, s)| h * s).sum::<f64>()
 }
@@ -152,11 +152,11 @@ impl Secant {
         if self.in_use && sum.cholesky().is_err() { h.clone() } else { sum }
     }
 
-    /// Takes the model that foretold the last gain better.
+    /// Takes the model that predicted the last gain better.
     fn choose(&mut self, local: &Local, step: &[f64], gain: f64) {
         let mut with = local.h.clone();
         with.add(1.0, &self.s);
-        let off = |h: &Dense| (gain - foretold(h, &local.b, step)).abs();
+        let off = |h: &Dense| (gain - predicted(h, &local.b, step)).abs();
         self.in_use = off(&with) < off(&local.h);
     }
 
@@ -296,22 +296,22 @@ pub(super) fn minimise_unless(
             continue;
         };
         let gain = local.omega - new.omega;
-        let foretold = foretold(&h, &local.b, &step);
-        let accepted = match foretold <= ROUND_OFF * local.omega {
+        let predicted = predicted(&h, &local.b, &step);
+        let accepted = match predicted <= ROUND_OFF * local.omega {
             true => gain >= -10.0 * ROUND_OFF * local.omega,
-            false => gain > 1e-4 * foretold,
+            false => gain > 1e-4 * predicted,
         };
         note(&trial, Some(&new), with_radius, accepted);
-        if gain < 0.25 * foretold && foretold > ROUND_OFF * local.omega {
+        if gain < 0.25 * predicted && predicted > ROUND_OFF * local.omega {
             radius = 0.25 * length(&step);
-        } else if gain > 0.75 * foretold && length(&step) > 0.9 * radius {
+        } else if gain > 0.75 * predicted && length(&step) > 0.9 * radius {
             radius = (2.0 * radius).min(options.max_radius);
         }
         secant.choose(&local, &step, gain);
         if accepted {
             secant.learn(&local, &new, &step);
             (z, local) = (trial, new);
-        } else if foretold <= ROUND_OFF * local.omega {
+        } else if predicted <= ROUND_OFF * local.omega {
             radius = 0.25 * length(&step);
         }
         omegas.push(local.omega);

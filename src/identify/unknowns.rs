@@ -223,8 +223,8 @@ mod tests {
         let there: Vec<f64> = z.iter().zip(step).map(|(z, step)| z + step).collect();
         for mode in 0..2 {
             let (distance, by) = &unknowns.scaled_limits(&z)[mode];
-            let foretold = distance + by.iter().zip(step).map(|(by, step)| by * step).sum::<f64>();
-            assert!((unknowns.scaled_limits(&there)[mode].0 - foretold).abs() < 1e-12, "mode {mode}");
+            let predicted = distance + by.iter().zip(step).map(|(by, step)| by * step).sum::<f64>();
+            assert!((unknowns.scaled_limits(&there)[mode].0 - predicted).abs() < 1e-12, "mode {mode}");
         }
     }
 }

@@ -123,8 +123,8 @@ pub(super) struct Path<'a> {
     last: Vec<[f64; 2]>,
     /// Of each node pair, whether it is cracked.
     cracked: Vec<bool>,
-    /// The jumps that the tangent foretold for the increment.
-    foretold: Vec<Jump>,
+    /// The jumps that the tangent predicted for the increment.
+    predicted: Vec<Jump>,
     /// Room for the field of an iteration, and for one that is tried.
     field: Vec<[f64; 2]>,
     trial: Vec<[f64; 2]>,
@@ -184,7 +184,7 @@ impl<'a> Path<'a> {
             field: rest.clone(),
             trial: rest.clone(),
             last: rest.clone(),
-            foretold: Vec::new(),
+            predicted: Vec::new(),
             u: rest,
             rhs: vec![0.0; model.n_unknowns()],
             ready: false,
@@ -300,18 +300,18 @@ impl<'a> Path<'a> {
         self.work.loads.clone_from(&border.forces);
         self.work.factor.solve(&mut self.rhs);
         self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
-        self.foretold = self.model.jumps(&self.field);
+        self.predicted = self.model.jumps(&self.field);
         self.ready = false;
     }
 
-    /// Whether some pair opened much further than foretold.
+    /// Whether some pair opened much further than predicted.
     fn strays(&self) -> bool {
         let open = self.law.front_opening();
         let allowed = 0.2 * open;
         let found = self.model.jumps(&self.u);
-        // Arms that turn far go on their own circle, and no tangent foretells it; where they are apart already that is no snap.
+        // Arms that turn far go on their own circle, and no tangent predicts it; where they are apart already that is no snap.
         let apart = |a: &Jump, b: &Jump| !self.model.options().kinematics.is_small() && a.normal.min(b.normal) > open;
-        let pairs = found.iter().zip(&self.foretold).zip(&self.cracked);
+        let pairs = found.iter().zip(&self.predicted).zip(&self.cracked);
         // Faces of a crack part without a snap.
         pairs.into_iter().any(|((a, b), cracked)| !cracked && (a.normal - b.normal).abs() > allowed && !apart(a, b))
     }

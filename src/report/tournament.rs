@@ -65,7 +65,7 @@ pub struct LawRecord {
     pub aic: Option<f64>,
     /// Schwarz's criterion.
     pub bic: Option<f64>,
-    /// The whitened residual of the instants left out, each foretold by a fit to others.
+    /// The whitened residual of the instants left out, each predicted by a fit to others.
     pub left_out_omega: Option<f64>,
     /// Weight in the average.
     #[serde(deserialize_with = "number")]
@@ -350,7 +350,7 @@ impl TournamentReport {
             "All laws are fitted to the same displacements with the same weights and the same noise. Omega is the whitened \
              residual: of a right model it is about the number of data. AIC = omega + 2 p and BIC = omega + p ln n judge laws with \
              different numbers p of parameters (with an unknown noise n ln(omega/n) stands for omega); left-out instants are \
-             foretold from the others. The weight is that of Akaike, zero for what the misfit test rejects."
+             predicted from the others. The weight is that of Akaike, zero for what the misfit test rejects."
                 .into(),
         ));
         blocks.push(self.table());

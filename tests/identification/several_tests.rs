@@ -350,7 +350,7 @@ fn a_constant_of_the_strips_is_one_for_all_tests_or_each_test_s_own() {
         let sum: f64 = each.iter().map(|line| line.parameters[k]).sum();
         assert!((one.parameters[k] - sum).abs() < 1e-9 * one.parameters[k].abs().max(sum.abs()), "{sum}");
     }
-    // What the budget foretells for E against a refit with E moved in both tests.
+    // What the budget predicts for E against a refit with E moved in both tests.
     let value = |fit: &CombinedFit, k: usize| fit.fit().parameters[k].value;
     let step = 0.1 * one.std.unwrap();
     for name in ["opening", "sliding"] {
@@ -361,10 +361,10 @@ fn a_constant_of_the_strips_is_one_for_all_tests_or_each_test_s_own() {
     write_combined(folder.path(), &["opening", "sliding"], "");
     let (moved, _) = fitted_together(folder.path());
     for k in 0..4 {
-        let (found, foretold) = (value(&moved, k) - value(&shared, k), 0.1 * one.parameters[k]);
+        let (found, predicted) = (value(&moved, k) - value(&shared, k), 0.1 * one.parameters[k]);
         // Second order of a change of 0.3 %, and the residual's part of the second derivatives.
-        let scale = 0.05 * foretold.abs() + 1e-4 * value(&shared, k).abs();
-        assert!((found - foretold).abs() < scale, "parameter {k}: {found} for {foretold}");
+        let scale = 0.05 * predicted.abs() + 1e-4 * value(&shared, k).abs();
+        assert!((found - predicted).abs() < scale, "parameter {k}: {found} for {predicted}");
     }
 }
 
