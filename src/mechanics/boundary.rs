@@ -143,8 +143,8 @@ impl BoundaryHistory {
                     return Err(BoundaryFault::Contradiction {
                         node: *node,
                         component: ["x", "y"][*c],
-                        first: by.get(&(*node, *c)).map_or("[boundary]".to_owned(), |name| format!("\"{name}\"")),
-                        second: name.clone(),
+                        first: by.get(&(*node, *c)).map_or("[boundary]".into(), |name| format!("\"{name}\"").into()),
+                        second: name.as_str().into(),
                         instant: at + 1,
                         values: [self.instants[at][k][*c], values[at]],
                     });

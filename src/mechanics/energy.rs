@@ -270,10 +270,11 @@ impl Follower<'_> {
         let touching = Touching(self.law);
         // Two points for each interface element.
         let bonds = self.model.mesh().cracked().iter().flat_map(|&cracked| [cracked; 2]);
-        let along = |((&(weight, from), &(_, to)), cracked): ((&(f64, Jump), &(f64, Jump)), bool)| {
-            weight * work_along(if cracked { &touching } else { self.law }, from, to)
-        };
-        a.jumps.iter().zip(&b.jumps).zip(bonds).map(along).sum()
+        let mut sum = 0.0;
+        for ((&(weight, from), &(_, to)), cracked) in a.jumps.iter().zip(&b.jumps).zip(bonds) {
+            sum += weight * work_along(if cracked { &touching } else { self.law }, from, to);
+        }
+        sum
     }
 }
 

@@ -190,9 +190,9 @@ pub enum BoundaryFault {
         /// `x` or `y`.
         component: &'static str,
         /// Who held it first.
-        first: String,
+        first: Box<str>,
         /// Who holds it too.
-        second: String,
+        second: Box<str>,
         /// The instant, from 1.
         instant: usize,
         /// Both values, mm.

@@ -185,7 +185,7 @@ fn the_path_through_a_snap_goes_back_and_gives_the_work_of_separation() {
     let top = NodeGroup::new("top", select_nodes("y = max", model.mesh()).unwrap());
     let points: Vec<[f64; 2]> = (path.solution.instants.iter().zip(&path.times))
         .map(|(instant, &time)| {
-            let force = model.reactions(&*law, &instant.displacement, &[top.clone()])[0][1];
+            let force = model.reactions(&*law, &instant.displacement, std::slice::from_ref(&top))[0][1];
             [time, force]
         })
         .collect();
