@@ -162,7 +162,7 @@ impl Arc<'_> {
             self.model.add_to_field(&all, 1.0, &mut field);
             // One more correction was made: the error left is the square.
             let settled = off.abs() <= 1e-9 * goal.abs() + f64::MIN_POSITIVE;
-            if largest <= self.tolerance * forces + self.model.round_off(&field) && settled {
+            if largest <= self.tolerance * forces + self.model.round_off(self.law, &field) && settled {
                 return self.assemble(&field, now).then_some((
                     field,
                     now,

@@ -364,18 +364,24 @@ impl JointMesh {
             },
             _ => [false; 2],
         };
-        let all = (0u32..).zip(&carry.weights).map(|(node, weights)| (node, held_by(weights), weights.as_slice()));
-        let kept: Vec<_> = all.filter(|(_, held, _)| held.contains(&true)).collect();
+        struct Kept<'a> {
+            node: u32,
+            held: [bool; 2],
+            weights: &'a [(u32, f64)],
+        }
+        let kept: Vec<Kept<'_>> = (0u32..)
+            .zip(&carry.weights)
+            .map(|(node, weights)| Kept { node, held: held_by(weights), weights })
+            .filter(|kept| kept.held.contains(&true))
+            .collect();
         let carried = |field: &[[f64; 2]]| {
             let value = |weights: &[(u32, f64)], c: usize| {
                 weights.iter().map(|(node, weight)| weight * field[place[node]][c]).sum::<f64>()
             };
-            let values = |(_, held, weights): &(u32, [bool; 2], &[(u32, f64)])| {
-                [0, 1].map(|c| if held[c] { value(weights, c) } else { 0.0 })
-            };
+            let values = |kept: &Kept<'_>| [0, 1].map(|c| if kept.held[c] { value(kept.weights, c) } else { 0.0 });
             kept.iter().map(values).collect()
         };
-        let (nodes, held) = kept.iter().map(|&(node, held, _)| (node, held)).unzip();
+        let (nodes, held) = kept.iter().map(|kept| (kept.node, kept.held)).unzip();
         boundary.carried(nodes, held, carried, |nodes| carry.nodes_between(nodes))
     }
 }

@@ -47,6 +47,9 @@ pub struct Model {
     tied: Vec<Tied>,
     quads: Vec<Q4>,
     interfaces: Vec<Interface>,
+    /// Length of the longest interface element, and of the mesh, mm.
+    longest_interface: f64,
+    extent: f64,
     /// Numbers of the two pairs of each interface element.
     end_pairs: Vec<[u32; 2]>,
     /// Nodes of all elements: the quadrilaterals, then the interfaces.
@@ -176,7 +179,9 @@ impl Model {
         let interface = |corners| {
             Interface::new(at(corners), options.quadrature, options.kinematics).expect("a checked interface element")
         };
-        let interfaces = mesh.interfaces().iter().map(interface).collect();
+        let interfaces: Vec<Interface> = mesh.interfaces().iter().map(interface).collect();
+        let longest_interface = interfaces.iter().fold(0.0_f64, |most, interface| most.max(interface.length()));
+        let extent = mesh.extent();
         let number: HashMap<[u32; 2], u32> = (0u32..).zip(mesh.pairs()).map(|(k, &pair)| (pair, k)).collect();
         let ends = |&[l1, l2, u1, u2]: &[u32; 4]| [[l1, u1], [l2, u2]].map(|pair| number[&pair]);
         let end_pairs = mesh.interfaces().iter().map(ends).collect();
@@ -283,6 +288,8 @@ impl Model {
             tied,
             quads,
             interfaces,
+            longest_interface,
+            extent,
             end_pairs,
             corners,
             places,
@@ -719,10 +726,15 @@ impl Model {
     }
 
     /// A round-off of the residual that no iteration can undercut: stiffness times displacement times epsilon.
-    pub(super) fn round_off(&self, u: &[[f64; 2]]) -> f64 {
+    /// With finite rotations jumps are differences of places, not of displacements.
+    pub(super) fn round_off(&self, law: &dyn CohesiveLaw, u: &[[f64; 2]]) -> f64 {
         let young = self.materials.iter().fold(0.0_f64, |most, material| most.max(material.young()));
         let largest = u.iter().flatten().fold(0.0_f64, |most, u| most.max(u.abs()));
-        4.0 * f64::EPSILON * young * largest
+        let of_places = match self.options.kinematics.is_small() {
+            true => 0.0,
+            false => law.response(Jump::default()).tangent.amax() * self.longest_interface * self.extent,
+        };
+        4.0 * f64::EPSILON * (young * largest + of_places)
     }
 
     pub(super) fn check_boundary(&self, boundary: &BoundaryHistory) -> Result<(), ModelError> {

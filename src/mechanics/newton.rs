@@ -376,7 +376,7 @@ impl<'a> Path<'a> {
 
     /// Which cracked pairs touch in a field.
     fn touching(&self, u: &[[f64; 2]]) -> Vec<bool> {
-        self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal <= 0.0).collect()
+        self.model.jumps(u).iter().zip(&self.cracked).map(|(jump, cracked)| *cracked && jump.normal < 0.0).collect()
     }
 
     /// Goes along the correction in `rhs` as far as the residual falls; `None` when it does not. With `turns` it goes all the way where
@@ -551,7 +551,8 @@ impl<'a> Path<'a> {
 
     /// Residual and largest force of the last evaluation.
     fn balance(&self) -> Balance {
-        let mut balance = Balance { residual: 0.0, force: 0.0, norm: 0.0, floor: self.model.round_off(&self.field) };
+        let mut balance =
+            Balance { residual: 0.0, force: 0.0, norm: 0.0, floor: self.model.round_off(self.law, &self.field) };
         let mut squares = 0.0;
         for (node, force) in self.work.force.iter().enumerate() {
             let size = force[0].abs().max(force[1].abs());

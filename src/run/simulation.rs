@@ -54,24 +54,18 @@ pub fn simulate(
         watch.at(instant, n_instants.max(instant), Vec::new);
         watch.ended().is_none()
     };
-    let (mut doubts, mut times) = (Vec::new(), Vec::new());
+    let (mut times, mut whole) = (Vec::new(), true);
     let solution = match follow {
         None => {
             heard.during(pool, watcher, || joint.model.forward_while(&*joint.law, &joint.boundary, &options, &go_on))?
         }
         Some(how) => {
-            let Followed { times: found, boundary, solution, end } = heard
+            let found = heard
                 .during(pool, watcher, || joint.model.follow(&*joint.law, &joint.boundary, &options, &how, &go_on))?;
-            if solution.instants.is_empty() {
-                return Err(
-                    "[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out"
-                        .into(),
-                );
-            }
-            doubts.extend(said_of_path(&found, n_instants, end));
-            times = found;
-            joint.boundary = boundary;
-            solution
+            joint.doubts.extend(said_of_path(&found, n_instants)?);
+            whole = matches!(found.end, PathEnd::Last | PathEnd::Rest);
+            (times, joint.boundary) = (found.times, found.boundary);
+            found.solution
         }
     };
     let seconds = begin.elapsed().as_secs_f64();
@@ -86,7 +80,6 @@ pub fn simulate(
     };
 
     let mut warnings = joint.doubts.clone();
-    warnings.append(&mut doubts);
     // The points of a path are no instants of the record.
     let force = match follow {
         None => force(&input, &joint, &solution, &mut warnings)?,
@@ -113,7 +106,7 @@ pub fn simulate(
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
     watcher(Event::Simulated { summary: &summary, folder: output });
-    let outcome = match solution.converged() {
+    let outcome = match solution.converged() && whole {
         true => Outcome::Fine,
         false if stop.is_asked() => Outcome::Stopped,
         false => Outcome::Incomplete,
@@ -136,7 +129,11 @@ fn followed(input: &JointInput) -> Result<Option<FollowOptions>> {
 }
 
 /// What a user should know of a path: where it goes back, and how it ended.
-fn said_of_path(times: &[f64], n_instants: usize, end: PathEnd) -> Vec<String> {
+fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Result<Vec<String>> {
+    if times.is_empty() {
+        let what = "[path] control = \"arc-length\": no point was found; try a smaller step, or leave [path] out";
+        return Err(what.into());
+    }
     let mut said = Vec::new();
     let back: Vec<usize> = (1..times.len()).filter(|&k| times[k] < times[k - 1]).map(|k| k + 1).collect();
     if let (Some(first), Some(last)) = (back.first(), back.last()) {
@@ -158,7 +155,7 @@ fn said_of_path(times: &[f64], n_instants: usize, end: PathEnd) -> Vec<String> {
             times.len()
         )),
     }
-    said
+    Ok(said)
 }
 
 /// What the load cell measured beside the prediction.

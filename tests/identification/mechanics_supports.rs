@@ -121,7 +121,8 @@ fn prescribing_a_blocks_displacement_and_applying_its_reaction_are_one_and_leave
             let model = Model::supported(mesh.clone(), elastic(), held.supports(), options(kinematics)).unwrap();
             let given = solved(&model, &*law, &held);
             let upper = NodeGroup::new("upper", nodes(&mesh, "y = max and x <= 0.1"));
-            let force = |k: usize| model.reactions(&*law, &given.instants[k].displacement, std::slice::from_ref(&upper))[0];
+            let force =
+                |k: usize| model.reactions(&*law, &given.instants[k].displacement, std::slice::from_ref(&upper))[0];
             assert!(force(1)[1] > 0.01, "{:?}", force(1));
             assert_close(force(1)[0], 0.0, 1e-9 * force(1)[1], "nothing holds it along x");
             let forces = [force(0)[1], force(1)[1]];

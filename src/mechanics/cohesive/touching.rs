@@ -10,8 +10,7 @@ pub struct Touching<'a>(pub &'a dyn CohesiveLaw);
 impl Touching<'_> {
     /// The jump that the law sees, where the faces press on each other.
     fn pressed(jump: Jump) -> Option<Jump> {
-        // Faces that just touch count as pressed: a start at rest is nearer to the truth so, since what parts does it at once.
-        (jump.normal <= 0.0).then_some(Jump { normal: jump.normal, tangential: 0.0 })
+        (jump.normal < 0.0).then_some(Jump { normal: jump.normal, tangential: 0.0 })
     }
 }
 
