@@ -75,7 +75,11 @@ fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) ->
 
 /// Whether the case says that rotations are small indeed, as of data that were computed so.
 pub(super) fn rotations_are_small(fit: &CaseFit) -> bool {
-    matches!(&fit.exact, Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS))
+    match &fit.exact {
+        None => false,
+        Some(CaseExact::All(all)) => *all,
+        Some(CaseExact::Names(names)) => names.iter().any(|name| name == ROTATIONS),
+    }
 }
 
 /// The standard uncertainty under `key`, above zero.

@@ -36,7 +36,7 @@ fn folder(
     let case = format!(
         "[mesh]\nelement_size_mm = 0.0309\ncolumns = 12\nrows = 4\ngap_mm = 0.06\n[boundary]\nfile = \"border.csv\"\n\
          [substrate]\n{substrate}[cohesive]\n{cohesive}[measurement]\nfile = \"measured.csv\"\nnodes = \"free\"\n\
-         weights = \"covariance\"\nboundary = \"exact\"\ncommon_reference = false\n{measurement}[fit]\n{fit}[output]\nfigures = []\n"
+         weights = \"covariance\"\nboundary = \"exact\"\ncommon_reference = false\n{measurement}[fit]\nexact = [\"rotations\"]\n{fit}[output]\nfigures = []\n"
     );
     let (mut random, noise) = (ChaCha8Rng::seed_from_u64(seed), Normal::new(0.0, noise_px * PX).unwrap());
     let measured = measured_table(&truth().fields, || noise.sample(&mut random));
