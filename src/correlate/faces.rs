@@ -501,10 +501,12 @@ mod tests {
         // The last one is at odds with nobody but one who is wrong.
         assert_eq!(against([0.1, 0.1, 3.0, 3.0]), [4]);
         // Nobody can tell which of two is right.
-        assert!(against_neighbours(
-            &[1, 2].map(|node| (node, (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]))).into(),
-            |node| vec![(3 - node, 9.0)]
-        )
-        .is_empty());
+        assert!(
+            against_neighbours(
+                &[1, 2].map(|node| (node, (Affine::shift([0.0; 2], [0.0; 2]), [0.1; 2]))).into(),
+                |node| vec![(3 - node, 9.0)]
+            )
+            .is_empty()
+        );
     }
 }

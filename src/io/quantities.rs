@@ -2,8 +2,8 @@
 
 use super::load::LoadTable;
 use crate::field::{
-    CrackLine, CrackTip, Curve, ElementMark, FrameQuantities, Jump, Measurement, NodalNoise, PointValues, Quantities,
-    Status, StrainWindows, TipState, Value, OPEN_BY_SIGMA,
+    CrackLine, CrackTip, Curve, ElementMark, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,
+    PointValues, Quantities, Status, StrainWindows, TipState, Value,
 };
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};

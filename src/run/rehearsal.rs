@@ -3,13 +3,13 @@
 
 use super::error::Result;
 use super::plan::Plan;
-use super::reference::{about_reference, Reference};
+use super::reference::{Reference, about_reference};
 use super::zones::Zones;
 use crate::correlate::CorrelationError;
 use crate::identify::Case;
 use crate::io::case::CaseDocument;
 use crate::io::joint::{
-    read_force, BoundaryInput, DrivesInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput,
+    BoundaryInput, DrivesInput, JointInput, JointMeshFile, JointRun, MeasurementInput, MeshInput, read_force,
 };
 use crate::io::run_case::RunCase;
 use crate::mesh::PixelMesh;

@@ -4,12 +4,12 @@
 use crate::common;
 use crate::common::scenes;
 use common::{inside, prepared};
-use quadrille::correlate::{search_cracks, CrackSearch, NoCrack, Options};
+use quadrille::correlate::{CrackSearch, NoCrack, Options, search_cracks};
 use quadrille::field::{CrackLine, Measurement, NodalNoise, Status};
 use quadrille::imaging::Image;
 use quadrille::mesh::{Crack, Zone};
 use quadrille::units::Px;
-use scenes::{photographed, AffineMotion, Spots, SPOT_PX};
+use scenes::{AffineMotion, SPOT_PX, Spots, photographed};
 use std::sync::Arc;
 
 const SIDE: usize = 320;
@@ -53,11 +53,7 @@ fn cracked(line: Straight, opening: impl Fn(f64) -> f64 + Sync) -> [Arc<Image>; 
         for _ in 0..20 {
             below = MOTION.material([y[0], y[1] - opening(below[0])]);
         }
-        if line.below(below) >= 0.0 {
-            s.grey(below)
-        } else {
-            12.0
-        }
+        if line.below(below) >= 0.0 { s.grey(below) } else { 12.0 }
     };
     pair(|x| s.grey(x), seen)
 }
