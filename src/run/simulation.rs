@@ -81,10 +81,7 @@ pub fn simulate(
 
     let mut warnings = joint.doubts.clone();
     // The points of a path are no instants of the record.
-    let force = match follow {
-        None => force(&input, &joint, &solution, &mut warnings)?,
-        Some(_) => None,
-    };
+    let force = if follow.is_none() { force(&input, &joint, &solution, &mut warnings)? } else { None };
     let force = force.as_ref();
     let j_integrals = joint.model.j_integrals(&*joint.law, &solution);
     let (energies, j_integrals) = (energies.as_slice(), j_integrals.as_slice());
@@ -96,13 +93,7 @@ pub fn simulate(
     }
     let summary = report.summary(absolute(case), seconds, warnings);
     write_solution(&folder, &report)?;
-    if !energies.is_empty() {
-        folder.write("energies.csv", |out| report.write_energies(out))?;
-    }
-    if let Some(force) = force {
-        folder.write(FORCE, |out| force.write(out))?;
-        save(&folder, "force", &force.draw()?)?;
-    }
+    write_loads(&folder, &report)?;
     folder.write_summary(&summary)?;
     report.draw(&report.chosen(asked), |name, picture| save(&folder, &name, &picture))?;
     watcher(Event::Simulated { summary: &summary, folder: output });
@@ -112,6 +103,18 @@ pub fn simulate(
         false => Outcome::Incomplete,
     };
     Ok((summary, outcome))
+}
+
+/// Energies and load cell, where there are such.
+fn write_loads(folder: &RunFolder, report: &JointReport<'_>) -> Result<()> {
+    if !report.energies.is_empty() {
+        folder.write("energies.csv", |out| report.write_energies(out))?;
+    }
+    if let Some(force) = report.force {
+        folder.write(FORCE, |out| force.write(out))?;
+        save(folder, "force", &force.draw()?)?;
+    }
+    Ok(())
 }
 
 /// How the path is to be followed; `None` where it is gone from instant to instant.
