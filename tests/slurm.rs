@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-/// Frames of the series: so many that a task of the array is at work for a second or more when it is to be killed.
+/// Frames of the series: so many that a task of the array has work left when it is stopped after its first.
 const N: usize = 200;
 const ARRAY: usize = 4;
 
@@ -93,6 +93,52 @@ fn series() -> Desk {
     desk
 }
 
+/// Process of task `task` of an array, which runs on this machine: found by the environment that Slurm gives it.
+fn process_of(task: usize) -> Option<String> {
+    let own = std::fs::canonicalize(env!("CARGO_BIN_EXE_quadrille")).unwrap();
+    let name = format!("SLURM_ARRAY_TASK_ID={task}");
+    let processes = std::fs::read_dir("/proc").unwrap().filter_map(Result::ok).map(|entry| entry.path());
+    let is_it = |path: &PathBuf| {
+        std::fs::read_link(path.join("exe")).is_ok_and(|exe| exe == own)
+            && std::fs::read(path.join("environ"))
+                .is_ok_and(|all| all.split(|&byte| byte == 0).any(|word| word == name.as_bytes()))
+    };
+    let found = processes.into_iter().find(is_it)?;
+    Some(found.file_name()?.to_string_lossy().into_owned())
+}
+
+/// Stops task `task` when it has written a record of its share in `records`: it is held as soon as it is seen and let go for
+/// moments, so that neither a fast nor a busy machine lets it end.
+fn stop_at_work(task: usize, records: &Path) {
+    let begin = Instant::now();
+    let signal = |which: &str, id: &str| {
+        assert!(Command::new("kill").args([which, id]).status().unwrap().success(), "task {task} has ended: {which}");
+    };
+    let id = loop {
+        assert!(begin.elapsed() < Duration::from_secs(60), "task {task} does not start");
+        match process_of(task) {
+            Some(id) => break id,
+            None => std::thread::sleep(Duration::from_millis(5)),
+        }
+    };
+    let has_record = || {
+        let names = std::fs::read_dir(records)
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        names
+            .filter_map(|name| name.strip_suffix(".json")?.parse::<usize>().ok())
+            .any(|number| number % ARRAY == task % ARRAY)
+    };
+    signal("-STOP", &id);
+    while !has_record() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "task {task} writes nothing");
+        signal("-CONT", &id);
+        std::thread::sleep(Duration::from_millis(20));
+        signal("-STOP", &id);
+    }
+}
+
 #[test]
 fn an_array_over_a_real_slurm_gives_the_bits_of_one_process_although_a_task_was_killed() {
     let desk = series();
@@ -114,12 +160,8 @@ fn an_array_over_a_real_slurm_gives_the_bits_of_one_process_although_a_task_was_
     let commands = made.printed();
     assert!(commands.contains("sbatch --parsable './my case-array.sbatch'"), "{commands}");
     let job = cluster.say("sbatch", &["--parsable", "my case-array.sbatch"], &at);
-    // One task is killed, at work if it is met there.
-    let begin = Instant::now();
-    while cluster.say("squeue", &["-h", "-t", "R", "-o", "%K"], &at).lines().all(|task| task.trim() != "2") {
-        assert!(begin.elapsed() < Duration::from_secs(60), "task 2 does not start");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    // One task is killed at work.
+    stop_at_work(2, &desk.path("out/restart/frames"));
     cluster.say("scancel", &["--signal=KILL", "--full", &format!("{job}_2")], &at);
     cluster.say("scancel", &[&format!("{job}_2")], &at);
     cluster.wait(&at);
