@@ -1,6 +1,7 @@
 //! An identification as its case file describes it.
 
 use super::error::{FitError, wrong};
+use super::far_starts::own_minima;
 use super::load_cell::LoadCell;
 use super::noise::{Noise, Precision, even_texture};
 use super::objective::Problem;
@@ -134,6 +135,9 @@ impl<'a> Case<'a> {
             doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
         }
         let unknowns = unknowns(&*joint.law, table)?;
+        if joint.law.has_own_minima() {
+            doubts.push(own_minima(joint.law.name()));
+        }
         let cell = match (&case.force, &input.force) {
             (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut doubts)?),
             _ => None,
@@ -205,7 +209,7 @@ impl<'a> Case<'a> {
             constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut doubts)?,
             doubt: true,
             release: true,
-            rotations: !uncertainties::rotations_are_small(table),
+            rotations: uncertainties::rotations(table),
             discretisation: match table.discretisation {
                 None if of_run => Discretisation::Included,
                 None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,

@@ -9,7 +9,7 @@ use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
-use super::options::{Discretisation, FitOptions, Intervals};
+use super::options::{Discretisation, FitOptions, Intervals, RotationCheck};
 use super::plausibility::{Implausible, implausible_result};
 use super::released::Released;
 use super::released_width::ReleasedWidth;
@@ -202,7 +202,12 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         included: options.discretisation == Discretisation::Included,
     });
     let rotations = match &statistics {
-        Some(statistics) if options.doubt && options.rotations && problem.is_small() && watch.ended().is_none() => {
+        Some(statistics)
+            if options.doubt
+                && options.rotations != RotationCheck::Off
+                && problem.is_small()
+                && watch.ended().is_none() =>
+        {
             watch.begins("finite rotations");
             let turned = problem.turned(&evaluation, &boundary);
             Some(Rotations::new(turned.map(|change| statistics.shift(&change)), &slopes))
@@ -331,7 +336,8 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
             Verdict::new(&parameters, &grounds)
         }
     };
-    let mut verdict = verdict.with_rotations(rotations.as_ref(), &parameters);
+    let judged = rotations.as_ref().filter(|_| options.rotations == RotationCheck::Judged);
+    let mut verdict = verdict.with_rotations(judged, &parameters);
     if problem.observation.nodes.is_empty() && statistics.is_some() {
         verdict.sentences.push(curve_alone(&parameters, &derived));
     }

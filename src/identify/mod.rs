@@ -72,7 +72,7 @@ pub use missing_mode::{MissingMode, Mode, opening_share};
 pub use noise::{Noise, Precision};
 pub use objective::{Evaluation, Problem};
 pub use observation::{Observation, ObservedInstant, largest_without_rigid_motion};
-pub use options::{Discretisation, FitOptions, Intervals};
+pub use options::{Discretisation, FitOptions, Intervals, RotationCheck};
 pub use plausibility::{Implausible, implausible_joint, implausible_result};
 pub use profile::{Profile, profile};
 pub use released::{Released, ReleasedParameter};

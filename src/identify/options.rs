@@ -4,6 +4,17 @@ use super::constants::Constant;
 use super::trust_region::TrustRegionOptions;
 use super::weights::WeightKind;
 
+/// What becomes of rotations that a model takes as small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RotationCheck {
+    /// Nothing: the data were computed so.
+    Off,
+    /// What finite ones would change is told.
+    Told,
+    /// And where that is more than what is not known, nothing is determined.
+    Judged,
+}
+
 /// How to fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
@@ -29,9 +40,8 @@ pub struct FitOptions {
     /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does without: it is a
     /// comparison of models by itself.
     pub release: bool,
-    /// Whether what finite rotations would change is asked, where the result is doubted and rotations are taken as small: not of
-    /// data that were computed so.
-    pub rotations: bool,
+    /// What becomes of rotations that are taken as small, where the result is doubted.
+    pub rotations: RotationCheck,
 }
 
 impl Default for FitOptions {
@@ -48,7 +58,7 @@ impl Default for FitOptions {
             bootstrap: None,
             doubt: true,
             release: true,
-            rotations: true,
+            rotations: RotationCheck::Judged,
         }
     }
 }

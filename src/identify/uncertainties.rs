@@ -4,6 +4,7 @@ use super::budget::NOISE_LEVEL;
 use super::constants::{Constant, ConstantKind, Face, Source};
 use super::error::{FitError, wrong};
 use super::load_cell::LoadCell;
+use super::options::RotationCheck;
 use crate::io::case::{CaseCohesive, CaseExact, CaseFit, CaseMaterial, CaseMeasurement, CaseSubstrate, EXACT, STD};
 use crate::io::joint::{JointInput, MeasurementInput, MeshInput};
 use crate::mechanics::Joint;
@@ -73,12 +74,13 @@ fn exact_of(section: &'static str, given: Option<&CaseExact>, known: &[&str]) ->
     Ok(exact)
 }
 
-/// Whether the case says that rotations are small indeed, as of data that were computed so.
-pub(super) fn rotations_are_small(fit: &CaseFit) -> bool {
+/// What the case says of rotations that are taken as small. That all constants are exact is not that rotations are small: their cost
+/// is told, but does not decide.
+pub(super) fn rotations(fit: &CaseFit) -> RotationCheck {
     match &fit.exact {
-        None => false,
-        Some(CaseExact::All(all)) => *all,
-        Some(CaseExact::Names(names)) => names.iter().any(|name| name == ROTATIONS),
+        Some(CaseExact::Names(names)) if names.iter().any(|name| name == ROTATIONS) => RotationCheck::Off,
+        Some(CaseExact::All(true)) => RotationCheck::Told,
+        _ => RotationCheck::Judged,
     }
 }
 

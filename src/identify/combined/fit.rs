@@ -6,7 +6,7 @@ use super::super::fit::{CutShort, Fit, compare, correlation_of, describe, unfini
 use super::super::misfit::Misfit;
 use super::super::missing_mode::MissingMode;
 use super::super::objective::{Evaluation, Problem};
-use super::super::options::Discretisation;
+use super::super::options::{Discretisation, RotationCheck};
 use super::super::plausibility::implausible_result;
 use super::super::released::Released;
 use super::super::rotations::Rotations;
@@ -224,7 +224,7 @@ fn put_together(
     };
     let slopes = unknowns.slopes(&known.evaluations[0].x);
     // Every test moves the parameters of all.
-    let is_asked = |test: &Searched<'_>| test.problem.is_small() && test.options.rotations;
+    let is_asked = |test: &Searched<'_>| test.problem.is_small() && test.options.rotations != RotationCheck::Off;
     let small = tests.iter().any(is_asked) && tests[0].options.doubt;
     let rotations =
         statistics.iter().all(Option::is_some).then_some(()).filter(|()| small && cut_short.is_none()).map(|()| {
@@ -243,7 +243,8 @@ fn put_together(
             }
             Rotations::new(sum, &slopes)
         });
-    let verdict = verdict.with_rotations(rotations.as_ref(), &made.parameters);
+    let is_judged = tests.iter().any(|test| test.options.rotations == RotationCheck::Judged);
+    let verdict = verdict.with_rotations(rotations.as_ref().filter(|_| is_judged), &made.parameters);
     let mut list = Vec::with_capacity(tests.len());
     for (k, (evaluation, share)) in known.evaluations.into_iter().zip(shares).enumerate() {
         let statistics = statistics[k].take();
