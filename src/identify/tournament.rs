@@ -10,6 +10,7 @@ use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
 use super::constants::{Constant, ConstantKind};
 use super::error::{FitError, wrong};
+use super::far_starts::own_minima;
 use super::fit::{Fit, fit};
 use super::law_starts::started;
 use super::left_out::LeftOut;
@@ -468,6 +469,11 @@ impl Tournament<'_> {
                 )),
                 Ok(_) => {}
             }
+        }
+        let rough = |law: &&LawFit<'_>| law.problem.unknowns.law().has_own_minima();
+        let rough: Vec<&str> = self.alike.iter().map(|&k| &self.laws[k]).filter(rough).map(LawFit::name).collect();
+        if !rough.is_empty() {
+            said.push(own_minima(&rough.join(", ")));
         }
         if self.laws.iter().all(|law| law.problem.noise.sigma.is_none()) {
             said.push(

@@ -140,6 +140,12 @@ pub trait CohesiveLaw: Debug + Send + Sync {
         None
     }
 
+    /// Whether a fit may end in several places that are nearly as good: corners, which make minima where pairs pass them, or parameters
+    /// that stand for each other. What is uncertain about it belongs to the one that was found.
+    fn has_own_minima(&self) -> bool {
+        false
+    }
+
     /// The values that the law allows parameter `index`, whatever the others are.
     fn range(&self, _index: usize) -> [f64; 2] {
         [0.0, f64::INFINITY]

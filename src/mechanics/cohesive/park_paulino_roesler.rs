@@ -157,6 +157,10 @@ impl CohesiveLaw for ParkPaulinoRoesler {
 
     answer_by_secants!();
 
+    fn has_own_minima(&self) -> bool {
+        true
+    }
+
     fn peak(&self) -> Traction {
         Traction { normal: self.values[2], tangential: self.values[3] }
     }

@@ -56,6 +56,10 @@ impl CohesiveLaw for Touching<'_> {
             .map_or_else(CohesiveStiffness::zeros, |jump| Matrix2::new(self.0.secant(jump).m11, 0.0, 0.0, 0.0))
     }
 
+    fn has_own_minima(&self) -> bool {
+        self.0.has_own_minima()
+    }
+
     fn peak(&self) -> Traction {
         Traction::default()
     }

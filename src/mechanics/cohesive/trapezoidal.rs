@@ -111,6 +111,10 @@ impl CohesiveLaw for Trapezoidal {
 
     answer_by_secants!();
 
+    fn has_own_minima(&self) -> bool {
+        true
+    }
+
     fn peak(&self) -> Traction {
         Traction { normal: self.values[1], tangential: self.values[2] }
     }
