@@ -1,6 +1,7 @@
 //! An exponential law by one damage for both components.
 
-use super::secants::{Secants, answer_by_secants, opening_and_sliding};
+use super::secants::{Secants, answer_by_secants};
+use super::smith_ferrante::exponential_stiffness;
 use super::{
     CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
 };
@@ -39,16 +40,8 @@ impl ExponentialDamage {
     }
 
     fn secants(&self, jump: Jump) -> Secants<5> {
-        let [g_c, delta_c, beta] = super::variables(self.values);
-        let [opening, sliding] = opening_and_sliding(jump);
-        let stiffness = g_c / delta_c.squared();
-        let length2 = opening.squared() + beta.squared() * sliding.squared();
-        // At rest the root has no slope, but what it is multiplied with is zero.
-        let normal = match length2.value < f64::MIN_POSITIVE {
-            true => stiffness,
-            false => stiffness * (-(length2.sqrt() / delta_c)).exp(),
-        };
-        Secants { normal, tangential: normal, compression: stiffness }
+        let [normal, compression] = exponential_stiffness(self.values, jump);
+        Secants { normal, tangential: normal, compression }
     }
 }
 

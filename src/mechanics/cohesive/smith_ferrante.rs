@@ -1,5 +1,6 @@
 //! The exponential law of Smith and Ferrante in the mixed-mode form of Ortiz and Pandolfi (1999).
 
+use super::dual::Dual;
 use super::secants::{Secants, answer_by_secants, opening_and_sliding};
 use super::{
     CohesiveLaw, CohesiveResponse, CohesiveStiffness, Jump, LawError, Parameter, Traction, all_positive, exactly,
@@ -39,17 +40,24 @@ impl SmithFerrante {
     }
 
     fn secants(&self, jump: Jump) -> Secants<5> {
-        let [g_c, delta_c, beta] = super::variables(self.values);
-        let [opening, sliding] = opening_and_sliding(jump);
-        let stiffness = g_c / delta_c.squared();
-        let length2 = opening.squared() + beta.squared() * sliding.squared();
-        // At rest the root has no slope, but what it is multiplied with is zero.
-        let normal = match length2.value < f64::MIN_POSITIVE {
-            true => stiffness,
-            false => stiffness * (-(length2.sqrt() / delta_c)).exp(),
-        };
-        Secants { normal, tangential: beta.squared() * normal, compression: stiffness }
+        let [_, _, beta] = super::variables::<3, 5>(self.values);
+        let [normal, compression] = exponential_stiffness(self.values, jump);
+        Secants { normal, tangential: beta.squared() * normal, compression }
     }
+}
+
+/// The stiffness that `exp(-lambda/delta_c)` leaves of `G_c/delta_c^2`, `lambda = sqrt(<D_n>^2 + beta^2 D_t^2)`, and the whole one.
+pub(super) fn exponential_stiffness(values: [f64; 3], jump: Jump) -> [Dual<5>; 2] {
+    let [g_c, delta_c, beta] = super::variables(values);
+    let [opening, sliding] = opening_and_sliding(jump);
+    let stiffness = g_c / delta_c.squared();
+    let length2 = opening.squared() + beta.squared() * sliding.squared();
+    // At rest the root has no slope, but what it is multiplied with is zero.
+    let normal = match length2.value < f64::MIN_POSITIVE {
+        true => stiffness,
+        false => stiffness * (-(length2.sqrt() / delta_c)).exp(),
+    };
+    [normal, stiffness]
 }
 
 impl CohesiveLaw for SmithFerrante {
