@@ -93,19 +93,29 @@ fn history(given: &CaseHistory, key: &'static str, base: &Path) -> Result<Histor
 fn read_column(path: &Path, name: &str) -> Result<Vec<f64>, JointFileError> {
     let bytes = bytes_of(path)?;
     let text = String::from_utf8_lossy(&bytes);
-    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-    let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: path.to_owned() }) };
-    let names: Vec<&str> = header.split(',').map(|name| name.trim().trim_matches('"')).collect();
-    let Some(place) = names.iter().position(|other| *other == name) else {
-        let there = names.join(", ");
+    let mut rows =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let empty = || JointFileError::Empty { path: path.to_owned() };
+    let names = rows.headers().cloned().map_err(|_| empty())?;
+    if names.is_empty() {
+        return Err(empty());
+    }
+    let Some(place) = names.iter().position(|other| other == name) else {
+        let there = names.iter().collect::<Vec<_>>().join(", ");
         return Err(JointFileError::Column { path: path.to_owned(), name: name.to_owned(), there });
     };
-    let value = |(line, row): (usize, &str)| {
-        let cell = row.split(',').nth(place).map_or("", str::trim);
-        let what = || format!("{name} is '{cell}', not a finite number");
+    let mut values = Vec::new();
+    for row in rows.records() {
+        let wrong = |line: u64, what: String| JointFileError::Row { path: path.to_owned(), line: line as usize, what };
+        let line = |position: Option<&csv::Position>| position.map_or(0, csv::Position::line);
+        let row = row.map_err(|error| wrong(line(error.position()), error.to_string()))?;
+        if row.iter().all(str::is_empty) {
+            continue;
+        }
+        let cell = row.get(place).unwrap_or("");
         let value = cell.parse::<f64>().ok().filter(|value| value.is_finite());
-        value.ok_or_else(|| JointFileError::Row { path: path.to_owned(), line, what: what() })
-    };
-    let values: Vec<f64> = lines.map(value).collect::<Result<_, _>>()?;
-    if values.is_empty() { Err(JointFileError::Empty { path: path.to_owned() }) } else { Ok(values) }
+        let what = || format!("{name} is '{cell}', not a finite number");
+        values.push(value.ok_or_else(|| wrong(line(row.position()), what()))?);
+    }
+    if values.is_empty() { Err(empty()) } else { Ok(values) }
 }
