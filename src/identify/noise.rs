@@ -216,10 +216,9 @@ impl Noise {
         for k in 0..=n_instants {
             white.column_mut(k).iter_mut().for_each(|v| *v = StandardNormal.sample(&mut random));
         }
-        let coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
+        let mut coloured = self.precision.coloured(&white).expect("a precision that was factorised when it was made");
         let (sigma, tied) = (self.sigma.unwrap_or(1.0), self.common.sqrt());
         let row = |(e, c): (&f64, &f64)| sigma * (e + tied * c);
-        let mut coloured = coloured;
         let forces: Vec<f64> = match &self.precision {
             Precision::WithForce { .. } => (0..n_instants).map(|k| coloured[(n - 1, k)]).collect(),
             _ => Vec::new(),

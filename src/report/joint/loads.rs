@@ -71,8 +71,8 @@ impl Balance {
         let why = match (self.lost_in_snaps, self.not_followed) {
             (Some(lost), _) => format!("pairs snap, in which {:.3} % of the work is lost", 100.0 * lost),
             (None, Some(open)) => format!(
-                "the path between the instants was not followed finely enough, and {:.3} % of the work is not accounted for",
-                100.0 * open
+                "the path between the instants was not followed finely enough, and {:.1e} of the work is not accounted for",
+                open.abs()
             ),
             (None, None) => return settled.map_or("energies: no work was done".to_owned(), |(balance, _)| balance),
         };
