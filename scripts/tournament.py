@@ -153,7 +153,9 @@ def at(rows, mode, s):
     for (a, low_a, high_a), (b, low_b, high_b) in zip(curve, curve[1:]):
         if a <= s <= b:
             share = (s - a) / (b - a)
-            return low_a + share * (low_b - low_a), high_a + share * (high_b - high_a)
+            # Where the data give no band its ends are infinite.
+            between = lambda a, b: a + share * (b - a) if math.isfinite(a) and math.isfinite(b) else min(a, b, key=lambda v: -abs(v))
+            return between(low_a, low_b), between(high_a, high_b)
     return None
 
 

@@ -191,7 +191,7 @@ impl<'a> RunFigures<'a> {
 }
 
 /// The reference image of the run, when it is still there and the same.
-fn reference(header: &StoreHeader, page: usize) -> std::result::Result<Image, String> {
+pub(super) fn reference(header: &StoreHeader, page: usize) -> std::result::Result<Image, String> {
     let file = header.reference.first().ok_or("the run names no reference image")?;
     let loaded = Frame::named(file, page).read(Accepted::ANY).map_err(|error| chain(&error))?;
     if header.reference_sha256.first().is_some_and(|sha256| *sha256 != loaded.sha256) {

@@ -42,6 +42,7 @@ mod status;
 mod synth;
 mod talk;
 mod tournament;
+mod view;
 mod virtual_test;
 mod voice;
 mod watch;
@@ -90,6 +91,7 @@ pub fn main() -> ExitCode {
         args::Command::Export(args) => export::run(&args),
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
+        args::Command::View(args) => view::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),

@@ -56,9 +56,9 @@ pub fn average_curve(parts: &[Part<&CurveBand>]) -> CurveBand {
         };
         let here = average(&parts.iter().map(at).collect::<Vec<_>>());
         curve.traction.push(here.value);
-        curve.std.push(here.std.unwrap_or(0.0));
-        curve.low.push(here.ends95[0].unwrap_or(here.value));
-        curve.high.push(here.ends95[1].unwrap_or(here.value));
+        curve.std.push(here.std.unwrap_or(f64::INFINITY));
+        curve.low.push(here.ends95[0].unwrap_or(f64::NEG_INFINITY));
+        curve.high.push(here.ends95[1].unwrap_or(f64::INFINITY));
     }
     curve
 }

@@ -9,7 +9,7 @@ use super::objective::Problem;
 use super::options::FitOptions;
 use super::profile_ends::ProfileEnds;
 use super::stage::no_texture;
-use super::statistics::NORMAL_95;
+use super::statistics::{NORMAL_95, Statistics};
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use crate::mechanics::cohesive::CohesiveLaw;
 
@@ -21,34 +21,40 @@ const STUCK: f64 = 0.02;
 /// Along an axis of the covariance whose standard deviation is at most [`LINEAR_STD`] linear theory holds. Along the others the
 /// objective is followed to where it is `1.96^2` above its minimum ([`ProfileEnds`]), on either side by itself; a draw goes
 /// there in proportion. Axes are independent of one another, as they are in linear theory.
+///
+/// Of a law with [minima of its own](CohesiveLaw::has_own_minima) the covariance knows one of them only. There, and wherever an axis is
+/// wide, the objective is followed along every unknown by itself too, from every minimum: the laws that are met on the way and that
+/// the objective allows are kept.
 #[derive(Debug)]
 pub(super) struct Axes {
     /// Moves at 1.96 standard deviations below and above, of each axis.
     ends: Vec<[Vec<f64>; 2]>,
     /// Works of separation at the ends of their own profiles, below and above, N/mm; `None` without an end.
     works: [[Option<f64>; 2]; 2],
+    /// Laws that the objective allows.
+    allowed: Vec<Box<dyn CohesiveLaw>>,
 }
 
 impl Axes {
-    /// Those of `fit`; `None` where linear theory holds along all of them, or nothing is known of some.
+    /// Those of `fit`, whose law has more `minima` (scaled unknowns with the objective there); `None` where linear theory holds along all of them, or
+    /// nothing is known of some.
     ///
     /// # Errors
     /// A covariance without inverse.
-    pub fn new(problem: &Problem<'_>, fit: &Fit, options: &FitOptions) -> Result<Option<Self>, FitError> {
+    pub fn new(
+        problem: &Problem<'_>,
+        fit: &Fit,
+        options: &FitOptions,
+        minima: &[(Vec<f64>, f64)],
+    ) -> Result<Option<Self>, FitError> {
         let Some(statistics) = &fit.statistics else { return Ok(None) };
         let Some((variances, vectors)) = statistics.covariance.symmetric_eigen() else { return Ok(None) };
         let stds: Vec<f64> = variances.iter().map(|variance| variance.max(0.0).sqrt()).collect();
         let wide: Vec<usize> = (0..stds.len()).filter(|&k| stds[k] > LINEAR_STD && stds[k].is_finite()).collect();
-        if wide.is_empty() {
+        if wide.is_empty() && !problem.unknowns.law().has_own_minima() {
             return Ok(None);
         }
-        let weights = match options.weights {
-            WeightKind::Covariance => {
-                let (n, by_boundary) = (problem.observation.instants.len(), statistics.by_boundary.clone());
-                Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?)
-            }
-            kind => problem.diagonal_weights(kind),
-        };
+        let weights = weights_at_end(problem, statistics, options)?;
         let base = Base {
             problem,
             evaluation: &fit.evaluation,
@@ -65,9 +71,13 @@ impl Axes {
         };
         let mut ends: Vec<[Vec<f64>; 2]> = (0..stds.len()).map(straight).collect();
         let directions: Vec<Vec<f64>> = wide.iter().map(|&k| vectors.column(k).to_vec()).collect();
-        for (&k, found) in wide.iter().zip(profile.as_far_as(&directions)) {
+        let minima: Vec<&Vec<f64>> =
+            (minima.iter()).filter(|(minimum, omega)| profile.allows(minimum, *omega)).map(|(z, _)| z).collect();
+        let mut seen: Vec<Vec<f64>> = minima.iter().map(|z| z.to_vec()).collect();
+        for (&k, found) in wide.iter().zip(profile.ways(&directions)) {
             for (end, found) in ends[k].iter_mut().zip(found) {
-                let way: Vec<f64> = found.iter().zip(&z).map(|(end, z)| end - z).collect();
+                let way: Vec<f64> = found.last.iter().zip(&z).map(|(end, z)| end - z).collect();
+                seen.extend(found.allowed);
                 let longest = |way: &[f64]| way.iter().fold(0.0_f64, |most, w| most.max(w.abs()));
                 // At the end of a law the search is stuck from the first: what is beyond is left to the draws.
                 if longest(&way) > STUCK {
@@ -80,13 +90,38 @@ impl Axes {
         }
         let by = by_works(problem, &z);
         let mut works = [[None; 2]; 2];
-        for (mode, found) in profile.along(by.to_vec()).into_iter().enumerate() {
-            works[mode] = found.map(|end| {
-                let law = problem.unknowns.law_at(&problem.unknowns.unscaled(&end?)).ok()?;
-                work_of(&*law, mode)
+        let law_at = |z: &[f64]| problem.unknowns.law_at(&problem.unknowns.unscaled(z)).ok();
+        for (mode, found) in profile.ways(&by).into_iter().enumerate() {
+            works[mode] = found.map(|way| {
+                seen.extend(way.allowed);
+                work_of(&*law_at(&way.end?)?, mode)
             });
         }
-        Ok(Some(Self { ends, works }))
+        let units: Vec<Vec<f64>> = (0..z.len()).map(|k| (0..z.len()).map(|j| f64::from(j == k)).collect()).collect();
+        let others = minima.iter().filter_map(|minimum| profile.from(minimum));
+        for profile in [&profile].into_iter().chain(&others.collect::<Vec<_>>()) {
+            for (unit, ways) in units.iter().zip(profile.ways(&units)) {
+                for (way, sign) in ways.into_iter().zip([-1.0, 1.0]) {
+                    seen.extend(way.allowed);
+                    if way.end.is_none() {
+                        seen.extend(profile.straight(&unit.iter().map(|s| sign * s).collect::<Vec<_>>()));
+                    }
+                }
+            }
+        }
+        let allowed: Vec<Box<dyn CohesiveLaw>> = seen.iter().filter_map(|z| law_at(z)).collect();
+        for (mode, ends) in works.iter_mut().enumerate() {
+            for work in allowed.iter().filter_map(|law| work_of(&**law, mode)) {
+                ends[0] = ends[0].map(|low| low.min(work));
+                ends[1] = ends[1].map(|high| high.max(work));
+            }
+        }
+        Ok(Some(Self { ends, works, allowed }))
+    }
+
+    /// Laws that the objective allows: each has its place within the 95 % band of whatever is asked for.
+    pub fn allowed(&self) -> &[Box<dyn CohesiveLaw>] {
+        &self.allowed
     }
 
     /// The error of the scaled unknowns at so many standard deviations along each axis.
@@ -103,6 +138,24 @@ impl Axes {
     pub fn works(&self) -> [[Option<f64>; 2]; 2] {
         self.works
     }
+}
+
+/// The weights under which the objective of a fit is followed from its end on.
+///
+/// # Errors
+/// A covariance without inverse.
+pub(super) fn weights_at_end(
+    problem: &Problem<'_>,
+    statistics: &Statistics,
+    options: &FitOptions,
+) -> Result<Weights, FitError> {
+    Ok(match options.weights {
+        WeightKind::Covariance => {
+            let (n, by_boundary) = (problem.observation.instants.len(), statistics.by_boundary.clone());
+            Weights::Inverse(InverseCovariance::new(&problem.noise, n, by_boundary).map_err(no_texture)?)
+        }
+        kind => problem.diagonal_weights(kind),
+    })
 }
 
 /// Names of the work of separation among the parameters of laws, by mode.

@@ -36,12 +36,19 @@ pub struct CurveBand {
     pub jumps: Vec<Jump>,
     /// Traction along the jump, MPa.
     pub traction: Vec<f64>,
-    /// Its standard uncertainty, MPa.
+    /// Its standard uncertainty, MPa; infinite where the data give none.
     pub std: Vec<f64>,
-    /// Lower end of its 95 % band, MPa.
+    /// Lower end of its 95 % band, MPa; minus infinity where the data give none.
     pub low: Vec<f64>,
-    /// Upper end of its 95 % band, MPa.
+    /// Upper end of its 95 % band, MPa; infinity where the data give none.
     pub high: Vec<f64>,
+}
+
+impl CurveBand {
+    /// Whether the data give an uncertainty everywhere.
+    pub fn is_known(&self) -> bool {
+        self.std.iter().chain(&self.low).chain(&self.high).all(|value| value.is_finite())
+    }
 }
 
 /// Draws that are led through the law where it is not linear.
@@ -452,6 +459,7 @@ pub(super) fn curve_bands_up_to(
     let slopes = problem.unknowns.slopes(x);
     let covariance = fit.statistics.as_ref().map(|statistics| by_noise(statistics, fit));
     let along = axes.map_or(Vec::new(), |axes| laws_along(problem, fit, axes));
+    let allowed = axes.map_or(&[][..], Axes::allowed);
     // Few draws have no quantiles.
     let along = if along.len() < ALONG_AXES / 2 { Vec::new() } else { along };
     let draws = covariance.as_ref().filter(|_| along.is_empty());
@@ -482,11 +490,19 @@ pub(super) fn curve_bands_up_to(
             // Parameters of the law that are fitted, and those that are prescribed, moved by each constant.
             let shift = |effect: &ConstantEffect| effect.law.iter().zip(&by).map(|(p, &by)| p * pick(by)).sum::<f64>();
             let by_constant: Vec<f64> = fit.constants.iter().map(shift).collect();
-            let mut std = (covariance.as_ref().map_or(0.0, variance) + dot(&by_constant, &by_constant)).sqrt();
+            // Without a covariance nothing is known.
+            let of_noise = if list.is_empty() { 0.0 } else { covariance.as_ref().map_or(f64::INFINITY, variance) };
+            let mut std = (of_noise + dot(&by_constant, &by_constant)).sqrt();
             let mut sides = [NORMAL_95 * std; 2];
             if !along.is_empty() {
                 let mut errors: Vec<f64> = along.iter().map(|law| pick(law.response(jump).traction) - value).collect();
                 (sides, std) = spread(&mut errors);
+            }
+            for error in allowed.iter().map(|law| pick(law.response(jump).traction) - value) {
+                sides = [sides[0].max(-error), sides[1].max(error)];
+            }
+            if !allowed.is_empty() {
+                std = std.max((sides[0] + sides[1]) / (2.0 * NORMAL_95));
             }
             if let Some(draws) = &draws {
                 let mut errors: Vec<f64> =

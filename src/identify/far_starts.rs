@@ -7,6 +7,7 @@ use super::stage::run;
 use super::trust_region::{End, FitStatus, TrustRegionOptions};
 use super::unknowns::Unknowns;
 use super::weights::Weights;
+use crate::mechanics::BoundaryHistory;
 use rayon::prelude::*;
 
 /// The objective by its expectation above which the end of a fit is doubted: residuals of twice the noise.
@@ -48,6 +49,57 @@ pub(super) fn further_start(
     let omega_of = |end: &End| end.local.as_ref().map_or(f64::INFINITY, |local| local.omega);
     let best = tried.iter().min_by(|a, b| omega_of(a).total_cmp(&omega_of(b)))?;
     (omega_of(best) < omega).then(|| problem.unknowns.unscaled(&best.z))
+}
+
+/// Factors by which the parameters of a law with minima of its own that shape its corners (its stiffness, numbers without unit) are off
+/// where another minimum is looked for; the second where the first is no law.
+const SHAPE: [[f64; 2]; 2] = [[3.0, 1.7], [1.0 / 3.0, 1.0 / 1.7]];
+/// Evaluations that the way to another minimum may take.
+const TO_MINIMUM: usize = 30;
+/// Scaled distance below which two minima are one.
+const ONE: f64 = 0.05;
+
+/// Where else the objective has a minimum, in scaled unknowns with its value, of a law with
+/// [minima of its own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima) fitted at the scaled unknowns `z`; the lowest first.
+/// None of other laws.
+pub(super) fn other_minima(
+    problem: &Problem<'_>,
+    options: &FitOptions,
+    weights: &Weights,
+    boundary: &BoundaryHistory,
+    z: &[f64],
+) -> Vec<(Vec<f64>, f64)> {
+    let unknowns = &problem.unknowns;
+    if !unknowns.law().has_own_minima() || problem.watch.ended().is_some() {
+        return Vec::new();
+    }
+    let x = unknowns.unscaled(z);
+    let start = |k: usize, factors: &[f64; 2]| {
+        factors.iter().find_map(|factor| {
+            let mut there = x.clone();
+            let [lower, upper] = unknowns.list()[k].bounds;
+            there[k] = (factor * x[k]).clamp(lower, upper);
+            (there[k] != x[k] && unknowns.law_at(&there).is_ok()).then_some(there)
+        })
+    };
+    let shapes = (0..x.len()).filter(|&k| ["MPa/mm", "1"].contains(&unknowns.list()[k].parameter.unit));
+    let starts: Vec<Vec<f64>> =
+        shapes.flat_map(|k| SHAPE.iter().filter_map(move |factors| start(k, factors))).collect();
+    let region = TrustRegionOptions { max_evaluations: TO_MINIMUM, ..options.region };
+    let ends: Vec<End> = starts.par_iter().map(|start| run(problem, boundary, weights, start, None, &region)).collect();
+    let mut found: Vec<(Vec<f64>, f64)> = (ends.into_iter())
+        .filter(|end| end.status == FitStatus::Converged)
+        .filter_map(|end| Some((end.z, end.local?.omega)))
+        .collect();
+    found.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > ONE);
+    let mut minima: Vec<(Vec<f64>, f64)> = Vec::new();
+    for (there, omega) in found {
+        if apart(&there, z) && minima.iter().all(|(other, _)| apart(&there, other)) {
+            minima.push((there, omega));
+        }
+    }
+    minima
 }
 
 /// The unknowns at `x` with all tractions of the law times the first factor and all jumps times the second, within their bounds.

@@ -178,7 +178,7 @@ pub(super) fn settle(
         let directions = (0..n).map(|k| (0..n).map(|j| f64::from(j == k)).collect());
         let of_quantities = by_scaled(base).into_iter().zip(quantities.iter());
         let of_quantities = of_quantities.map(|(slopes, q)| slopes.iter().map(|s| s / q.quantity.value).collect());
-        ends.along(directions.chain(of_quantities).collect())
+        ends.along(&directions.chain(of_quantities).collect::<Vec<_>>())
     });
     let end = |direction: usize, side: usize| found.as_ref().and_then(|found| found[direction][side].as_deref());
     for (k, p) in parameters.iter_mut().enumerate() {

@@ -22,61 +22,107 @@ pub(super) struct ProfileEnds<'a> {
     base: &'a Base<'a>,
     z: Vec<f64>,
     local: Local,
+    /// The least objective, from which rises count.
+    least: f64,
+}
+
+/// A search for an end.
+pub(super) struct Way {
+    /// The end; `None` where there is none within [`FAR`] and the bounds.
+    pub end: Option<Vec<f64>>,
+    /// The last point with a value.
+    pub last: Vec<f64>,
+    /// The points seen whose objective is no higher than at an end.
+    pub allowed: Vec<Vec<f64>>,
 }
 
 impl<'a> ProfileEnds<'a> {
     pub(super) fn new(base: &'a Base<'a>) -> Option<Self> {
         let local = base.evaluation.local(base.weights, &base.problem.noise);
         let z = base.problem.unknowns.scaled(&base.evaluation.x);
-        (local.omega.is_finite() && local.h.cholesky().is_ok()).then_some(Self { base, z, local })
+        let least = local.omega;
+        (local.omega.is_finite() && local.h.cholesky().is_ok()).then_some(Self { base, z, local, least })
+    }
+
+    /// The same from another minimum at the scaled unknowns `z`; rises count from the least of both.
+    pub(super) fn from(&self, z: &[f64]) -> Option<Self> {
+        let local = self.local_at(z)?;
+        let least = self.least.min(local.omega);
+        local.h.cholesky().is_ok().then_some(Self { base: self.base, z: z.to_vec(), local, least })
+    }
+
+    fn local_at(&self, z: &[f64]) -> Option<Local> {
+        let Base { problem, weights, boundary, .. } = self.base;
+        let evaluation = problem.evaluate(&problem.unknowns.unscaled(z), boundary).ok().flatten()?;
+        Some(evaluation.local(weights, &problem.noise)).filter(|local| local.omega.is_finite())
     }
 
     /// Both ends for each of `directions`, in scaled unknowns; `None` where there is none within [`FAR`] and the bounds.
-    pub(super) fn along(&self, directions: Vec<Vec<f64>>) -> Vec<[Option<Vec<f64>>; 2]> {
-        let end = |k: usize| {
-            let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
-            self.end(&directions[k / 2].iter().map(|s| sign * s).collect::<Vec<_>>())
-        };
-        let ends: Vec<Option<Vec<f64>>> = (0..2 * directions.len()).into_par_iter().map(end).collect();
-        ends.as_chunks::<2>().0.to_vec()
+    pub(super) fn along(&self, directions: &[Vec<f64>]) -> Vec<[Option<Vec<f64>>; 2]> {
+        self.ways(directions).into_iter().map(|ways| ways.map(|way| way.end)).collect()
     }
 
-    /// The end towards which `s z` grows.
-    fn end(&self, s: &[f64]) -> Option<Vec<f64>> {
-        let (end, reached) = self.way(s);
-        reached.then_some(end)
-    }
-
-    /// How far it goes towards both sides of each of `directions`: to the ends, or where none was found to the last point on the way.
-    pub(super) fn as_far_as(&self, directions: &[Vec<f64>]) -> Vec<[Vec<f64>; 2]> {
-        let ways: Vec<Vec<f64>> = (0..2 * directions.len())
+    /// The searches towards both sides of each of `directions`, in scaled unknowns.
+    pub(super) fn ways(&self, directions: &[Vec<f64>]) -> Vec<[Way; 2]> {
+        let towards = |k: usize, sign: f64| self.way(&directions[k].iter().map(|s| sign * s).collect::<Vec<_>>());
+        (0..directions.len())
             .into_par_iter()
             .map(|k| {
-                let sign = if k.is_multiple_of(2) { -1.0 } else { 1.0 };
-                self.way(&directions[k / 2].iter().map(|s| sign * s).collect::<Vec<_>>()).0
+                let (below, above) = rayon::join(|| towards(k, -1.0), || towards(k, 1.0));
+                [below, above]
             })
-            .collect();
-        ways.as_chunks::<2>().0.to_vec()
+            .collect()
     }
 
-    /// The last point of the search for the end towards which `s z` grows, and whether it is the end.
-    fn way(&self, s: &[f64]) -> (Vec<f64>, bool) {
-        let mut z = self.z.clone();
-        let found = self.search(s, &mut z);
-        found.map_or((z, false), |end| (end, true))
-    }
-
-    /// The end towards which `s z` grows; `z` begins at the end of the fit and is left at the last point with a value.
-    fn search(&self, s: &[f64], z: &mut Vec<f64>) -> Option<Vec<f64>> {
-        let Base { problem, statistics, weights, boundary, .. } = self.base;
-        let n = s.len();
-        let quadratic = |m: &Dense| (0..n).map(|r| (0..n).map(|c| s[r] * m[(r, c)] * s[c]).sum::<f64>()).sum::<f64>();
-        let unit = quadratic(&statistics.covariance) / quadratic(&statistics.a);
-        let rise = NORMAL_95.powi(2) * unit;
-        if !(rise.is_finite() && rise > 0.0) {
-            return None;
+    /// The search for the end towards which `s z` grows.
+    fn way(&self, s: &[f64]) -> Way {
+        let mut way = Way { end: None, last: self.z.clone(), allowed: Vec::new() };
+        if let Some(rise) = self.rise(s) {
+            way.end = self.search(s, rise, &mut way);
+            way.allowed.extend(way.end.clone());
         }
-        let wanted = self.local.omega + rise;
+        way
+    }
+
+    /// What the objective may rise by at an end towards which `s z` grows.
+    fn rise(&self, s: &[f64]) -> Option<f64> {
+        let Base { statistics, .. } = self.base;
+        let unit = quadratic(&statistics.covariance, s) / quadratic(&statistics.a, s);
+        let rise = NORMAL_95.powi(2) * unit;
+        (rise.is_finite() && rise > 0.0).then_some(rise)
+    }
+
+    /// Whether the objective `omega` at `z` is no higher than at an end in its direction.
+    pub(super) fn allows(&self, z: &[f64], omega: f64) -> bool {
+        let way: Vec<f64> = z.iter().zip(&self.z).map(|(there, here)| there - here).collect();
+        self.rise(&way).is_some_and(|rise| omega <= self.least + rise)
+    }
+
+    /// The farthest of some points on the straight way of linear theory towards which `s z` grows that the objective allows: what is left
+    /// where a search gets nowhere.
+    pub(super) fn straight(&self, s: &[f64]) -> Option<Vec<f64>> {
+        let covariance = &self.base.statistics.covariance;
+        let wanted = self.least + self.rise(s)?;
+        let std = quadratic(covariance, s).sqrt();
+        let way: Vec<f64> = (0..s.len())
+            .map(|r| (0..s.len()).map(|c| covariance[(r, c)] * s[c]).sum::<f64>() * NORMAL_95 / std)
+            .collect();
+        let longest = way.iter().fold(0.0_f64, |most, w| most.max(w.abs()));
+        let [lower, upper] = self.base.problem.unknowns.scaled_bounds();
+        [1.0, 0.5, 0.25, 0.125].into_iter().find_map(|share| {
+            let share = share * (FAR / longest).min(1.0);
+            let there: Vec<f64> =
+                (0..s.len()).map(|k| (self.z[k] + share * way[k]).clamp(lower[k], upper[k])).collect();
+            (self.local_at(&there)?.omega <= wanted).then_some(there)
+        })
+    }
+
+    /// The end towards which `s z` grows, where the objective is higher by `rise` than the least; tells `way` where it comes by.
+    fn search(&self, s: &[f64], rise: f64, way: &mut Way) -> Option<Vec<f64>> {
+        let Base { problem, .. } = self.base;
+        let n = s.len();
+        let z = &mut way.last;
+        let wanted = self.least + rise;
         let [lower, upper] = problem.unknowns.scaled_bounds();
         let mut local = self.local.clone();
         let mut trials = 0;
@@ -110,15 +156,16 @@ impl<'a> ProfileEnds<'a> {
             let next = loop {
                 trials += 1;
                 let trial = at(share);
-                let evaluation = problem.evaluate(&problem.unknowns.unscaled(&trial), boundary).ok().flatten();
-                let local = evaluation.map(|evaluation| evaluation.local(weights, &problem.noise));
-                match local.filter(|local| local.omega.is_finite()) {
+                match self.local_at(&trial) {
                     Some(local) => break (trial, local),
                     None if trials < TRIALS => share *= 0.5,
                     None => return None,
                 }
             };
             (*z, local) = next;
+            if local.omega <= wanted {
+                way.allowed.push(z.clone());
+            }
             let gone: f64 = (0..n).map(|k| s[k] * (z[k] - self.z[k])).sum();
             if gone > FAR * s.iter().map(|s| s * s).sum::<f64>().sqrt() {
                 return None;
@@ -126,6 +173,10 @@ impl<'a> ProfileEnds<'a> {
         }
         None
     }
+}
+
+fn quadratic(m: &Dense, s: &[f64]) -> f64 {
+    (0..s.len()).map(|r| (0..s.len()).map(|c| s[r] * m[(r, c)] * s[c]).sum::<f64>()).sum()
 }
 
 /// The step of the `free` unknowns to where the quadratic model about `local` has the value `wanted` and `s z` is largest; to its

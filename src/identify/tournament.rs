@@ -5,12 +5,12 @@
 //! that the data do not reject, with Akaike's weights.
 
 use super::averages::{ALIKE, Part, Spread, average, average_curve};
-use super::axes::{Axes, WORKS};
+use super::axes::{Axes, WORKS, weights_at_end};
 use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
 use super::constants::{Constant, ConstantKind};
 use super::error::{FitError, wrong};
-use super::far_starts::own_minima;
+use super::far_starts::{other_minima, own_minima};
 use super::fit::{Fit, fit};
 use super::law_starts::started;
 use super::left_out::LeftOut;
@@ -23,6 +23,11 @@ use super::weights::WeightKind;
 use crate::mechanics::cohesive::{CohesiveLaw, LAW_NAMES, Parameter, parameters_by_name};
 use rayon::prelude::*;
 
+/// How far the criterion of Akaike of a law may lie above the least for its other minima to be looked for, and for the objective to be
+/// followed: beyond, nothing of it is averaged.
+const NEAR: f64 = 30.0;
+/// Times that a lower minimum is gone on from.
+const LOOKS: usize = 3;
 /// The reach of the curves beyond that of the best law.
 const BEYOND: f64 = 1.2;
 
@@ -61,6 +66,8 @@ pub struct LawFit<'a> {
     pub curves: Option<[CurveBand; 2]>,
     /// Work of separation in pure opening and in pure sliding, N/mm; `None` without a fit.
     pub works: Option<[Spread; 2]>,
+    /// Other minima of its objective in scaled unknowns, and their values.
+    minima: Vec<(Vec<f64>, f64)>,
     /// Whether the misfit test rejects it.
     pub rejected: bool,
     /// Its weight in the average, 0 to 1.
@@ -100,9 +107,48 @@ impl LawFit<'_> {
         self.fit.as_ref().is_ok_and(|fit| fit.status == FitStatus::Converged)
     }
 
+    /// What follows from `fit` to compare it by.
+    fn take(&mut self, fit: Fit, options: &FitOptions) {
+        self.score = score(&self.problem, &fit, options);
+        self.rejected = fit.misfit.as_ref().is_some_and(super::Misfit::rejected);
+        self.works = Some(works_of(self.problem.unknowns.law().parameters(), &fit));
+        self.fit = Ok(fit);
+    }
+
+    /// Its criterion of Akaike above `least`; `None` of a law that cannot be the one looked for.
+    fn above(&self, least: f64) -> Option<f64> {
+        let score = self.score.filter(|_| self.converged() && !self.rejected);
+        score.map(|score| score.aic - least)
+    }
+
+    /// Looks for other minima of a law that has some, and goes on from a lower one.
+    fn look_around(&mut self, options: &FitOptions) -> Result<(), FitError> {
+        for _ in 0..LOOKS {
+            let Ok(done) = &self.fit else { return Ok(()) };
+            let Some(statistics) = &done.statistics else { return Ok(()) };
+            let weights = weights_at_end(&self.problem, statistics, options)?;
+            let unknowns = &self.problem.unknowns;
+            let z = unknowns.scaled(&done.evaluation.x);
+            let here = done.evaluation.local(&weights, &self.problem.noise).omega;
+            self.minima = other_minima(&self.problem, options, &weights, &done.boundary, &z);
+            let Some((lower, omega)) = self.minima.first() else { return Ok(()) };
+            if *omega >= here * (1.0 - 10.0 * options.region.standstill) {
+                return Ok(());
+            }
+            let there = self.problem.with_unknowns(unknowns.starting_at(&unknowns.unscaled(lower))?);
+            match fit(&there, &FitOptions { starts: Vec::new(), ..options.clone() }) {
+                Ok(found) if found.status == FitStatus::Converged && found.omega < done.omega => {
+                    self.take(found, options);
+                }
+                _ => return Ok(()),
+            }
+        }
+        Ok(())
+    }
+
     /// Whether it counts in the average.
     fn counts(&self) -> bool {
-        self.converged() && !self.rejected && self.score.is_some() && self.curves.is_some()
+        self.above(0.0).is_some() && self.curves.is_some()
     }
 }
 
@@ -184,19 +230,33 @@ pub fn tournament<'a>(
     }
     let mut laws: Vec<LawFit<'a>> = fitted
         .into_iter()
-        .map(|(unknowns, start, fit)| LawFit {
-            start,
-            score: fit.as_ref().ok().and_then(|fit| score(problem, fit, options)),
-            rejected: fit.as_ref().is_ok_and(|fit| fit.misfit.as_ref().is_some_and(super::Misfit::rejected)),
-            works: fit.as_ref().ok().map(|fit| works_of(unknowns.law().parameters(), fit)),
-            fit: fit.map_err(in_words),
-            problem: problem.with_unknowns(unknowns),
-            left_out: None,
-            curves: None,
-            weight: 0.0,
+        .map(|(unknowns, start, found)| {
+            let mut law = LawFit {
+                start,
+                fit: Err(String::new()),
+                problem: problem.with_unknowns(unknowns),
+                score: None,
+                left_out: None,
+                curves: None,
+                works: None,
+                minima: Vec::new(),
+                rejected: false,
+                weight: 0.0,
+            };
+            match found {
+                Ok(found) => law.take(found, options),
+                Err(error) => law.fit = Err(in_words(error)),
+            }
+            law
         })
         .collect();
-    let best = best_of(&laws);
+    let near = |laws: &[LawFit<'_>]| {
+        let least = best_of(laws).and_then(|best| laws[best].score).map_or(f64::NAN, |score| score.aic);
+        move |law: &LawFit<'_>| law.above(least).is_some_and(|above| above <= NEAR)
+    };
+    let is_near = near(&laws);
+    laws.par_iter_mut().filter(|law| is_near(law)).try_for_each(|law| law.look_around(options))?;
+    let (best, is_near) = (best_of(&laws), near(&laws));
     let reach = match best.and_then(|best| laws[best].fit.as_ref().ok().map(|fit| (best, fit))) {
         Some((best, fit)) => {
             reach_of(&*laws[best].problem.unknowns.law_at(&fit.evaluation.x)?).map(|reach| BEYOND * reach)
@@ -206,10 +266,11 @@ pub fn tournament<'a>(
     let ended = problem.watch.ended().is_some();
     laws.par_iter_mut().try_for_each(|law| -> Result<(), FitError> {
         let Ok(fit) = &law.fit else { return Ok(()) };
-        let axes = if ended || linear || law.rejected { None } else { Axes::new(&law.problem, fit, options)? };
+        let followed = is_near(law) && !ended && !linear;
+        let axes = if followed { Axes::new(&law.problem, fit, options, &law.minima)? } else { None };
         law.curves = Some(curve_bands_up_to(&law.problem, fit, reach, axes.as_ref())?);
         if let (Some(axes), Some(works)) = (&axes, &mut law.works) {
-            (0..2).for_each(|mode| works[mode] = followed(fit, mode, works[mode], axes.works()[mode]));
+            (0..2).for_each(|mode| works[mode] = profiled(fit, mode, works[mode], axes.works()[mode]));
         }
         law.left_out = if ended { None } else { law.problem.left_out(fit, options, law.rejected)? };
         Ok(())
@@ -235,7 +296,7 @@ fn of_tournament(options: &FitOptions, n_data: usize) -> FitOptions {
 }
 
 /// The work of separation `work` of a mode with the ends that its profile likelihood has, and the constants.
-fn followed(fit: &Fit, mode: usize, work: Spread, ends: [Option<f64>; 2]) -> Spread {
+fn profiled(fit: &Fit, mode: usize, work: Spread, ends: [Option<f64>; 2]) -> Spread {
     let parameter = fit.parameters.iter().position(|p| WORKS[mode].contains(&p.parameter.name));
     let quantity = || fit.derived.iter().position(|d| mode == 1 && d.quantity.name == "phi_t");
     let others = match (parameter, quantity()) {

@@ -11,6 +11,7 @@ pub mod fit;
 mod force;
 pub mod identification;
 pub mod joint;
+mod law_plot;
 mod letters;
 pub mod map;
 mod mesh_figure;
@@ -24,6 +25,7 @@ mod scale;
 mod scene;
 pub mod summary;
 pub mod tournament;
+pub mod view;
 mod words;
 
 pub use backdrop::Backdrop;

@@ -1,6 +1,7 @@
 //! What a comparison of laws gives people and programs: `tournament.json`, the table of tractions, a figure, a section of a page.
 
 use super::fit::rows_of;
+use super::law_plot::{MODES, law_series};
 use super::page::{Block, Curves, Page, Section};
 use super::words::{capital, plain, plain_or_dash, significant};
 use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
@@ -184,7 +185,6 @@ pub struct TournamentReport {
 
 /// Columns of `tournament-tractions.csv`.
 const COLUMNS: [&str; 8] = ["law", "mode", "point", "jump_mm", "traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
-const MODES: [(&str, &str, &str); 2] = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
 
 impl TournamentReport {
     /// The report of `tournament` on the case file `case`, which took `seconds`.
@@ -290,7 +290,7 @@ impl TournamentReport {
         let (name, jump, traction) = MODES[mode];
         let mut series: Vec<PlotSeries> = Vec::new();
         if let Some(average) = &self.average {
-            series.push(series_of("average", &average[mode], Style::Line, true));
+            series.push(law_series("average", &average[mode], Style::Line, true));
         }
         for (law, curves) in self.record.laws.iter().zip(&self.curves) {
             let Some(curves) = curves else { continue };
@@ -300,7 +300,7 @@ impl TournamentReport {
             };
             let counts = law.weight > 1e-3;
             let style = if counts { Style::Line } else { Style::Dashed };
-            series.push(series_of(&format!("{}, {words}", law.law), &curves[mode], style, counts));
+            series.push(law_series(&format!("{}, {words}", law.law), &curves[mode], style, counts));
         }
         (!series.is_empty()).then(|| Plot {
             title: format!("The laws in pure {name}, 95 % bands of those that are left"),
@@ -315,13 +315,14 @@ impl TournamentReport {
     fn alone(&self, k: usize, mode: usize) -> Option<Plot> {
         let (name, jump, traction) = MODES[mode];
         let law = &self.record.laws[k].law;
-        let mut series = vec![series_of(law, &self.curves[k].as_ref()?[mode], Style::Line, true)];
+        let mut series = vec![law_series(law, &self.curves[k].as_ref()?[mode], Style::Line, true)];
         let mut y = Axis::linear(format!("{traction} (MPa)"));
         if let Some(average) = &self.average {
             let curve = &average[mode];
-            series.push(series_of("average", curve, Style::Dashed, false));
+            series.push(law_series("average", curve, Style::Dashed, false));
             // The bands of a law that the data hardly know would leave nothing to be seen of the others.
-            let largest = curve.high.iter().chain(&series[0].y).fold(0.0_f64, |most, v| most.max(*v));
+            let finite = curve.high.iter().chain(&series[0].y).filter(|v| v.is_finite());
+            let largest = finite.fold(0.0_f64, |most, v| most.max(*v));
             if largest > 0.0 {
                 y = y.with_range(-0.05 * largest, 1.2 * largest);
             }
@@ -450,10 +451,4 @@ impl TournamentReport {
 fn said(work: &SpreadRecord) -> String {
     let ends = work.ends95.map(|end| end.map_or_else(|| "open".to_owned(), |end| significant(end, 3)));
     format!("{} ({} to {})", significant(work.value, 3), ends[0], ends[1])
-}
-
-fn series_of(name: &str, curve: &CurveBand, style: Style, banded: bool) -> PlotSeries {
-    let um: Vec<f64> = curve.jumps.iter().map(|jump| 1e3 * (jump.normal + jump.tangential)).collect();
-    let series = PlotSeries::new(name, style, um, curve.traction.clone());
-    if banded { series.with_limits(&curve.low, &curve.high) } else { series }
 }

@@ -20,5 +20,6 @@ mod run;
 mod run_library;
 mod store;
 mod update_cli;
+mod view;
 mod watch;
 mod words;

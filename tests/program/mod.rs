@@ -1,6 +1,7 @@
 //! The program, run as a user runs it: in a folder of its own, with small speckle images.
 #![allow(dead_code)] // each test file takes the tools it needs
 
+pub mod browser;
 pub mod process;
 
 use quadrille::field::ElementMark;

@@ -2,6 +2,7 @@
 
 use super::shared::{Quiet, Threads};
 use super::words::interpolation;
+use super::words::megabytes;
 use super::words::pair;
 use super::words::rectangle;
 use super::words::two_zones;
@@ -203,6 +204,35 @@ pub struct FiguresArgs {
     pub scale: u32,
     /// Folder for the pictures; made when it is not there. Default: DIR/figures.
     #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
+}
+
+/// Arguments of `quadrille view`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    A page with all frames of a run, out/view.html:\n    \
+    quadrille view out\n  \
+    A small one of some frames, to send:\n    \
+    quadrille view out --frames 1,50,100-120 --max-mb 5 --output for-anna.html\n\n\
+    The page is one file, fetches nothing and works without a network: frames, quantities, values with their uncertainty, profiles \
+    along a line, gauges over all frames. Keys: arrows and space (frames), q (quantity), v p g m (what the pointer does), + - 0 \
+    (zoom). Exit status: 0 fine; 1 some frame named by --frames has no field; 2 nothing could be shown.")]
+pub struct ViewArgs {
+    /// Folder of a run of `quadrille correlate` or `quadrille run`; it may still go on.
+    #[arg(value_name = "DIR")]
+    pub run: PathBuf,
+    /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
+    #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
+    pub frames: Frames,
+    /// Size of the page, MB: of a longer series frames are chosen evenly, and the page says so.
+    #[arg(long, value_name = "MB", default_value_t = 15.0, value_parser = megabytes)]
+    pub max_mb: f64,
+    /// The file. Default: DIR/view.html.
+    #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,

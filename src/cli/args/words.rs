@@ -17,6 +17,12 @@ pub(super) fn positive_seconds(text: &str) -> Result<f64, String> {
     seconds(text).map(|time| time.as_secs_f64())
 }
 
+/// A size of a file, MB.
+pub(super) fn megabytes(text: &str) -> Result<f64, String> {
+    let size: f64 = text.parse().map_err(|_| "give a number of MB".to_owned())?;
+    if (0.1..=1e4).contains(&size) { Ok(size) } else { Err("give MB from 0.1 to 10000".into()) }
+}
+
 /// A count from 1.
 pub(super) fn count(text: &str) -> Result<usize, std::num::ParseIntError> {
     text.parse::<std::num::NonZeroUsize>().map(std::num::NonZeroUsize::get)

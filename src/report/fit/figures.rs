@@ -2,6 +2,7 @@
 
 use super::FitReport;
 use crate::identify::{Iteration, NORMAL_95};
+use crate::report::law_plot::{MODES, law_plot};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
 
 impl FitReport<'_> {
@@ -20,20 +21,9 @@ impl FitReport<'_> {
         }
         save("fit-history".into(), self.history()?)?;
         save("parameters".into(), self.parameters()?)?;
-        let modes = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
-        for ((mode, jump, traction), curve) in modes.into_iter().zip(&self.curves) {
-            let um: Vec<f64> = curve.jumps.iter().map(|j| 1e3 * (j.normal + j.tangential)).collect();
-            let plot = Plot {
-                title: format!("The law in pure {mode}"),
-                x: Axis::linear(format!("{jump} (\u{b5}m)")),
-                y: Axis::linear(format!("{traction} (MPa)")),
-                series: vec![
-                    PlotSeries::new("fit, 95 % band", Style::Line, um, curve.traction.clone())
-                        .with_limits(&curve.low, &curve.high),
-                ],
-                notes: Vec::new(),
-            };
-            save(format!("law-{mode}"), plot.draw()?)?;
+        for (mode, curve) in self.curves.iter().enumerate() {
+            let plot = law_plot(mode, curve);
+            save(format!("law-{}", MODES[mode].0), plot.draw()?)?;
         }
         for (name, label, normal) in [("tn", "T_n (MPa)", true), ("tt", "T_t (MPa)", false)] {
             let along: Vec<f64> =

@@ -2,6 +2,7 @@
 
 use super::json::{FitRecord, TestRecord};
 use super::{FitReport, budget_lines, defaults_used};
+use crate::report::law_plot::law_plot;
 use crate::report::page::{Block, Curves, Page, Section};
 use crate::report::words::{capital, significant};
 use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
@@ -147,19 +148,8 @@ fn tests(record: &FitRecord) -> Result<Section, ReportError> {
 /// The law with its band, in both modes.
 fn law(reports: &[FitReport<'_>]) -> Result<Section, ReportError> {
     let mut blocks = Vec::new();
-    let modes = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
-    for ((mode, jump, traction), curve) in
-        modes.into_iter().zip(reports.first().map_or(&[][..], |report| &report.curves[..]))
-    {
-        let um: Vec<f64> = curve.jumps.iter().map(|j| 1e3 * (j.normal + j.tangential)).collect();
-        let series = PlotSeries::new("fit, 95 % band", Style::Line, um, curve.traction.clone());
-        let plot = Plot {
-            title: format!("The law in pure {mode}"),
-            x: Axis::linear(format!("{jump} (\u{b5}m)")),
-            y: Axis::linear(format!("{traction} (MPa)")),
-            series: vec![series.with_limits(&curve.low, &curve.high)],
-            notes: Vec::new(),
-        };
+    for (mode, curve) in reports.first().map_or(&[][..], |report| &report.curves[..]).iter().enumerate() {
+        let plot = law_plot(mode, curve);
         let caption = "The law that is fitted to all tests, with its 95 % band";
         blocks.push(Block::Curves(Curves::new(&plot, caption)?));
     }

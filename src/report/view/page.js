@@ -1,0 +1,553 @@
+'use strict';
+// The page of a run. Its numbers come from the store, rounded to 1/65534 of the range that a quantity has in a frame; nothing is
+// fetched, and names reach the page as text only.
+(() => {
+const data = JSON.parse(document.getElementById('data').textContent);
+const at = id => document.getElementById(id);
+const element = (name, text, attributes) => {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  for (const key in attributes || {}) made.setAttribute(key, attributes[key]);
+  return made;
+};
+const bytesOf = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
+const inflate = async text => {
+  const stream = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+};
+const MISSING = 65535;
+const NORMAL_95 = 1.959963984540054;
+const layers = data.layers, frames = data.frames.filter(frame => frame.field);
+const nodes = new Float32Array(bytesOf(data.mesh.nodes).buffer), corners = new Uint32Array(bytesOf(data.mesh.elements).buffer);
+const nNodes = nodes.length / 2, nElements = corners.length / 4;
+const index = key => layers.findIndex(layer => layer.key === key);
+const UX = index('ux'), UY = index('uy'), MARK = index('mark');
+
+// --- fields
+const cache = new Map();
+const KEPT = 24;
+/** All layers of a shown frame: an array of Float32Array, NaN where there is no value. */
+function fieldOf(k) {
+  if (!cache.has(k)) {
+    cache.set(k, inflate(frames[k].field).then(bytes => {
+      const count = bytes.length / 2, out = [];
+      let from = 0;
+      for (const [i, layer] of layers.entries()) {
+        const n = layer.place === 'node' ? nNodes : nElements, values = new Float32Array(n), [low, step] = frames[k].scale[i];
+        let code = 0;
+        for (let j = 0; j < n; j++) {
+          code = (code + (bytes[from + j] | bytes[count + from + j] << 8)) & 0xffff;
+          values[j] = code === MISSING ? NaN : low + step * code;
+        }
+        from += n;
+        out.push(values);
+      }
+      return out;
+    }));
+    if (cache.size > KEPT) cache.delete(cache.keys().next().value);
+  }
+  return cache.get(k);
+}
+
+// --- what is shown
+const state = { frame: Math.max(0, frames.length - 1), layer: Math.max(0, UY), mode: 'value', zoom: 1, middle: [data.image.width / 2, data.image.height / 2],
+  deformed: false, magnify: 1, scale: 'series', line: null, gauge: [], against: 0 };
+let field = null, positions = nodes;
+const canvas = at('map'), pen = canvas.getContext('2d'), over = document.createElement('canvas'), overPen = over.getContext('2d');
+const picture = new Image();
+const palettes = {};
+for (const name in data.palettes) palettes[name] = bytesOf(data.palettes[name]);
+
+/** Pixels of the canvas for a pixel of the image. */
+const factor = () => state.zoom * Math.min(canvas.width / data.image.width, canvas.height / data.image.height);
+const toCanvas = ([x, y]) => [(x + .5 - state.middle[0]) * factor() + canvas.width / 2, (y + .5 - state.middle[1]) * factor() + canvas.height / 2];
+const toImage = ([x, y]) => [(x - canvas.width / 2) / factor() + state.middle[0] - .5, (y - canvas.height / 2) / factor() + state.middle[1] - .5];
+
+function rangeOf() {
+  const layer = layers[state.layer];
+  if (state.scale === 'frame') {
+    const values = Array.from(field[state.layer]).filter(v => !Number.isNaN(v)).sort((a, b) => a - b);
+    if (values.length) {
+      const cut = Math.floor(values.length * .005);
+      return spread(layer, values[cut], values[values.length - 1 - cut]);
+    }
+  }
+  return layer.range;
+}
+function spread(layer, low, high) {
+  if (layer.signed) { const most = Math.max(Math.abs(low), Math.abs(high)); [low, high] = [-most, most]; }
+  if (!(high > low)) { const half = Math.abs(low) * .1 || 1; [low, high] = [low - half, high + half]; }
+  return [low, high];
+}
+
+function place() {
+  positions = nodes;
+  if (!state.deformed || !field) return;
+  positions = new Float32Array(nodes);
+  for (let k = 0; k < nNodes; k++) {
+    const u = field[UX][k], v = field[UY][k];
+    positions[2 * k] += state.magnify * u;
+    positions[2 * k + 1] += state.magnify * v;
+  }
+}
+
+function draw() {
+  pen.setTransform(1, 0, 0, 1, 0, 0);
+  pen.fillStyle = '#e8e8e8';
+  pen.fillRect(0, 0, canvas.width, canvas.height);
+  const [left, top] = toCanvas([-.5, -.5]), s = factor();
+  if (picture.complete && picture.naturalWidth) pen.drawImage(picture, left, top, data.image.width * s, data.image.height * s);
+  else { pen.fillStyle = '#fff'; pen.fillRect(left, top, data.image.width * s, data.image.height * s); }
+  if (field) { paint(); marks(); }
+  tools();
+}
+
+function paint() {
+  const layer = layers[state.layer], values = field[state.layer], colours = palettes[layer.palette], range = rangeOf();
+  const w = canvas.width, h = canvas.height, image = pen.createImageData(w, h), out = image.data;
+  const alpha = layer.signed ? 205 : 180, scale = 255 / (range[1] - range[0]);
+  const triangle = (ax, ay, av, bx, by, bv, cx, cy, cv) => {
+    const area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
+    if (!area) return;
+    const y0 = Math.max(0, Math.ceil(Math.min(ay, by, cy) - .5)), y1 = Math.min(h - 1, Math.floor(Math.max(ay, by, cy) - .5));
+    for (let y = y0; y <= y1; y++) {
+      const py = y + .5;
+      let from = Infinity, to = -Infinity;
+      const cut = (x0, s0, x1, s1) => {
+        if ((s0 <= py && s1 > py) || (s1 <= py && s0 > py)) {
+          const x = x0 + (py - s0) * (x1 - x0) / (s1 - s0);
+          if (x < from) from = x;
+          if (x > to) to = x;
+        }
+      };
+      cut(ax, ay, bx, by); cut(bx, by, cx, cy); cut(cx, cy, ax, ay);
+      const x0 = Math.max(0, Math.ceil(from - .5)), x1 = Math.min(w, Math.ceil(to - .5));
+      for (let x = x0; x < x1; x++) {
+        const px = x + .5, b = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area, c = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area;
+        let t = (av + b * (bv - av) + c * (cv - av) - range[0]) * scale | 0;
+        t = 3 * (t < 0 ? 0 : t > 255 ? 255 : t);
+        const o = 4 * (y * w + x);
+        out[o] = colours[t]; out[o + 1] = colours[t + 1]; out[o + 2] = colours[t + 2]; out[o + 3] = alpha;
+      }
+    }
+  };
+  const s = factor(), ox = (.5 - state.middle[0]) * s + w / 2, oy = (.5 - state.middle[1]) * s + h / 2;
+  const x = [0, 0, 0, 0], y = [0, 0, 0, 0], v = [0, 0, 0, 0];
+  for (let e = 0; e < nElements; e++) {
+    let bad = false;
+    for (let c = 0; c < 4; c++) {
+      const n = corners[4 * e + c];
+      x[c] = positions[2 * n] * s + ox; y[c] = positions[2 * n + 1] * s + oy;
+      v[c] = layer.place === 'node' ? values[n] : values[e];
+      bad = bad || Number.isNaN(v[c]) || Number.isNaN(x[c]);
+    }
+    if (bad || Math.max(...x) < 0 || Math.min(...x) > w || Math.max(...y) < 0 || Math.min(...y) > h) continue;
+    const mx = (x[0] + x[1] + x[2] + x[3]) / 4, my = (y[0] + y[1] + y[2] + y[3]) / 4, mv = (v[0] + v[1] + v[2] + v[3]) / 4;
+    for (let c = 0; c < 4; c++) { const d = (c + 1) % 4; triangle(x[c], y[c], v[c], x[d], y[d], v[d], mx, my, mv); }
+  }
+  if (over.width !== w || over.height !== h) { over.width = w; over.height = h; }
+  overPen.putImageData(image, 0, 0);
+  pen.drawImage(over, 0, 0);
+  const bar = at('colours').getContext('2d'), strip = bar.createImageData(256, 1);
+  for (let t = 0; t < 256; t++) for (let c = 0; c < 4; c++) strip.data[4 * t + c] = c < 3 ? colours[3 * t + c] : 255;
+  bar.putImageData(strip, 0, 0);
+  const digits = v => written(v, (range[1] - range[0]) / 200);
+  at('low').textContent = digits(range[0]) + unitOf(layer);
+  at('high').textContent = digits(range[1]) + unitOf(layer);
+}
+
+/** Elements of which something is to be said are crossed out. */
+function marks() {
+  if (MARK < 0) return;
+  pen.strokeStyle = 'rgba(0,0,0,.55)';
+  pen.lineWidth = Math.max(1, canvas.width / 1200);
+  pen.beginPath();
+  for (let e = 0; e < nElements; e++) {
+    const mark = field[MARK][e];
+    if (!(mark >= 1 && mark < 255)) continue;
+    const p = c => toCanvas([positions[2 * corners[4 * e + c]], positions[2 * corners[4 * e + c] + 1]]);
+    for (const [a, b] of mark >= 3 ? [[0, 2], [1, 3]] : [[0, 2]]) { pen.moveTo(...p(a)); pen.lineTo(...p(b)); }
+  }
+  pen.stroke();
+}
+
+function tools() {
+  const line = (points, round) => {
+    pen.lineWidth = 3 * window.devicePixelRatio;
+    for (const [style, width] of [['#fff', 5], ['#000', 2]]) {
+      pen.strokeStyle = style; pen.lineWidth = width * window.devicePixelRatio;
+      pen.beginPath();
+      points.forEach((p, k) => k ? pen.lineTo(...toCanvas(p)) : pen.moveTo(...toCanvas(p)));
+      pen.stroke();
+      if (round) for (const p of points) { pen.beginPath(); pen.arc(...toCanvas(p), 5 * window.devicePixelRatio, 0, 7); pen.stroke(); }
+    }
+  };
+  if (state.line) line(state.line);
+  if (state.gauge.length) line(state.gauge.map(moved), true);
+}
+/** Where a point of the reference is drawn. */
+function moved(p) {
+  if (!state.deformed || !field) return p;
+  const hit = find(p, nodes), u = hit && [UX, UY].map(i => value(hit, i));
+  return u && !u.some(Number.isNaN) ? [p[0] + state.magnify * u[0], p[1] + state.magnify * u[1]] : p;
+}
+
+// --- values at points
+/** The element at a point of the image and the place in it, on the nodes at `where`; null beside the mesh. */
+function find([px, py], where) {
+  for (let e = 0; e < nElements; e++) {
+    const x = [], y = [];
+    for (let c = 0; c < 4; c++) { const n = corners[4 * e + c]; x.push(where[2 * n]); y.push(where[2 * n + 1]); }
+    if (px < Math.min(...x) || px > Math.max(...x) || py < Math.min(...y) || py > Math.max(...y)) continue;
+    let a = .5, b = .5;
+    for (let k = 0; k < 12; k++) {
+      const w = [(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b];
+      const rx = px - w.reduce((s, w, c) => s + w * x[c], 0), ry = py - w.reduce((s, w, c) => s + w * y[c], 0);
+      const xa = (1 - b) * (x[1] - x[0]) + b * (x[2] - x[3]), xb = (1 - a) * (x[3] - x[0]) + a * (x[2] - x[1]);
+      const ya = (1 - b) * (y[1] - y[0]) + b * (y[2] - y[3]), yb = (1 - a) * (y[3] - y[0]) + a * (y[2] - y[1]);
+      const det = xa * yb - xb * ya;
+      if (!det) break;
+      const da = (rx * yb - ry * xb) / det, db = (ry * xa - rx * ya) / det;
+      a += da; b += db;
+      if (Math.abs(da) + Math.abs(db) < 1e-7) break;
+    }
+    if (a >= -1e-6 && a <= 1 + 1e-6 && b >= -1e-6 && b <= 1 + 1e-6) return { e, w: [(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b] };
+  }
+  return null;
+}
+function value(hit, i, of) {
+  const values = (of || field)[i];
+  if (layers[i].place === 'element') return values[hit.e];
+  let sum = 0;
+  for (let c = 0; c < 4; c++) sum += hit.w[c] * values[corners[4 * hit.e + c]];
+  return sum;
+}
+/** A number with as many digits as `step` is worth. */
+function written(v, step) {
+  if (!Number.isFinite(v)) return 'none';
+  if (!(step > 0)) return String(+v.toPrecision(6));
+  const digits = Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(step))));
+  return Math.abs(v) >= 1e7 || (v !== 0 && Math.abs(v) < 1e-6) ? v.toExponential(3) : v.toFixed(digits);
+}
+const unitOf = layer => layer.unit === '1' ? '' : ' ' + layer.unit;
+/** What stands in the middle of the image of a point, with mm where a scale is known. */
+function whereIs([x, y]) {
+  const px = `x ${x.toFixed(1)}, y ${y.toFixed(1)} px`;
+  return data.pixel_size_mm ? `${px} (${written(x * data.pixel_size_mm, data.pixel_size_mm)}, ${written(y * data.pixel_size_mm, data.pixel_size_mm)} mm)` : px;
+}
+function tell(point) {
+  if (!field) return;
+  const layer = layers[state.layer], hit = find(point, positions);
+  if (!hit) { at('readout').textContent = `${whereIs(point)}: beside the mesh`; return; }
+  const v = value(hit, state.layer), sigma = layer.sigma >= 0 ? value(hit, layer.sigma) : NaN;
+  const step = sigma > 0 ? sigma : frames[state.frame].scale[state.layer][1] * 50;
+  let text = `${whereIs(point)}: `;
+  if (layer.key === 'mark') text += data.marks[v] || 'nothing is known of the element';
+  else if (Number.isNaN(v)) text += `${layer.label}: not measured here`;
+  else text += `${layer.label} = ${written(v, step)}${Number.isNaN(sigma) ? '' : ` \u00b1 ${written(sigma, sigma)}`}${unitOf(layer)}`;
+  const mark = MARK >= 0 && layer.key !== 'mark' ? field[MARK][hit.e] : 0;
+  if (mark >= 1 && data.marks[mark]) text += ` (element: ${data.marks[mark]})`;
+  at('readout').textContent = text;
+}
+
+// --- curves
+const COLOURS = ['#0072b2', '#d55e00', '#009e73', '#7a4fa3'];
+let shown = null;
+function ticks(low, high) {
+  const raw = (high - low) / 5, base = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(k => k * base).find(s => s >= raw), out = [];
+  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) out.push(Math.abs(v) < 1e-9 * step ? 0 : v);
+  return [out, step];
+}
+function chart(plot) {
+  shown = plot;
+  const w = Math.max(300, Math.min(900, at('explorer').clientWidth)), h = Math.round(Math.min(360, .55 * w + 60)), m = { l: 66, r: 12, t: 26, b: 44 };
+  const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
+  svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
+  svg.setAttribute('role', 'img');
+  svg.setAttribute('aria-label', plot.note);
+  const add = (name, attributes, text) => {
+    const made = document.createElementNS('http://www.w3.org/2000/svg', name);
+    for (const key in attributes) made.setAttribute(key, attributes[key]);
+    if (text !== undefined) made.textContent = text;
+    svg.append(made);
+    return made;
+  };
+  const finite = list => list.filter(Number.isFinite);
+  const xs = finite(plot.x), ys = finite(plot.series.flatMap(s => s.band ? [...s.y.map((v, k) => v - s.band[k]), ...s.y.map((v, k) => v + s.band[k]), ...s.y] : s.y));
+  at('chart').replaceChildren();
+  if (!xs.length || !ys.length) { at('chart').append(element('p', 'Nothing is measured there.')); return; }
+  const ends = (list, room) => {
+    let low = Math.min(...list), high = Math.max(...list);
+    if (!(high > low)) { const half = Math.abs(low) * .1 || 1; low -= half; high += half; }
+    return [low - room * (high - low), high + room * (high - low)];
+  };
+  const [x0, x1] = ends(xs, 0), [y0, y1] = ends(ys, .05);
+  const X = v => m.l + (v - x0) / (x1 - x0) * (w - m.l - m.r), Y = v => h - m.b - (v - y0) / (y1 - y0) * (h - m.t - m.b);
+  const letters = { 'font-size': 13, 'font-family': 'inherit', fill: '#1a1a1a' };
+  const [xt, xstep] = ticks(x0, x1), [yt, ystep] = ticks(y0, y1);
+  for (const v of xt) { add('line', { x1: X(v), x2: X(v), y1: m.t, y2: h - m.b, stroke: '#ddd' }); add('text', { ...letters, x: X(v), y: h - m.b + 16, 'text-anchor': 'middle' }, written(v, xstep * 9)); }
+  for (const v of yt) { add('line', { x1: m.l, x2: w - m.r, y1: Y(v), y2: Y(v), stroke: '#ddd' }); add('text', { ...letters, x: m.l - 5, y: Y(v) + 4, 'text-anchor': 'end' }, written(v, ystep * 9)); }
+  add('rect', { x: m.l, y: m.t, width: w - m.l - m.r, height: h - m.t - m.b, fill: 'none', stroke: '#333' });
+  add('text', { ...letters, x: (m.l + w - m.r) / 2, y: h - 8, 'text-anchor': 'middle' }, plot.xLabel);
+  add('text', { ...letters, x: 4, y: 16 }, plot.yLabel);
+  plot.series.forEach((s, k) => {
+    const colour = COLOURS[k % COLOURS.length];
+    if (s.band) {
+      const good = plot.x.map((v, i) => i).filter(i => Number.isFinite(plot.x[i]) && Number.isFinite(s.y[i]) && Number.isFinite(s.band[i]));
+      const path = [...good.map(i => [plot.x[i], s.y[i] + s.band[i]]), ...good.reverse().map(i => [plot.x[i], s.y[i] - s.band[i]])];
+      if (path.length) add('polygon', { points: path.map(([x, y]) => `${X(x).toFixed(1)},${Y(y).toFixed(1)}`).join(' '), fill: colour, opacity: .2 });
+    }
+    let d = '', on = false;
+    plot.x.forEach((v, i) => {
+      if (Number.isFinite(v) && Number.isFinite(s.y[i])) { d += `${on ? 'L' : 'M'}${X(v).toFixed(1)} ${Y(s.y[i]).toFixed(1)}`; on = true; } else on = false;
+    });
+    add('path', { d, fill: 'none', stroke: colour, 'stroke-width': 2, 'stroke-dasharray': k ? '6 3' : 'none' });
+    if (plot.here !== undefined && Number.isFinite(s.y[plot.here]) && Number.isFinite(plot.x[plot.here])) add('circle', { cx: X(plot.x[plot.here]), cy: Y(s.y[plot.here]), r: 4, fill: colour });
+    if (plot.series.length > 1) add('text', { ...letters, x: m.l + 8, y: m.t + 16 + 16 * k, fill: colour }, s.name);
+  });
+  at('chart').append(svg);
+  at('chart-note').textContent = plot.note;
+}
+function profile() {
+  const [a, b] = state.line, layer = layers[state.layer], n = 240, length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  if (!(length > 0)) return;
+  const mm = data.pixel_size_mm, x = [], y = [], band = [];
+  for (let k = 0; k <= n; k++) {
+    const t = k / n, hit = find([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])], positions);
+    x.push(t * length * (mm || 1));
+    y.push(hit ? value(hit, state.layer) : NaN);
+    band.push(hit && layer.sigma >= 0 ? NORMAL_95 * value(hit, layer.sigma) : NaN);
+  }
+  at('chart-box').hidden = false;
+  at('against-label').hidden = true;
+  chart({ x, xLabel: `distance along the line (${mm ? 'mm' : 'px'})`, yLabel: `${layer.label}${layer.unit === '1' ? '' : ` (${layer.unit})`}`,
+    series: [{ name: layer.label, y, band: layer.sigma >= 0 ? band : null }],
+    note: `Frame ${frames[state.frame].number}, from ${whereIs(a)} to ${whereIs(b)}${layer.sigma >= 0 ? '; band: 1.96 standard uncertainties by noise at the nodes' : ''}.` });
+}
+let run = 0;
+async function gauge() {
+  const own = ++run, [a, b] = state.gauge, hits = [a, b].map(p => find(p, nodes));
+  at('chart-box').hidden = false;
+  at('against-label').hidden = false;
+  if (hits.includes(null)) { at('chart').replaceChildren(element('p', 'A point of the gauge lies beside the mesh.')); at('chart-note').textContent = ''; shown = null; return; }
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]), n = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
+  if (!(length > 0)) return;
+  const mm = data.pixel_size_mm || 1, along = [], across = [], bandAlong = [], bandAcross = [], S = [UX, UY].map(i => layers[i].sigma);
+  for (let k = 0; k < frames.length; k++) {
+    const f = await fieldOf(k);
+    if (own !== run) return;
+    if (k % 20 === 0) at('chart-note').textContent = `reading frame ${k + 1} of ${frames.length}`;
+    const [p, q] = hits.map(hit => [value(hit, UX, f), value(hit, UY, f)]), d = [q[0] - p[0], q[1] - p[1]];
+    const variance = [0, 1].map(c => S[c] < 0 ? NaN : hits.reduce((s, hit) => s + value(hit, S[c], f) ** 2, 0));
+    along.push((d[0] * n[0] + d[1] * n[1]) * mm);
+    across.push((d[1] * n[0] - d[0] * n[1]) * mm);
+    bandAlong.push(NORMAL_95 * mm * Math.sqrt(n[0] ** 2 * variance[0] + n[1] ** 2 * variance[1]));
+    bandAcross.push(NORMAL_95 * mm * Math.sqrt(n[1] ** 2 * variance[0] + n[0] ** 2 * variance[1]));
+  }
+  const column = data.columns[state.against], unit = data.pixel_size_mm ? 'mm' : 'px';
+  const x = frames.map(frame => column.values[frame.number - 1] ?? NaN), last = state.frame;
+  const strain = along[last] / (length * mm);
+  chart({ x, here: last, xLabel: column.label, yLabel: `displacement of the second point against the first (${unit})`,
+    series: [{ name: 'along the gauge (opening, elongation)', y: along, band: bandAlong }, { name: 'across it (sliding)', y: across, band: bandAcross }],
+    note: `From ${whereIs(a)} to ${whereIs(b)}, ${written(length * mm, length * mm / 1000)} ${unit} long. Frame ${frames[last].number}: along ${written(along[last], bandAlong[last] / 2)} ${unit}` +
+      ` (engineering strain ${written(strain, bandAlong[last] / 2 / (length * mm))}), across ${written(across[last], bandAcross[last] / 2)} ${unit}; bands: 1.96 standard uncertainties by noise.` });
+}
+function curves() {
+  if (state.mode === 'profile' && state.line) profile();
+  else if (state.mode === 'gauge' && state.gauge.length === 2) gauge();
+}
+
+// --- frames
+let wanted = 0;
+async function show(k) {
+  state.frame = Math.max(0, Math.min(frames.length - 1, k));
+  const own = ++wanted, frame = frames[state.frame];
+  at('frame').value = state.frame;
+  const got = await fieldOf(state.frame);
+  if (own !== wanted) return;
+  field = got;
+  place();
+  draw();
+  const columns = data.columns.slice(1).map(c => `${c.label} ${written(c.values[frame.number - 1] ?? NaN, 0)}`);
+  at('frame-name').textContent = [`frame ${frame.number} of ${data.n_frames}: ${frame.file}`, frame.status, ...columns].join(' \u00b7 ');
+  for (const row of at('frames').querySelectorAll('tr[data-at]')) {
+    const here = +row.dataset.at === state.frame, box = row.closest('.scroll');
+    row.classList.toggle('here', here);
+    if (here && box) box.scrollTop = row.offsetTop - box.clientHeight / 2;
+  }
+  if (last) tell(last);
+  curves();
+  location.replace(`#frame=${frame.number}&quantity=${layers[state.layer].key}`);
+}
+let timer = null;
+function play(on) {
+  clearTimeout(timer);
+  timer = null;
+  at('play').textContent = on ? 'stop' : 'play';
+  if (!on) return;
+  const step = async () => {
+    await show(state.frame + 1 < frames.length ? state.frame + 1 : 0);
+    if (timer !== null) timer = setTimeout(step, 120);
+  };
+  timer = setTimeout(step, 0);
+}
+function choose(mode) {
+  state.mode = mode;
+  for (const name of ['value', 'profile', 'gauge', 'move']) at(`mode-${name}`).setAttribute('aria-pressed', String(name === mode));
+  canvas.className = mode === 'move' ? 'move' : mode === 'value' ? '' : 'busy';
+  at('readout').textContent = { value: 'Point at the field: its value.', profile: 'Drag a line over the field: its values along it.', gauge: 'Two points: how they part, over all frames.', move: 'Drag to move, wheel or two fingers to come closer.' }[mode];
+  curves();
+}
+function zoom(by, about) {
+  const p = toImage(about || [canvas.width / 2, canvas.height / 2]);
+  state.zoom = Math.max(1, Math.min(60, state.zoom * by));
+  const q = toImage(about || [canvas.width / 2, canvas.height / 2]);
+  state.middle = [state.middle[0] + p[0] - q[0], state.middle[1] + p[1] - q[1]];
+  keep();
+  draw();
+}
+/** The image stays in sight. */
+function keep() {
+  const half = [canvas.width / 2 / factor(), canvas.height / 2 / factor()], size = [data.image.width, data.image.height];
+  state.middle = state.middle.map((m, c) => half[c] * 2 >= size[c] ? size[c] / 2 : Math.max(half[c], Math.min(size[c] - half[c], m)));
+}
+function resize() {
+  const ratio = window.devicePixelRatio || 1, width = at('stage').clientWidth, most = Math.max(240, .65 * window.innerHeight);
+  const height = Math.min(most, width * data.image.height / data.image.width);
+  canvas.style.height = `${height}px`;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  keep();
+  draw();
+  if (shown) chart(shown);
+}
+
+// --- pointer: mouse, pen, fingers
+const down = new Map();
+let last = null, pinch = null, dragged = null;
+const pointOf = event => {
+  const box = canvas.getBoundingClientRect();
+  return [(event.clientX - box.left) * canvas.width / box.width, (event.clientY - box.top) * canvas.height / box.height];
+};
+/** A point of the drawing as one of the reference. */
+function reference(p) {
+  if (!state.deformed) return p;
+  const hit = find(p, positions);
+  return hit ? [0, 1].map(c => hit.w.reduce((s, w, i) => s + w * nodes[2 * corners[4 * hit.e + i] + c], 0)) : p;
+}
+canvas.addEventListener('pointerdown', event => {
+  down.set(event.pointerId, pointOf(event));
+  if (event.isTrusted) canvas.setPointerCapture(event.pointerId);
+  canvas.focus({ preventScroll: true });
+  const p = toImage(pointOf(event));
+  if (down.size === 2) { pinch = [...down.values()]; dragged = null; return; }
+  dragged = pointOf(event);
+  if (state.mode === 'profile') state.line = [p, p];
+  if (state.mode === 'value') { last = p; tell(p); }
+});
+canvas.addEventListener('pointermove', event => {
+  const here = pointOf(event), p = toImage(here);
+  if (down.has(event.pointerId)) {
+    const before = down.get(event.pointerId);
+    down.set(event.pointerId, here);
+    if (down.size === 2 && pinch) {
+      const gap = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]), now = [...down.values()];
+      const middle = [(now[0][0] + now[1][0]) / 2, (now[0][1] + now[1][1]) / 2];
+      if (gap(pinch) > 0) zoom(gap(now) / gap(pinch), middle);
+      pinch = now;
+      return;
+    }
+    if (state.mode === 'move') {
+      state.middle = [state.middle[0] - (here[0] - before[0]) / factor(), state.middle[1] - (here[1] - before[1]) / factor()];
+      keep();
+      draw();
+      return;
+    }
+    if (state.mode === 'profile' && dragged) { state.line[1] = p; draw(); profile(); return; }
+  }
+  if (state.mode === 'value' || state.mode === 'gauge') { last = p; tell(p); }
+});
+const up = event => {
+  const was = down.delete(event.pointerId), p = toImage(pointOf(event));
+  if (down.size < 2) pinch = null;
+  if (event.type === 'pointercancel' || !was || !dragged) return;
+  if (state.mode === 'gauge') {
+    state.gauge = state.gauge.length === 2 ? [reference(p)] : [...state.gauge, reference(p)];
+    if (state.gauge.length === 2) gauge();
+    draw();
+  }
+  if (state.mode === 'profile') { state.line[1] = p; draw(); profile(); }
+  dragged = null;
+};
+canvas.addEventListener('pointerup', up);
+canvas.addEventListener('pointercancel', up);
+canvas.addEventListener('wheel', event => { if (event.ctrlKey || state.mode === 'move' || state.zoom > 1 || event.shiftKey) { event.preventDefault(); zoom(Math.exp(-event.deltaY / 400), pointOf(event)); } }, { passive: false });
+
+// --- set up
+function quantity(k) {
+  state.layer = k;
+  at('quantity').value = String(k);
+  if (field) { draw(); if (last) tell(last); curves(); }
+  if (frames.length) location.replace(`#frame=${frames[state.frame].number}&quantity=${layers[k].key}`);
+}
+at('quantity').addEventListener('change', event => quantity(+event.target.value));
+at('scale').addEventListener('change', event => { state.scale = event.target.value; draw(); });
+at('deformed').addEventListener('change', event => { state.deformed = event.target.checked; place(); draw(); });
+at('magnify').addEventListener('change', event => { const by = parseFloat(event.target.value); state.magnify = by >= 0 ? by : 1; place(); draw(); });
+for (const name of ['value', 'profile', 'gauge', 'move']) at(`mode-${name}`).addEventListener('click', () => choose(name));
+at('closer').addEventListener('click', () => zoom(1.5));
+at('farther').addEventListener('click', () => zoom(1 / 1.5));
+const whole = () => { state.zoom = 1; keep(); draw(); };
+at('fit').addEventListener('click', whole);
+at('previous').addEventListener('click', () => { play(false); show(state.frame - 1); });
+at('next').addEventListener('click', () => { play(false); show(state.frame + 1); });
+at('play').addEventListener('click', () => play(timer === null));
+at('frame').addEventListener('input', event => { play(false); show(+event.target.value); });
+at('against').addEventListener('change', event => { state.against = +event.target.value; curves(); });
+at('save').addEventListener('click', () => {
+  if (!shown) return;
+  const quoted = text => `"${text.replaceAll('"', '""')}"`;
+  const head = [shown.xLabel, ...shown.series.flatMap(s => s.band ? [s.name, `${s.name}, 95 % half width`] : [s.name])].map(quoted);
+  const rows = shown.x.map((x, k) => [x, ...shown.series.flatMap(s => s.band ? [s.y[k], s.band[k]] : [s.y[k]])].join(','));
+  const link = element('a', '', { download: 'quadrille-curve.csv', href: `data:text/csv;charset=utf-8,${encodeURIComponent([`# ${shown.note.replaceAll('\n', ' ')}`, `# ${shown.yLabel}`, head.join(','), ...rows].join('\n') + '\n')}` });
+  link.click();
+});
+document.addEventListener('keydown', event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || ['SELECT', 'INPUT'].includes(event.target.tagName)) return;
+  const keys = { ArrowLeft: () => show(state.frame - 1), ArrowRight: () => show(state.frame + 1), Home: () => show(0), End: () => show(frames.length - 1), '+': () => zoom(1.5), '-': () => zoom(1 / 1.5), 0: whole,
+    v: () => choose('value'), p: () => choose('profile'), g: () => choose('gauge'), m: () => choose('move'), q: () => quantity((state.layer + 1) % layers.filter(l => l.choice).length) };
+  if (event.key === ' ' && event.target.tagName !== 'BUTTON') { event.preventDefault(); play(timer === null); } else if (keys[event.key]) { event.preventDefault(); if (event.key.startsWith('Arrow')) play(false); keys[event.key](); }
+});
+document.title = data.title;
+at('title').textContent = data.title;
+at('subtitle').textContent = data.subtitle;
+for (const { text, warning } of data.lead) at('verdict').append(element('p', text, { class: warning ? 'lead warn' : 'lead' }));
+layers.forEach((layer, k) => { if (layer.choice) at('quantity').append(element('option', layer.unit === '1' ? layer.label : `${layer.label} (${layer.unit})`, { value: k })); });
+data.columns.forEach((column, k) => at('against').append(element('option', column.label, { value: k })));
+at('frame').max = Math.max(0, frames.length - 1);
+const head = element('tr');
+for (const name of ['frame', 'file', 'status', ...data.columns.slice(1).map(c => c.label)]) head.append(element('th', name, { scope: 'col' }));
+const body = element('tbody');
+let count = 0;
+for (const frame of data.frames) {
+  const row = element('tr');
+  for (const text of [frame.number, frame.file, frame.status + (frame.note ? ` (${frame.note})` : ''), ...data.columns.slice(1).map(c => written(c.values[frame.number - 1] ?? NaN, 0))]) row.append(element('td', text));
+  if (frame.field) { const k = count++; row.dataset.at = k; row.addEventListener('click', () => show(k)); }
+  if (frame.bad) row.className = 'bad';
+  body.append(row);
+}
+const top = element('thead');
+top.append(head);
+at('frames').append(top, body);
+for (const [name, text] of data.about) { const row = element('tr'); row.append(element('th', name, { scope: 'row' }), element('td', text)); at('about').append(row); }
+choose('value');
+const asked = new URLSearchParams(location.hash.slice(1)), k = layers.findIndex(l => l.choice && l.key === asked.get('quantity'));
+quantity(k >= 0 ? k : Math.max(0, UY));
+const first = frames.findIndex(frame => String(frame.number) === asked.get('frame'));
+if (first >= 0) state.frame = first;
+if (data.image.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.image.png}`; }
+window.addEventListener('resize', resize);
+resize();
+if (frames.length) show(state.frame);
+else at('frame-name').textContent = 'No frame has a field.';
+})();

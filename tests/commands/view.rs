@@ -1,0 +1,137 @@
+//! `quadrille view`: the page is driven in a real browser, by mouse, by finger and by keys, and what it says is compared with the motion
+//! that the images were made with.
+
+#![cfg(feature = "cli")]
+
+use crate::program;
+use program::browser::seen;
+use program::{Desk, speckle};
+use quadrille::synth::{Affine, Depth};
+
+/// Drives the page: answers as lines of JSON.
+const LOOK: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="out/view.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+const until = async (what, test) => {
+  for (let k = 0; k < 400; k++) { if (test()) return; await new Promise(done => setTimeout(done, 25)); }
+  throw new Error('waited in vain: ' + what);
+};
+f.onload = async () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    await until('the first frame', () => at('frame-name').textContent);
+    const place = ([x, y]) => {
+      const b = map.getBoundingClientRect(), s = Math.min(b.width / 128, b.height / 96);
+      return { clientX: b.left + b.width / 2 + (x + .5 - 64) * s, clientY: b.top + b.height / 2 + (y + .5 - 48) * s };
+    };
+    const send = (type, point, kind) => map.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 7, pointerType: kind, ...place(point) }));
+    const tap = (point, kind) => { send('pointerdown', point, kind); send('pointerup', point, kind); };
+    const key = name => d.dispatchEvent(new w.KeyboardEvent('keydown', { key: name, bubbles: true }));
+    said.title = at('title').textContent;
+    said.lead = at('verdict').textContent;
+    at('quantity').value = [...at('quantity').options].find(o => o.textContent === 'u_x (px)').value;
+    at('quantity').dispatchEvent(new w.Event('change'));
+    send('pointermove', [84, 40], 'mouse');
+    said.value = at('readout').textContent;
+    said.name = at('frame-name').textContent;
+    key('ArrowLeft');
+    await until('the frame before', () => at('frame-name').textContent !== said.name);
+    said.before = at('frame-name').textContent;
+    said.value_before = at('readout').textContent;
+    key('ArrowRight');
+    await until('the frame again', () => at('frame-name').textContent === said.name);
+    key('g');
+    tap([44, 48], 'touch'); tap([84, 48], 'touch');
+    await until('the gauge', () => at('chart-note').textContent.includes('engineering strain'));
+    said.gauge = at('chart-note').textContent;
+    said.points = at('chart').querySelectorAll('path').length;
+    at('mode-profile').click();
+    send('pointerdown', [30, 48], 'mouse'); send('pointermove', [90, 48], 'mouse'); send('pointerup', [90, 48], 'mouse');
+    said.profile = at('chart-note').textContent;
+    send('pointermove', [2, 2], 'mouse');
+    at('mode-value').click();
+    tap([2, 2], 'mouse');
+    said.beside = at('readout').textContent;
+    said.files = [...at('frames').querySelectorAll('tbody tr')].map(row => row.children[1].textContent);
+    said.foreign = d.querySelectorAll('b, img').length;
+    said.ran = Boolean(w.ran);
+    said.hash = w.location.hash;
+    said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+    said.small = [...d.querySelectorAll('body *')].filter(e => e.children.length === 0 && e.textContent.trim() &&
+      !['SCRIPT', 'STYLE', 'OPTION'].includes(e.tagName) && parseFloat(w.getComputedStyle(e).fontSize) < 11).length;
+    const pen = map.getContext('2d').getImageData(0, 0, map.width, map.height).data;
+    const colours = new Set();
+    for (let k = 0; k < pen.length; k += 4 * 97) colours.add(pen[k] << 16 | pen[k + 1] << 8 | pen[k + 2]);
+    said.colours = colours.size;
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+/// The number behind `name` in `text`.
+#[track_caller]
+fn after(text: &str, name: &str) -> f64 {
+    let rest = text.split(name).nth(1).unwrap_or_else(|| panic!("no '{name}' in {text}"));
+    let number: String = rest.trim_start().chars().take_while(|c| "+-.0123456789e".contains(*c)).collect();
+    number.trim_end_matches('.').parse().unwrap_or_else(|_| panic!("no number behind '{name}' in {text}"))
+}
+
+#[test]
+fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostile_names_stay_text() {
+    let desk = Desk::new();
+    let gradient = [[0.01, 0.0], [0.0, -0.004]];
+    let motion = Affine::new(gradient, 128, 96);
+    desk.image("ref.png", &speckle(&Affine::new([[0.0; 2]; 2], 128, 96), Depth::U16));
+    let hostile = "<b><img src=x onerror='window.ran=1'>&amp;.png";
+    desk.image("a.png", &speckle(&Affine::new(gradient.map(|row| row.map(|g| 0.5 * g)), 128, 96), Depth::U16));
+    desk.image(hostile, &speckle(&motion, Depth::U16));
+    desk.run_words(&["correlate", "--roi", "16,16,112,80", "--element-size", "16", "--output", "out", "ref.png", "a.png", hostile])
+        .fine();
+    let ran = desk.run("view out").fine();
+    assert!(ran.stderr.contains("out/view.html with 2 frames"), "{ran}");
+    let page = desk.read("out/view.html");
+    assert!(!page.contains("<b><img") && page.matches("<script>").count() == 1);
+    for address in ["http:", "https:", "src=\"/", "url("] {
+        assert!(!page.contains(address), "{address}");
+    }
+    for width in ["400", "1280"] {
+        let Some(said) = seen(&desk.path(""), &LOOK.replace("WIDTH", width)) else { return };
+        let said = said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+        println!("{width} px: {said}");
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
+        assert!(said.get("error").is_none(), "{said}");
+        let text = |key: &str| said[key].as_str().unwrap().to_owned();
+        assert!(text("lead").contains("2 frames: 2 converged"), "{said}");
+        // Noise-free images: 0.01 px is what interpolation leaves at nodes of such a series, and half a pixel of the screen moves the
+        // value by a hundredth of that.
+        let u = 0.01 * (84.0 - 63.5);
+        assert!((after(&text("value"), "u_x =") - u).abs() < 0.01, "{said}");
+        assert!(text("value").contains("±") && text("value").ends_with("px"), "{said}");
+        assert!((after(&text("value_before"), "u_x =") - 0.5 * u).abs() < 0.01, "{said}");
+        assert!(text("name").contains("frame 2 of 2: <b><img") && text("before").contains("frame 1 of 2: a.png"), "{said}");
+        // Two displacements of 0.01 px over 40 px.
+        assert!((after(&text("gauge"), "engineering strain") - 0.01).abs() < 5e-4, "{said}");
+        assert!((after(&text("gauge"), ", across")).abs() < 0.02 && said["points"].as_u64() == Some(2), "{said}");
+        assert!(text("profile").contains("Frame 2, from x 30.") && text("beside").contains("beside the mesh"), "{said}");
+        assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0 && said["ran"] == false, "{said}");
+        assert!(text("hash").contains("frame=2&quantity=ux"), "{said}");
+        assert!(said["wide"] == 0 && said["small"] == 0, "{said}");
+        assert!(said["colours"].as_u64() > Some(50), "{said}");
+    }
+}
+
+#[test]
+fn long_series_are_thinned_to_the_size_asked_for_and_say_so() {
+    let desk = Desk::with_series();
+    desk.correlate(&format!("{} --output out ref.png a.png b.png c.png", program::INSIDE)).fine();
+    let all = desk.run("view out").fine();
+    assert!(all.stderr.contains("with 3 frames, "), "{all}");
+    // Less than what the rest of a page takes: one frame is left, and what is left out is named.
+    let ran = desk.run("view out --max-mb 0.5 --output small.html").fine();
+    assert!(ran.stderr.contains("small.html with 1 frame of 3, evenly"), "{ran}");
+    assert!(desk.read("small.html").contains("1 of 3 frames with a field are in this page"));
+    assert!(desk.bytes("small.html").len() < desk.bytes("out/view.html").len());
+    desk.run("view out --frames 7").refused(&["--frames names frame 7; the series has 3"]);
+    desk.run("view nowhere").refused(&["there is no fields.zarr here"]);
+    desk.run("view out --max-mb 0").refused(&["give MB from 0.1 to 10000"]);
+}
