@@ -18,6 +18,7 @@ mod bench_series;
 mod correlate;
 mod demo;
 mod devices;
+mod draw;
 mod export;
 mod figures;
 mod fitting;
@@ -92,6 +93,7 @@ pub fn main() -> ExitCode {
         args::Command::Probe(args) => probe::run(&args),
         args::Command::Figures(args) => figures::run(&args),
         args::Command::View(args) => view::run(&args),
+        args::Command::Draw(args) => draw::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),

@@ -85,8 +85,19 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
     let hostile = "<b><img src=x onerror='window.ran=1'>&amp;.png";
     desk.image("a.png", &speckle(&Affine::new(gradient.map(|row| row.map(|g| 0.5 * g)), 128, 96), Depth::U16));
     desk.image(hostile, &speckle(&motion, Depth::U16));
-    desk.run_words(&["correlate", "--roi", "16,16,112,80", "--element-size", "16", "--output", "out", "ref.png", "a.png", hostile])
-        .fine();
+    desk.run_words(&[
+        "correlate",
+        "--roi",
+        "16,16,112,80",
+        "--element-size",
+        "16",
+        "--output",
+        "out",
+        "ref.png",
+        "a.png",
+        hostile,
+    ])
+    .fine();
     let ran = desk.run("view out").fine();
     assert!(ran.stderr.contains("out/view.html with 2 frames"), "{ran}");
     let page = desk.read("out/view.html");
@@ -108,11 +119,17 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         assert!((after(&text("value"), "u_x =") - u).abs() < 0.01, "{said}");
         assert!(text("value").contains("±") && text("value").ends_with("px"), "{said}");
         assert!((after(&text("value_before"), "u_x =") - 0.5 * u).abs() < 0.01, "{said}");
-        assert!(text("name").contains("frame 2 of 2: <b><img") && text("before").contains("frame 1 of 2: a.png"), "{said}");
+        assert!(
+            text("name").contains("frame 2 of 2: <b><img") && text("before").contains("frame 1 of 2: a.png"),
+            "{said}"
+        );
         // Two displacements of 0.01 px over 40 px.
         assert!((after(&text("gauge"), "engineering strain") - 0.01).abs() < 5e-4, "{said}");
         assert!((after(&text("gauge"), ", across")).abs() < 0.02 && said["points"].as_u64() == Some(2), "{said}");
-        assert!(text("profile").contains("Frame 2, from x 30.") && text("beside").contains("beside the mesh"), "{said}");
+        assert!(
+            text("profile").contains("Frame 2, from x 30.") && text("beside").contains("beside the mesh"),
+            "{said}"
+        );
         assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0 && said["ran"] == false, "{said}");
         assert!(text("hash").contains("frame=2&quantity=ux"), "{said}");
         assert!(said["wide"] == 0 && said["small"] == 0, "{said}");
@@ -134,4 +151,102 @@ fn long_series_are_thinned_to_the_size_asked_for_and_say_so() {
     desk.run("view out --frames 7").refused(&["--frames names frame 7; the series has 3"]);
     desk.run("view nowhere").refused(&["there is no fields.zarr here"]);
     desk.run("view out --max-mb 0").refused(&["give MB from 0.1 to 10000"]);
+}
+
+/// Draws on the page: answers as lines of JSON.
+const DRAW: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="draw.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = async () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    const kind = 'KIND';
+    const send = (type, [x, y], more) => {
+      const b = map.getBoundingClientRect(), s = Math.min(b.width / 128, b.height / 96);
+      const clientX = b.left + b.width / 2 + (x + .5 - 64) * s, clientY = b.top + b.height / 2 + (y + .5 - 48) * s;
+      map.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 7, pointerType: kind, clientX, clientY, ...more }));
+    };
+    const tap = (p, more) => { send('pointermove', p, more); send('pointerdown', p, more); send('pointerup', p, more); };
+    const drag = (p, q, more) => { send('pointerdown', p, more); send('pointermove', q, more); send('pointerup', q, more); };
+    const key = (name, more) => d.dispatchEvent(new w.KeyboardEvent('keydown', { key: name, bubbles: true, ...more }));
+    const fill = (id, value, type) => { at(id).value = value; at(id).dispatchEvent(new w.Event(type)); };
+    said.without = at('notes').textContent;
+    key('r'); drag([15.5, 7.5], [111.5, 39.5]);
+    fill('name', 'upper "strip"', 'change');
+    key('p'); for (const p of [[16, 48], [111, 48], [111, 79], [16, 79]]) tap(p);
+    key('Enter');
+    key('x'); for (const p of [[40, 56], [56, 56], [56, 72]]) tap(p);
+    // The first corner again ends it.
+    tap([40, 56]);
+    key('e'); drag([30, 20], [90, 22], { shiftKey: true });
+    key('o'); tap([64, 64]);
+    key('k'); drag([20, 90], [70, 90], { shiftKey: true }); fill('length', '2.5', 'input');
+    key('c'); tap([20, 44]); tap([30, 44]); key('Backspace'); tap([60, 44]); key('Enter');
+    said.with_crack = at('case').textContent.includes('[[crack]]');
+    key('z', { ctrlKey: true });
+    said.undone = !at('case').textContent.includes('[[crack]]');
+    at('opening').checked = true; at('opening').dispatchEvent(new w.Event('change'));
+    // A corner is moved, and put back.
+    const before = at('case').textContent;
+    key('s'); drag([111.5, 39.5], [101.5, 31.5]);
+    said.moved = at('case').textContent.includes('roi = [16, 8, 102, 32]');
+    at('undo').click();
+    said.back = at('case').textContent === before;
+    fill('size', '8', 'change');
+    said.case = at('case').textContent;
+    said.notes = at('notes').textContent;
+    said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+#[test]
+fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
+    let desk = Desk::with_series();
+    for (width, kind) in [("1280", "mouse"), ("400", "touch")] {
+        let made = desk.run("draw ref.png a.png b.png").fine();
+        assert!(made.stderr.contains("draw.html: open it in a browser"), "{made}");
+        let look = DRAW.replace("WIDTH", width).replace("KIND", kind);
+        let Some(said) = seen(&desk.path(""), &look) else { return };
+        let said = said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+        println!("{width} px: {said}");
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
+        assert!(said.get("error").is_none(), "{said}");
+        for key in ["with_crack", "undone", "moved", "back"] {
+            assert_eq!(said[key], true, "{key}: {said}");
+        }
+        assert!(said["without"].as_str().unwrap().contains("Without a zone") && said["notes"] == "", "{said}");
+        assert_eq!(said["wide"], 0, "{said}");
+        let case = said["case"].as_str().unwrap();
+        assert!(case.contains("roi = [16, 8, 112, 40]") && case.contains(r#"name = "upper \"strip\"""#), "{case}");
+        assert!(case.contains("# 2.5 mm are 50 px") && case.contains("pixel_size_mm = 0.05"), "{case}");
+        desk.write("case.toml", case);
+        desk.run("correlate --case case.toml --output out --overwrite --quiet").fine();
+        let summary = desk.json("out/summary.json");
+        assert_eq!(summary["frames"].as_array().unwrap().len(), 2, "{summary}");
+        for table in ["extensometers", "points", "openings"] {
+            assert!(
+                desk.all_files("out/quantities").iter().any(|name| name.ends_with(&format!("{table}.csv"))),
+                "{table}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_page_to_draw_on_names_what_cannot_be_read() {
+    let desk = Desk::with_series();
+    desk.run("draw nothing.png").refused(&["nothing.png"]);
+    desk.write("text.png", "no image");
+    desk.run("draw text.png").refused(&["text.png"]);
+    desk.run("draw ref.png --output no/folder/draw.html").refused(&["no/folder/draw.html: cannot be written"]);
+    // Of one glob the first image is the reference.
+    desk.run_words(&["draw", "?.png", "--output", "glob.html"]).fine();
+    let page = desk.read("glob.html");
+    assert!(
+        page.contains(r#""deformed":["?.png"]"#)
+            && page.contains(r#""reference":null"#)
+            && page.contains(r#""shown":"a.png""#)
+    );
 }

@@ -62,6 +62,8 @@ pub enum Command {
     Probe(ProbeArgs),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
     Figures(FiguresArgs),
+    /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
+    Draw(DrawArgs),
     /// Make a page on which one looks around in the fields of a run, in any browser.
     View(ViewArgs),
     /// Make speckle images whose displacement is known exactly.

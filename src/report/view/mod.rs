@@ -4,6 +4,12 @@
 //! A number has 16 bits: `low + step * code` of its quantity and frame, code 65535 where there is none. The codes of all quantities of
 //! a frame stand behind one another, each as the difference from the one before; first the lower bytes of all, then the upper ones,
 //! deflated (zlib) and in base64. Read by `page.js` beside this file.
+//!
+//! [`Drawing`] is its sister: the page on which zones are drawn.
+
+mod draw;
+
+pub use draw::Drawing;
 
 use super::{Backdrop, Palette};
 use crate::field::{ElementMark, Status};
@@ -20,6 +26,8 @@ use std::io::Write;
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// What both pages do with an image: closer, farther, mouse and fingers.
+const IMAGE: &str = include_str!("image.js");
 
 /// The code of a number that is not there.
 const MISSING: u16 = u16::MAX;
@@ -158,14 +166,7 @@ pub struct View<'a> {
 impl View<'_> {
     /// The page.
     pub fn html(&self) -> String {
-        // Within a script nothing but this ends it.
-        let data = self.data().to_string().replace('<', "\\u003c");
-        let sha256 = STANDARD.encode(Sha256::digest(SCRIPT.as_bytes()));
-        let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
-        let html = with(HTML.to_owned(), "{SCRIPT_SHA256}", &sha256);
-        let html = with(html, "{STYLE}", STYLE.trim_end());
-        let html = with(html, "{SCRIPT}", SCRIPT);
-        with(html, "{DATA}", &data)
+        page_of(HTML, &[IMAGE, SCRIPT].concat(), &self.data())
     }
 
     fn data(&self) -> Value {
@@ -222,6 +223,18 @@ impl View<'_> {
             "range": [low, high],
         })
     }
+}
+
+/// The page `html` with its one `script`, which alone may run, and the `data` that it shows.
+fn page_of(html: &str, script: &str, data: &Value) -> String {
+    // Within a script nothing but this ends it.
+    let data = data.to_string().replace('<', "\\u003c");
+    let sha256 = STANDARD.encode(Sha256::digest(script.as_bytes()));
+    let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
+    let html = with(html.to_owned(), "{SCRIPT_SHA256}", &sha256);
+    let html = with(html, "{STYLE}", STYLE.trim_end());
+    let html = with(html, "{SCRIPT}", script);
+    with(html, "{DATA}", &data)
 }
 
 fn name_of(palette: Palette) -> &'static str {

@@ -1,4 +1,3 @@
-'use strict';
 // The page of a run. Its numbers come from the store, rounded to 1/65534 of the range that a quantity has in a frame; nothing is
 // fetched, and names reach the page as text only.
 (() => {
@@ -50,18 +49,12 @@ function fieldOf(k) {
 }
 
 // --- what is shown
-const state = { frame: Math.max(0, frames.length - 1), layer: Math.max(0, UY), mode: 'value', zoom: 1, middle: [data.image.width / 2, data.image.height / 2],
-  deformed: false, magnify: 1, scale: 'series', line: null, gauge: [], against: 0 };
+const state = { frame: Math.max(0, frames.length - 1), layer: Math.max(0, UY), mode: 'value', deformed: false, magnify: 1, scale: 'series', line: null, gauge: [], against: 0 };
 let field = null, positions = nodes;
 const canvas = at('map'), pen = canvas.getContext('2d'), over = document.createElement('canvas'), overPen = over.getContext('2d');
 const picture = new Image();
 const palettes = {};
 for (const name in data.palettes) palettes[name] = bytesOf(data.palettes[name]);
-
-/** Pixels of the canvas for a pixel of the image. */
-const factor = () => state.zoom * Math.min(canvas.width / data.image.width, canvas.height / data.image.height);
-const toCanvas = ([x, y]) => [(x + .5 - state.middle[0]) * factor() + canvas.width / 2, (y + .5 - state.middle[1]) * factor() + canvas.height / 2];
-const toImage = ([x, y]) => [(x - canvas.width / 2) / factor() + state.middle[0] - .5, (y - canvas.height / 2) / factor() + state.middle[1] - .5];
 
 function rangeOf() {
   const layer = layers[state.layer];
@@ -92,12 +85,7 @@ function place() {
 }
 
 function draw() {
-  pen.setTransform(1, 0, 0, 1, 0, 0);
-  pen.fillStyle = '#e8e8e8';
-  pen.fillRect(0, 0, canvas.width, canvas.height);
-  const [left, top] = toCanvas([-.5, -.5]), s = factor();
-  if (picture.complete && picture.naturalWidth) pen.drawImage(picture, left, top, data.image.width * s, data.image.height * s);
-  else { pen.fillStyle = '#fff'; pen.fillRect(left, top, data.image.width * s, data.image.height * s); }
+  view.paint(pen, picture);
   if (field) { paint(); marks(); }
   tools();
 }
@@ -131,7 +119,7 @@ function paint() {
       }
     }
   };
-  const s = factor(), ox = (.5 - state.middle[0]) * s + w / 2, oy = (.5 - state.middle[1]) * s + h / 2;
+  const s = view.factor(), [ox, oy] = view.toCanvas([0, 0]);
   const x = [0, 0, 0, 0], y = [0, 0, 0, 0], v = [0, 0, 0, 0];
   for (let e = 0; e < nElements; e++) {
     let bad = false;
@@ -165,7 +153,7 @@ function marks() {
   for (let e = 0; e < nElements; e++) {
     const mark = field[MARK][e];
     if (!(mark >= 1 && mark < 255)) continue;
-    const p = c => toCanvas([positions[2 * corners[4 * e + c]], positions[2 * corners[4 * e + c] + 1]]);
+    const p = c => view.toCanvas([positions[2 * corners[4 * e + c]], positions[2 * corners[4 * e + c] + 1]]);
     for (const [a, b] of mark >= 3 ? [[0, 2], [1, 3]] : [[0, 2]]) { pen.moveTo(...p(a)); pen.lineTo(...p(b)); }
   }
   pen.stroke();
@@ -177,9 +165,9 @@ function tools() {
     for (const [style, width] of [['#fff', 5], ['#000', 2]]) {
       pen.strokeStyle = style; pen.lineWidth = width * window.devicePixelRatio;
       pen.beginPath();
-      points.forEach((p, k) => k ? pen.lineTo(...toCanvas(p)) : pen.moveTo(...toCanvas(p)));
+      points.forEach((p, k) => k ? pen.lineTo(...view.toCanvas(p)) : pen.moveTo(...view.toCanvas(p)));
       pen.stroke();
-      if (round) for (const p of points) { pen.beginPath(); pen.arc(...toCanvas(p), 5 * window.devicePixelRatio, 0, 7); pen.stroke(); }
+      if (round) for (const p of points) { pen.beginPath(); pen.arc(...view.toCanvas(p), 5 * window.devicePixelRatio, 0, 7); pen.stroke(); }
     }
   };
   if (state.line) line(state.line);
@@ -398,90 +386,35 @@ function choose(mode) {
   at('readout').textContent = { value: 'Point at the field: its value.', profile: 'Drag a line over the field: its values along it.', gauge: 'Two points: how they part, over all frames.', move: 'Drag to move, wheel or two fingers to come closer.' }[mode];
   curves();
 }
-function zoom(by, about) {
-  const p = toImage(about || [canvas.width / 2, canvas.height / 2]);
-  state.zoom = Math.max(1, Math.min(60, state.zoom * by));
-  const q = toImage(about || [canvas.width / 2, canvas.height / 2]);
-  state.middle = [state.middle[0] + p[0] - q[0], state.middle[1] + p[1] - q[1]];
-  keep();
-  draw();
-}
-/** The image stays in sight. */
-function keep() {
-  const half = [canvas.width / 2 / factor(), canvas.height / 2 / factor()], size = [data.image.width, data.image.height];
-  state.middle = state.middle.map((m, c) => half[c] * 2 >= size[c] ? size[c] / 2 : Math.max(half[c], Math.min(size[c] - half[c], m)));
-}
-function resize() {
-  const ratio = window.devicePixelRatio || 1, width = at('stage').clientWidth, most = Math.max(240, .65 * window.innerHeight);
-  const height = Math.min(most, width * data.image.height / data.image.width);
-  canvas.style.height = `${height}px`;
-  canvas.width = Math.round(width * ratio);
-  canvas.height = Math.round(height * ratio);
-  keep();
-  draw();
-  if (shown) chart(shown);
-}
-
 // --- pointer: mouse, pen, fingers
-const down = new Map();
-let last = null, pinch = null, dragged = null;
-const pointOf = event => {
-  const box = canvas.getBoundingClientRect();
-  return [(event.clientX - box.left) * canvas.width / box.width, (event.clientY - box.top) * canvas.height / box.height];
-};
+let last = null;
 /** A point of the drawing as one of the reference. */
 function reference(p) {
   if (!state.deformed) return p;
   const hit = find(p, positions);
   return hit ? [0, 1].map(c => hit.w.reduce((s, w, i) => s + w * nodes[2 * corners[4 * hit.e + i] + c], 0)) : p;
 }
-canvas.addEventListener('pointerdown', event => {
-  down.set(event.pointerId, pointOf(event));
-  if (event.isTrusted) canvas.setPointerCapture(event.pointerId);
-  canvas.focus({ preventScroll: true });
-  const p = toImage(pointOf(event));
-  if (down.size === 2) { pinch = [...down.values()]; dragged = null; return; }
-  dragged = pointOf(event);
-  if (state.mode === 'profile') state.line = [p, p];
-  if (state.mode === 'value') { last = p; tell(p); }
+const view = imageView(canvas, [data.image.width, data.image.height], {
+  draw, share: .65, moves: () => state.mode === 'move',
+  on: {
+    down(p) {
+      if (state.mode === 'profile') state.line = [p, p];
+      if (state.mode === 'value') { last = p; tell(p); }
+    },
+    move(p, event, held) {
+      if (state.mode === 'profile' && held) { state.line[1] = p; draw(); profile(); }
+      if (state.mode === 'value' || state.mode === 'gauge') { last = p; tell(p); }
+    },
+    up(p) {
+      if (state.mode === 'gauge') {
+        state.gauge = state.gauge.length === 2 ? [reference(p)] : [...state.gauge, reference(p)];
+        if (state.gauge.length === 2) gauge();
+        draw();
+      }
+      if (state.mode === 'profile') { state.line[1] = p; draw(); profile(); }
+    },
+  },
 });
-canvas.addEventListener('pointermove', event => {
-  const here = pointOf(event), p = toImage(here);
-  if (down.has(event.pointerId)) {
-    const before = down.get(event.pointerId);
-    down.set(event.pointerId, here);
-    if (down.size === 2 && pinch) {
-      const gap = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]), now = [...down.values()];
-      const middle = [(now[0][0] + now[1][0]) / 2, (now[0][1] + now[1][1]) / 2];
-      if (gap(pinch) > 0) zoom(gap(now) / gap(pinch), middle);
-      pinch = now;
-      return;
-    }
-    if (state.mode === 'move') {
-      state.middle = [state.middle[0] - (here[0] - before[0]) / factor(), state.middle[1] - (here[1] - before[1]) / factor()];
-      keep();
-      draw();
-      return;
-    }
-    if (state.mode === 'profile' && dragged) { state.line[1] = p; draw(); profile(); return; }
-  }
-  if (state.mode === 'value' || state.mode === 'gauge') { last = p; tell(p); }
-});
-const up = event => {
-  const was = down.delete(event.pointerId), p = toImage(pointOf(event));
-  if (down.size < 2) pinch = null;
-  if (event.type === 'pointercancel' || !was || !dragged) return;
-  if (state.mode === 'gauge') {
-    state.gauge = state.gauge.length === 2 ? [reference(p)] : [...state.gauge, reference(p)];
-    if (state.gauge.length === 2) gauge();
-    draw();
-  }
-  if (state.mode === 'profile') { state.line[1] = p; draw(); profile(); }
-  dragged = null;
-};
-canvas.addEventListener('pointerup', up);
-canvas.addEventListener('pointercancel', up);
-canvas.addEventListener('wheel', event => { if (event.ctrlKey || state.mode === 'move' || state.zoom > 1 || event.shiftKey) { event.preventDefault(); zoom(Math.exp(-event.deltaY / 400), pointOf(event)); } }, { passive: false });
 
 // --- set up
 function quantity(k) {
@@ -495,10 +428,6 @@ at('scale').addEventListener('change', event => { state.scale = event.target.val
 at('deformed').addEventListener('change', event => { state.deformed = event.target.checked; place(); draw(); });
 at('magnify').addEventListener('change', event => { const by = parseFloat(event.target.value); state.magnify = by >= 0 ? by : 1; place(); draw(); });
 for (const name of ['value', 'profile', 'gauge', 'move']) at(`mode-${name}`).addEventListener('click', () => choose(name));
-at('closer').addEventListener('click', () => zoom(1.5));
-at('farther').addEventListener('click', () => zoom(1 / 1.5));
-const whole = () => { state.zoom = 1; keep(); draw(); };
-at('fit').addEventListener('click', whole);
 at('previous').addEventListener('click', () => { play(false); show(state.frame - 1); });
 at('next').addEventListener('click', () => { play(false); show(state.frame + 1); });
 at('play').addEventListener('click', () => play(timer === null));
@@ -514,7 +443,7 @@ at('save').addEventListener('click', () => {
 });
 document.addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || ['SELECT', 'INPUT'].includes(event.target.tagName)) return;
-  const keys = { ArrowLeft: () => show(state.frame - 1), ArrowRight: () => show(state.frame + 1), Home: () => show(0), End: () => show(frames.length - 1), '+': () => zoom(1.5), '-': () => zoom(1 / 1.5), 0: whole,
+  const keys = { ArrowLeft: () => show(state.frame - 1), ArrowRight: () => show(state.frame + 1), Home: () => show(0), End: () => show(frames.length - 1), '+': () => view.closer(1.5), '-': () => view.closer(1 / 1.5), 0: view.whole,
     v: () => choose('value'), p: () => choose('profile'), g: () => choose('gauge'), m: () => choose('move'), q: () => quantity((state.layer + 1) % layers.filter(l => l.choice).length) };
   if (event.key === ' ' && event.target.tagName !== 'BUTTON') { event.preventDefault(); play(timer === null); } else if (keys[event.key]) { event.preventDefault(); if (event.key.startsWith('Arrow')) play(false); keys[event.key](); }
 });
@@ -546,8 +475,8 @@ quantity(k >= 0 ? k : Math.max(0, UY));
 const first = frames.findIndex(frame => String(frame.number) === asked.get('frame'));
 if (first >= 0) state.frame = first;
 if (data.image.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.image.png}`; }
-window.addEventListener('resize', resize);
-resize();
+window.addEventListener('resize', () => { if (shown) chart(shown); });
+view.resize();
 if (frames.length) show(state.frame);
 else at('frame-name').textContent = 'No frame has a field.';
 })();

@@ -1,0 +1,36 @@
+//! `quadrille draw`.
+
+use super::args::DrawArgs;
+use super::{Outcome, Result};
+use crate::io::images::Accepted;
+use crate::io::series::{Frame, expand_series};
+use crate::report::Backdrop;
+use crate::report::view::Drawing;
+use std::path::Path;
+
+/// Pixels of the picture for one of a figure: zones are drawn to the pixel.
+const RATIO: u32 = 2;
+
+/// Runs the command.
+pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
+    let (first, others) = args.images.split_first().ok_or("no image is named")?;
+    let files = expand_series(std::slice::from_ref(first), Path::new(""))?;
+    let file = files.first().ok_or_else(|| format!("{first}: there is no such image"))?;
+    let shown = Frame::file(file.clone(), args.page);
+    let image = shown.read(Accepted::ANY)?.image;
+    let of_glob = others.is_empty() && files.len() > 1;
+    let drawing = Drawing {
+        backdrop: &Backdrop::new(&image, RATIO),
+        shown: file.display().to_string(),
+        reference: (!of_glob).then(|| first.clone()),
+        page: args.page,
+        deformed: if of_glob { vec![first.clone()] } else { others.to_vec() },
+        folder: std::env::current_dir().map_or_else(|_| "this folder".into(), |folder| folder.display().to_string()),
+    };
+    let path = &args.output;
+    std::fs::write(path, drawing.html()).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
+    if !args.talk.quiet {
+        eprintln!("{}: open it in a browser, draw, and save its case file in this folder", path.display());
+    }
+    Ok(Outcome::Fine)
+}

@@ -1,0 +1,362 @@
+// Zones, cracks, gauges and a scale drawn on the reference image; what is written is a case file that the command repeats.
+(() => {
+const data = JSON.parse(document.getElementById('data').textContent);
+const at = id => document.getElementById(id);
+const [W, H] = [data.width, data.height];
+/** Kinds: how they are drawn, what they are in the case file, their colour. */
+const KINDS = {
+  roi: { how: 'box', zone: true, name: 'zone', colour: '#56b4e9', key: 'r', say: 'Drag a rectangle: a zone of the specimen.' },
+  polygon: { how: 'path', zone: true, least: 3, closed: true, name: 'zone', colour: '#56b4e9', key: 'p', say: 'Corners of a zone one by one; Enter, or the first corner again, ends it.' },
+  exclude: { how: 'path', least: 3, closed: true, name: '', colour: '#d55e00', key: 'x', say: 'Corners of what is cut out of the zone chosen last; Enter ends it.' },
+  crack: { how: 'path', least: 2, name: 'crack', colour: '#f0e442', key: 'c', say: 'Points along the crack, some elements beyond the place its tip will reach; Enter ends it. An end inside a zone stays joined: a tip.' },
+  extensometer: { how: 'drag', name: 'extensometer', colour: '#009e73', key: 'e', say: 'Drag from one end to the other.' },
+  line: { how: 'drag', name: 'line', colour: '#cc79a7', key: 'l', say: 'Drag a line along which values are wanted.' },
+  point: { how: 'click', name: 'point', colour: '#cc79a7', key: 'o', say: 'Click a point.' },
+  scale: { how: 'drag', name: '', colour: '#e69f00', key: 'k', say: 'Drag a length that you know, then give it in mm.' },
+};
+const KEYS = { select: 's', move: 'm' };
+for (const kind in KINDS) KEYS[kind] = KINDS[kind].key;
+let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, opening: false };
+const past = [], future = [];
+const frozen = () => JSON.stringify([shapes, settings]);
+/** What is done after this can be undone. */
+function remember() { past.push(frozen()); future.length = 0; }
+function go(from, to) {
+  if (!from.length) return;
+  to.push(frozen());
+  [shapes, settings] = JSON.parse(from.pop());
+  chosen = Math.min(chosen, shapes.length - 1);
+  path = drag = null;
+  changed();
+}
+
+// --- geometry
+const snapPx = () => 9 * (window.devicePixelRatio || 1) / view.factor();
+const tenth = v => Math.round(10 * v) / 10;
+/** Onto corners and borders that are near; with shift level or upright from `from`. */
+function snapped(p, event, from) {
+  let best = null, nearest = snapPx();
+  const corners = shapes.flatMap((shape, k) => drag && drag.shape === k ? [] : cornersOf(shape));
+  for (const q of [...corners, ...(path ? path.points.slice(0, 1) : [])]) {
+    const gap = Math.hypot(p[0] - q[0], p[1] - q[1]);
+    if (gap < nearest) { nearest = gap; best = q; }
+  }
+  if (best) return [...best];
+  let [x, y] = p;
+  if (event.shiftKey && from) { if (Math.abs(x - from[0]) > Math.abs(y - from[1])) y = from[1]; else x = from[0]; }
+  const border = (v, n) => v < -.5 + snapPx() ? -.5 : v > n - .5 - snapPx() ? n - .5 : v;
+  return [tenth(border(x, W)), tenth(border(y, H))];
+}
+/** The corners of a shape; of a rectangle all four. */
+function cornersOf({ kind, points }) {
+  if (kind !== 'roi') return points;
+  const [[a, b], [c, d]] = points;
+  return [[a, b], [c, b], [c, d], [a, d]];
+}
+const inside = (p, corners) => {
+  let is = false;
+  corners.forEach(([x, y], k) => {
+    const [u, v] = corners[(k + 1) % corners.length];
+    if ((y > p[1]) !== (v > p[1]) && p[0] < (u - x) * (p[1] - y) / (v - y) + x) is = !is;
+  });
+  return is;
+};
+function toSegment(p, a, b) {
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]], l = dx * dx + dy * dy, t = l ? Math.max(0, Math.min(1, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / l)) : 0;
+  return Math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
+}
+const isClosed = kind => kind === 'roi' || KINDS[kind].closed;
+/** What lies under a point: a corner of a shape, or the shape (the last drawn first). */
+function under(p) {
+  for (const near of [true, false]) {
+    for (let k = shapes.length - 1; k >= 0; k--) {
+      const corners = cornersOf(shapes[k]), corner = corners.findIndex(q => Math.hypot(p[0] - q[0], p[1] - q[1]) < snapPx());
+      if (near && corner >= 0) return { shape: k, corner };
+      const side = corners.some((q, i) => (i + 1 < corners.length || isClosed(shapes[k].kind)) && toSegment(p, q, corners[(i + 1) % corners.length]) < snapPx());
+      if (!near && (side || (isClosed(shapes[k].kind) && inside(p, corners)))) return { shape: k, corner: -1 };
+    }
+  }
+  return null;
+}
+const crosses = (a, b, c, d) => {
+  const turn = (p, q, r) => Math.sign((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]));
+  return turn(a, b, c) * turn(a, b, d) < 0 && turn(c, d, a) * turn(c, d, b) < 0;
+};
+
+// --- shapes
+function nameFor(kind) {
+  const base = KINDS[kind].name;
+  if (!base) return '';
+  for (let k = 1; ; k++) if (shapes.every(shape => shape.name !== `${base}${k}`)) return `${base}${k}`;
+}
+function add(kind, points) {
+  remember();
+  if (kind === 'scale') shapes = shapes.filter(shape => shape.kind !== 'scale');
+  const zone = kind === 'exclude' ? zoneFor() : undefined;
+  if (kind === 'exclude' && zone === undefined) { past.pop(); say('There is no zone yet to cut anything out of.'); return; }
+  shapes.push({ kind, name: nameFor(kind), points, zone, mm: kind === 'scale' ? 0 : undefined });
+  chosen = shapes.length - 1;
+  changed();
+  if (kind === 'scale') at('length').focus();
+}
+/** Name of the zone chosen, else of the last. */
+function zoneFor() {
+  const own = shapes[chosen];
+  if (own && KINDS[own.kind].zone) return own.name;
+  if (own && own.kind === 'exclude') return own.zone;
+  return shapes.filter(shape => KINDS[shape.kind].zone).map(shape => shape.name).pop();
+}
+function end() {
+  if (!path) return;
+  const { kind, points } = path, least = KINDS[kind].least;
+  path = null;
+  if (points.length >= least) add(kind, points);
+  else { say(`${least} points are needed.`); draw(); }
+}
+function remove() {
+  if (path) { path.points.pop(); if (!path.points.length) path = null; draw(); return; }
+  if (chosen < 0) return;
+  remember();
+  const [gone] = shapes.splice(chosen, 1);
+  if (KINDS[gone.kind].zone) shapes = shapes.filter(shape => shape.kind !== 'exclude' || shape.zone !== gone.name);
+  chosen = -1;
+  changed();
+}
+
+// --- the case file
+const text = v => JSON.stringify(v).replace(/\u007f/g, '\\u007f');
+const number = v => String(+v.toFixed(3));
+const list = points => `[${points.map(([x, y]) => `[${number(x)}, ${number(y)}]`).join(', ')}]`;
+/** First pixel inside and first beyond, of the edges of a rectangle. */
+const roiOf = ([[a, b], [c, d]]) => [Math.min(a, c), Math.min(b, d), Math.max(a, c), Math.max(b, d)].map(v => Math.round(v + .5));
+const scaleOf = () => {
+  const scale = shapes.find(shape => shape.kind === 'scale' && shape.mm > 0);
+  if (!scale) return null;
+  const [[a, b], [c, d]] = scale.points, px = Math.hypot(c - a, d - b);
+  return px > 0 ? { px, mm: scale.mm } : null;
+};
+const zones = () => shapes.filter(shape => KINDS[shape.kind].zone);
+function caseText() {
+  const lines = [`# Drawn with quadrille ${data.quadrille} on an image of ${W} x ${H} px; px of this image, y down.`, '[images]'];
+  if (data.reference) lines.push(`reference = ${text(data.reference)}`);
+  if (data.deformed.length) lines.push(`deformed = ${data.deformed.length === 1 ? text(data.deformed[0]) : `[${data.deformed.map(text).join(', ')}]`}`);
+  if (data.page) lines.push(`page = ${data.page}`);
+  const scale = scaleOf();
+  if (scale) lines.push(`pixel_size_mm = ${(scale.mm / scale.px).toPrecision(6)} # ${number(scale.mm)} mm are ${number(scale.px)} px`);
+  lines.push('', '[correlation]', `element_size_px = ${settings.size}`);
+  for (const shape of shapes) {
+    const { kind, name, points } = shape, named = [`name = ${text(name)}`];
+    if (kind === 'roi') lines.push('', '[[zone]]', ...named, `roi = [${roiOf(points).join(', ')}]`);
+    if (kind === 'polygon') lines.push('', '[[zone]]', ...named, `polygon = ${list(points)}`);
+    const cut = KINDS[kind].zone ? shapes.filter(other => other.kind === 'exclude' && other.zone === name) : [];
+    if (cut.length) lines.push(`exclude = [${cut.map(other => list(other.points)).join(', ')}]`);
+    if (kind === 'crack') lines.push('', '[[crack]]', ...named, `path = ${list(points)}`);
+    if (kind === 'extensometer' || kind === 'line') lines.push('', `[[${kind}]]`, ...named, `from = [${points[0].map(number).join(', ')}]`, `to = [${points[1].map(number).join(', ')}]`);
+    if (kind === 'point') lines.push('', '[[point]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
+  }
+  if (settings.opening && zones().length === 2) lines.push('', '[[opening]]', `zones = [${zones().map(zone => text(zone.name)).join(', ')}]`);
+  return lines.join('\n') + '\n';
+}
+/** What the command would refuse, or measure badly. */
+function faults() {
+  const found = [], names = new Map();
+  for (const { kind, name, points } of shapes) {
+    if (kind !== 'exclude' && kind !== 'scale') {
+      if (!name.trim()) found.push('Something has no name.');
+      if (names.has(`${KINDS[kind].name} ${name}`)) found.push(`Two are called '${name}': names must differ.`);
+      names.set(`${KINDS[kind].name} ${name}`, true);
+    }
+    if (kind === 'roi') {
+      const [x0, y0, x1, y1] = roiOf(points), least = Math.min(x1 - x0, y1 - y0);
+      if (least < settings.size) found.push(`${name} is ${least} px wide: less than one element of ${settings.size} px.`);
+      else if (least < 2 * settings.size) found.push(`${name} is ${least} px wide: one element; no strain varies across it.`);
+    }
+    if (KINDS[kind].closed && points.some((a, i) => points.some((c, j) => j > i && crosses(a, points[(i + 1) % points.length], c, points[(j + 1) % points.length])))) found.push(`${name || 'What is cut out'} crosses itself.`);
+    if (kind === 'crack' && !zones().some(zone => points.some(p => inside(p, cornersOf(zone))) || !zones().length)) found.push(`${name} lies beside every zone.`);
+  }
+  const scale = shapes.find(shape => shape.kind === 'scale');
+  if (scale && !scaleOf()) found.push('The scale needs its length in mm.');
+  if (!data.deformed.length) found.push('No deformed images were named: add `deformed` to the case file.');
+  if (!zones().length) found.push('Without a zone the specimen is found in the image by itself.');
+  return found;
+}
+
+// --- on the screen
+const canvas = at('map'), pen = canvas.getContext('2d'), picture = new Image();
+function draw() {
+  view.paint(pen, picture);
+  const ratio = window.devicePixelRatio || 1;
+  const stroke = (points, closed, colour, width, fill) => {
+    pen.beginPath();
+    points.forEach((p, k) => k ? pen.lineTo(...view.toCanvas(p)) : pen.moveTo(...view.toCanvas(p)));
+    if (closed) pen.closePath();
+    if (fill) { pen.fillStyle = `${colour}38`; pen.fill(); }
+    pen.lineWidth = (width + 2) * ratio; pen.strokeStyle = 'rgba(0,0,0,.75)'; pen.stroke();
+    pen.lineWidth = width * ratio; pen.strokeStyle = colour; pen.stroke();
+  };
+  const handles = (points, colour) => {
+    for (const p of points) {
+      const [x, y] = view.toCanvas(p), r = 4 * ratio;
+      pen.fillStyle = colour; pen.strokeStyle = '#000'; pen.lineWidth = ratio;
+      pen.beginPath(); pen.rect(x - r, y - r, 2 * r, 2 * r); pen.fill(); pen.stroke();
+    }
+  };
+  const letters = (words, p, colour) => {
+    const [x, y] = view.toCanvas(p);
+    pen.font = `${14 * ratio}px system-ui, sans-serif`;
+    pen.lineWidth = 3 * ratio; pen.strokeStyle = '#000'; pen.fillStyle = colour;
+    pen.strokeText(words, x + 6 * ratio, y + 18 * ratio); pen.fillText(words, x + 6 * ratio, y + 18 * ratio);
+  };
+  shapes.forEach((shape, k) => {
+    const corners = cornersOf(shape), colour = KINDS[shape.kind].colour;
+    stroke(corners, isClosed(shape.kind), colour, k === chosen ? 3 : 2, isClosed(shape.kind));
+    if (shape.kind === 'roi') grid(shape, ratio);
+    if (k === chosen || !isClosed(shape.kind)) handles(corners, colour);
+    const words = shape.kind === 'scale' ? (shape.mm > 0 ? `${number(shape.mm)} mm` : 'scale') : shape.kind === 'exclude' ? 'cut out' : shape.name;
+    letters(words, corners[0], colour);
+  });
+  if (path) {
+    const points = pointer ? [...path.points, pointer] : path.points, colour = KINDS[path.kind].colour;
+    stroke(points, false, colour, 2, false);
+    handles(path.points, colour);
+  }
+  if (drag && drag.kind) stroke(cornersOf(drag), isClosed(drag.kind), KINDS[drag.kind].colour, 2, isClosed(drag.kind));
+}
+/** The elements of a rectangle. */
+function grid({ points }, ratio) {
+  const [x0, y0, x1, y1] = roiOf(points).map(v => v - .5), size = settings.size;
+  if (size * view.factor() < 5 * ratio) return;
+  pen.beginPath();
+  for (let x = x0; x <= x1 + 1e-9; x += size) { pen.moveTo(...view.toCanvas([x, y0])); pen.lineTo(...view.toCanvas([x, y0 + Math.floor((y1 - y0) / size) * size])); }
+  for (let y = y0; y <= y1 + 1e-9; y += size) { pen.moveTo(...view.toCanvas([x0, y])); pen.lineTo(...view.toCanvas([x0 + Math.floor((x1 - x0) / size) * size, y])); }
+  pen.lineWidth = ratio; pen.strokeStyle = 'rgba(86,180,233,.6)'; pen.stroke();
+}
+const say = words => { at('readout').textContent = words; };
+function tell(p) {
+  const mm = scaleOf(), where = `x ${p[0].toFixed(1)}, y ${p[1].toFixed(1)} px`;
+  const size = drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(roiOf(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
+  say(`${KINDS[tool] ? KINDS[tool].say : tool === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.'} (${where}${mm ? `, ${(p[0] * mm.mm / mm.px).toFixed(3)}, ${(p[1] * mm.mm / mm.px).toFixed(3)} mm` : ''}${size})`);
+}
+/** After every change: drawing, case file, faults, fields. */
+function changed() {
+  const own = shapes[chosen];
+  at('name').value = own ? own.name : '';
+  at('name').disabled = !own || !KINDS[own.kind].name;
+  at('length-label').hidden = !own || own.kind !== 'scale';
+  if (own && own.kind === 'scale' && document.activeElement !== at('length')) at('length').value = own.mm || '';
+  at('size').value = settings.size;
+  at('opening-label').hidden = zones().length !== 2;
+  at('opening').checked = settings.opening;
+  at('case').textContent = caseText();
+  at('notes').replaceChildren(...faults().map(words => { const made = document.createElement('p'); made.className = 'lead'; made.textContent = words; return made; }));
+  at('undo').disabled = !past.length;
+  at('redo').disabled = !future.length;
+  draw();
+}
+function take(name) {
+  if (path) end();
+  tool = name;
+  for (const other in KEYS) at(`tool-${other}`).setAttribute('aria-pressed', String(other === name));
+  canvas.className = name === 'move' ? 'move' : 'busy';
+  say(KINDS[name] ? KINDS[name].say : name === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.');
+}
+const view = imageView(canvas, [W, H], {
+  draw, share: .7, moves: () => tool === 'move',
+  on: {
+    down(p, event) {
+      if (tool === 'select') {
+        const hit = under(p);
+        chosen = hit ? hit.shape : -1;
+        if (hit) drag = { ...hit, from: p, before: JSON.stringify(shapes[hit.shape].points), frozen: frozen() };
+        changed();
+        return;
+      }
+      const how = KINDS[tool].how;
+      if (how === 'box' || how === 'drag') { const q = snapped(p, event); drag = { kind: tool, points: [q, q] }; }
+    },
+    move(p, event, held) {
+      pointer = path ? snapped(p, event, path.points[path.points.length - 1]) : null;
+      if (held && drag && drag.kind) drag.points = [drag.points[0], snapped(p, event, drag.kind === 'roi' ? null : drag.points[0])];
+      else if (held && drag) {
+        const points = JSON.parse(drag.before), shape = shapes[drag.shape];
+        if (drag.corner < 0) shape.points = points.map(([x, y]) => [tenth(x + p[0] - drag.from[0]), tenth(y + p[1] - drag.from[1])]);
+        else if (shape.kind === 'roi') {
+          const q = snapped(p, event), [[a, b], [c, d]] = points, k = drag.corner;
+          shape.points = [[k === 0 || k === 3 ? q[0] : a, k < 2 ? q[1] : b], [k === 1 || k === 2 ? q[0] : c, k > 1 ? q[1] : d]];
+        } else { points[drag.corner] = snapped(p, event, points[drag.corner - 1]); shape.points = points; }
+        at('case').textContent = caseText();
+      }
+      tell(p);
+      draw();
+    },
+    up(p, event) {
+      const done = drag;
+      drag = null;
+      if (tool === 'select') {
+        if (done && JSON.stringify(shapes[done.shape].points) !== done.before) { past.push(done.frozen); future.length = 0; }
+        changed();
+        return;
+      }
+      const { how } = KINDS[tool];
+      if (how === 'click') add(tool, [snapped(p, event)]);
+      else if (how === 'path') {
+        const q = snapped(p, event, path && path.points[path.points.length - 1]), last = path && path.points[path.points.length - 1];
+        if (path && KINDS[tool].closed && path.points.length >= 3 && q[0] === path.points[0][0] && q[1] === path.points[0][1]) { end(); return; }
+        if (last && last[0] === q[0] && last[1] === q[1]) { if (path.points.length >= KINDS[tool].least) end(); return; }
+        path = { kind: tool, points: [...(path ? path.points : []), q] };
+        draw();
+      } else if (done) {
+        const points = [done.points[0], snapped(p, event, how === 'drag' ? done.points[0] : null)];
+        if (Math.hypot(points[1][0] - points[0][0], points[1][1] - points[0][1]) >= 2) add(tool, points);
+        else draw();
+      }
+    },
+  },
+});
+for (const name in KEYS) at(`tool-${name}`).addEventListener('click', () => take(name));
+at('end').addEventListener('click', end);
+at('undo').addEventListener('click', () => go(past, future));
+at('redo').addEventListener('click', () => go(future, past));
+at('remove').addEventListener('click', remove);
+at('name').addEventListener('change', event => {
+  const own = shapes[chosen], name = event.target.value.trim();
+  if (!own || !name) { changed(); return; }
+  remember();
+  for (const shape of shapes) if (shape.kind === 'exclude' && KINDS[own.kind].zone && shape.zone === own.name) shape.zone = name;
+  own.name = name;
+  changed();
+});
+at('length').addEventListener('input', event => { const own = shapes[chosen]; if (own && own.kind === 'scale') { own.mm = Math.max(0, parseFloat(event.target.value) || 0); changed(); } });
+at('size').addEventListener('change', event => { remember(); settings.size = Math.max(4, Math.min(128, Math.round(event.target.value) || 16)); changed(); });
+at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
+at('copy').addEventListener('click', async () => {
+  try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
+    const range = document.createRange();
+    range.selectNodeContents(at('case'));
+    getSelection().removeAllRanges();
+    getSelection().addRange(range);
+    say('Marked: copy it with the keys of your system.');
+  }
+});
+at('save').addEventListener('click', () => {
+  const link = document.createElement('a');
+  link.download = 'case.toml';
+  link.href = `data:application/toml;charset=utf-8,${encodeURIComponent(caseText())}`;
+  link.click();
+});
+document.addEventListener('keydown', event => {
+  if (['SELECT', 'INPUT'].includes(event.target.tagName)) return;
+  const key = event.key.toLowerCase();
+  if ((event.ctrlKey || event.metaKey) && key === 'z') { event.preventDefault(); if (event.shiftKey) go(future, past); else go(past, future); return; }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const keys = { delete: remove, backspace: remove, enter: end, escape: () => { path = drag = null; draw(); }, '+': () => view.closer(1.5), '-': () => view.closer(1 / 1.5), 0: view.whole };
+  for (const name in KEYS) keys[KEYS[name]] = () => take(name);
+  if (keys[key] && !(key === 'enter' && event.target.tagName === 'BUTTON')) { event.preventDefault(); keys[key](); }
+});
+at('subtitle').textContent = `${data.shown}, ${W} x ${H} px`;
+at('where').textContent = `Save it in ${data.folder}: names of images are meant from the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
+if (data.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.png}`; }
+take('roi');
+view.resize();
+changed();
+})();
