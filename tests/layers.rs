@@ -49,7 +49,7 @@ const HOMES: [Home; 22] = [
     },
     Home { what: "the crate image", named_by: |s, at| s.names_crate(at, "image"), places: &["io/", "report/"] },
     Home { what: "the crate tiff", named_by: |s, at| s.names_crate(at, "tiff"), places: &["io/"] },
-    Home { what: "the crate flate2", named_by: |s, at| s.names_crate(at, "flate2"), places: &["io/"] },
+    Home { what: "the crate flate2", named_by: |s, at| s.names_crate(at, "flate2"), places: &["io/", "report/view/"] },
     Home { what: "the crate zarrs", named_by: |s, at| s.names_crate(at, "zarrs"), places: &["io/store/"] },
     Home { what: "the crate zip", named_by: |s, at| s.names_crate(at, "zip"), places: &["io/npz.rs"] },
     Home { what: "the crate npyz", named_by: |s, at| s.names_crate(at, "npyz"), places: &["io/npz.rs"] },

@@ -240,6 +240,7 @@ function tell(point) {
 
 // --- curves
 const COLOURS = ['#0072b2', '#d55e00', '#009e73', '#7a4fa3'];
+const SVG = at('curve').namespaceURI;
 let shown = null;
 function ticks(low, high) {
   const raw = (high - low) / 5, base = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(k => k * base).find(s => s >= raw), out = [];
@@ -249,12 +250,12 @@ function ticks(low, high) {
 function chart(plot) {
   shown = plot;
   const w = Math.max(300, Math.min(900, at('explorer').clientWidth)), h = Math.round(Math.min(360, .55 * w + 60)), m = { l: 66, r: 12, t: 26, b: 44 };
-  const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
+  const svg = document.createElementNS(SVG, 'svg');
   svg.setAttribute('viewBox', `0 0 ${w} ${h}`);
   svg.setAttribute('role', 'img');
   svg.setAttribute('aria-label', plot.note);
   const add = (name, attributes, text) => {
-    const made = document.createElementNS('http://www.w3.org/2000/svg', name);
+    const made = document.createElementNS(SVG, name);
     for (const key in attributes) made.setAttribute(key, attributes[key]);
     if (text !== undefined) made.textContent = text;
     svg.append(made);
