@@ -24,6 +24,7 @@ mod fitting;
 mod frames;
 mod gauges;
 mod identify;
+mod licences;
 mod lines;
 mod metrology;
 mod paint;
@@ -105,6 +106,7 @@ pub fn main() -> ExitCode {
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
+        args::Command::Licences => licences::run(),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
