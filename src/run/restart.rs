@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -90,6 +91,15 @@ impl FrameRecord {
     fn is_whole(&self, folder: &Path) -> bool {
         self.bytes.iter().all(|(file, &bytes)| fs::metadata(folder.join(file)).is_ok_and(|about| about.len() == bytes))
     }
+}
+
+/// Whether `bytes` are one of the files of a restart on `mesh`: the record of a frame, or the state of a chain of references. What
+/// attacks on these files call.
+#[doc(hidden)]
+pub fn is_of_a_restart(bytes: &[u8], mesh: &Mesh<Px>) -> bool {
+    let state = Kept::parse(Cursor::new(bytes));
+    state.is_some_and(|kept| kept.goes_with(UpdateReference::Residual, mesh))
+        || serde_json::from_slice::<FrameRecord>(bytes).is_ok()
 }
 
 /// What was found of an earlier start of the same run.
