@@ -63,6 +63,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// 130 stopped.
 pub fn main() -> ExitCode {
     devices::quiet_drivers();
+    signals::end_where_memory_ends();
     let arguments = args::joined(std::env::args_os());
     let command = args::grouped(args::Cli::command());
     let parsed = command.clone().try_get_matches_from(&arguments);

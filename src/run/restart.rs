@@ -119,8 +119,11 @@ impl Earlier {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
         let last = times.iter().flatten().max().copied();
+        // A clock that went back says nothing of what was done last.
+        let is_ahead = last.is_some_and(|last| last > SystemTime::now() + ON_DISK_AFTER);
         let is_new = |time: &SystemTime| {
-            last.is_some_and(|last| last.duration_since(*time).is_ok_and(|before| before < ON_DISK_AFTER))
+            let is_recent = |last: SystemTime| last.duration_since(*time).is_ok_and(|before| before < ON_DISK_AFTER);
+            is_ahead || last.is_some_and(is_recent)
         };
         let look = |(&number, time): (&usize, &Option<SystemTime>)| {
             let time = time.as_ref()?;
