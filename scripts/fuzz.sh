@@ -9,26 +9,40 @@ cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
 targets=("$@")
-[ ${#targets[@]} -gt 0 ] || targets=(images meshes cases tables)
+[ ${#targets[@]} -gt 0 ] || targets=(images masks meshes cases joints tables store state)
 
 # libFuzzer's counters on every edge and its view of comparisons; no sanitizer, which stable does not have: wrapping and indices are
 # checked by the language, memory by its limit.
 coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
 -Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=16 --cfg fuzzing"
-RUSTFLAGS="$coverage" cargo build --release --manifest-path fuzz/Cargo.toml --target-dir target/fuzz \
-    --target "$(rustc -vV | sed -n 's/^host: //p')"
-programs=$(find target/fuzz -maxdepth 2 -name release -type d | grep -v 'fuzz/release$')
+host=$(rustc -vV | sed -n 's/^host: //p')
+RUSTFLAGS="$coverage" cargo build --release --manifest-path fuzz/Cargo.toml --target-dir target/fuzz --target "$host"
+programs=target/fuzz/$host/release
 
 mkdir -p out/fuzz/findings
+# Readers that take a path find their file here, in memory where the system has such a folder.
+TMPDIR=$(if [ -d /dev/shm ]; then mktemp -d -p /dev/shm; else mktemp -d; fi)
+export TMPDIR
+trap 'rm -rf "$TMPDIR"' EXIT
+# The words of a case file.
+words=out/fuzz/words.dict
+grep -o '`[][A-Za-z_0-9"-]*`' docs/case.md | tr -d '`[]"' | grep . | sort -u | sed 's/.*/"&"/' > "$words"
+
 failed=0
 for target in "${targets[@]}"; do
-    mkdir -p "out/fuzz/$target"
+    mkdir -p "out/fuzz/$target" "fuzz/seeds/$target"
     log=out/fuzz/$target.log
-    "$programs/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 \
+    dictionary=()
+    case $target in cases | joints) dictionary=(-dict="$words") ;; esac
+    # Every run keeps its log: the sum of the executions is the record.
+    "$programs/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 "${dictionary[@]}" \
         -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
         > "$log" 2>&1 || failed=1
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
     edges=$(grep -o 'cov: [0-9]*' "$log" | tail -1)
-    echo "$target: ${runs:-0} executions in $seconds s, ${edges:-cov: 0} edges, $(grep -c 'Test unit written' "$log" || true) findings"
+    found=$(grep -c 'Test unit written' "$log" || true)
+    line="$target: ${runs:-0} executions in $seconds s, ${edges:-cov: 0} edges, $found findings"
+    echo "$line"
+    echo "$(date -u +%FT%TZ) $line" >> out/fuzz/log.txt
 done
 exit $failed

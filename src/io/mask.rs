@@ -1,6 +1,6 @@
 //! Masks: images whose white pixels say where to measure.
 
-use super::images::{ReadError, read_image};
+use super::images::{Accepted, ReadError, read_accepted};
 use crate::imaging::Pixels;
 use crate::mesh::Mask;
 use std::path::{Path, PathBuf};
@@ -75,25 +75,27 @@ pub enum MaskError {
 }
 
 /// Reads the image file `path` as the mask of an image of `width` x `height` px: pixels above half of the largest
-/// grey level that the file can hold are measured. Any depth and kind of image that [`read_image`] reads; of colours
+/// grey level that the file can hold are measured. Any depth and kind of image that [`read_image`](super::images::read_image) reads; of colours
 /// the luminance counts.
 ///
 /// # Errors
 /// A file that is no image, has another size, is black everywhere, or is mostly grey.
 pub fn read_mask(path: &Path, width: usize, height: usize) -> Result<LoadedMask, MaskError> {
-    let loaded = read_image(path, 0)?;
+    // Another size is seen in the header, before anything is unpacked.
+    let loaded = match read_accepted(path, 0, Accepted::ANY.of_size(width, height)) {
+        Err(ReadError::OtherSize { path, width: mask_width, height: mask_height, .. }) => {
+            return Err(MaskError::Size {
+                path,
+                width: mask_width as usize,
+                height: mask_height as usize,
+                image_width: width,
+                image_height: height,
+            });
+        }
+        loaded => loaded?,
+    };
     let image = &loaded.image;
     let named = || path.to_owned();
-    if (image.width(), image.height()) != (width, height) {
-        let (mask_width, mask_height) = (image.width(), image.height());
-        return Err(MaskError::Size {
-            path: named(),
-            width: mask_width,
-            height: mask_height,
-            image_width: width,
-            image_height: height,
-        });
-    }
     let limit = loaded.white / 2.0;
     let levels = |keep: &dyn Fn(f32) -> bool| -> Vec<bool> {
         match image.pixels() {
@@ -119,6 +121,7 @@ pub fn read_mask(path: &Path, width: usize, height: usize) -> Result<LoadedMask,
         notes.push(format!("{percent:.1} % of the mask is neither black nor white; above {limit} is measured"));
     }
     // The length is that of an image.
+    #[expect(clippy::unreachable, reason = "the size has been compared")]
     let mask = Mask::new(width, height, bits).unwrap_or_else(|| unreachable!("a mask as large as its image"));
     Ok(LoadedMask { mask, share, notes, sha256: loaded.sha256 })
 }

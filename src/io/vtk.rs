@@ -339,6 +339,7 @@ pub fn write_grid<W: Write>(
         2 => 3,
         3 => 5,
         4 => VTK_QUAD,
+        #[expect(clippy::panic, reason = "cells are made by this module's callers, not read")]
         n => panic!("a cell of {n} points"),
     };
     let types: Vec<u8> = cells.iter().map(kind).collect();

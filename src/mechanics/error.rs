@@ -132,7 +132,7 @@ pub enum MeshFault {
     },
     /// Sizes that make no mesh.
     #[error(
-        "{columns} columns and {rows} rows of elements of {element_size} mm, {gap} mm apart, make no joint; all must be above zero (the gap may be zero)"
+        "{columns} columns and {rows} rows of elements of {element_size} mm, {gap} mm apart, make no joint; all must be above zero (the gap may be zero), and a strip has at most 16 million nodes"
     )]
     Size {
         /// Columns.

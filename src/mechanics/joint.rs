@@ -7,6 +7,10 @@ use super::parts::{JointParts, border_edges, sorted, strips};
 use crate::mesh::{ElementGeometry, shape_functions};
 use std::collections::{HashMap, HashSet};
 
+/// The most nodes of a strip of squares: far beyond what can be solved, and few enough that a slip of the pen in a case asks for no
+/// terabytes.
+const MOST_NODES: usize = 1 << 24;
+
 /// A checked mesh of a joint, in mm with y up. Nodes and elements keep the numbers they are given with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointMesh {
@@ -82,10 +86,11 @@ impl JointMesh {
     /// the left edge at x = 0. Nodes run from left to right, row by row from the bottom.
     ///
     /// # Errors
-    /// [`MeshFault::Size`] when a size is not positive or nothing is asked for.
+    /// [`MeshFault::Size`] when a size is not positive, nothing is asked for, or more than 16 million nodes to a strip.
     pub fn rectangular(columns: usize, rows: usize, element_size: f64, gap: f64) -> Result<Self, MeshFault> {
         let sized = element_size.is_finite() && element_size > 0.0 && gap.is_finite() && gap >= 0.0;
-        if !sized || columns == 0 || rows == 0 {
+        let nodes = columns.saturating_add(1).saturating_mul(rows.saturating_add(1));
+        if !sized || columns == 0 || rows == 0 || nodes > MOST_NODES {
             return Err(MeshFault::Size { columns, rows, element_size, gap });
         }
         let per_row = columns as u32 + 1;

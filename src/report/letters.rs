@@ -1,11 +1,21 @@
 //! Text as outlines of the font in the program, so that it looks the same on every machine.
 
-use ab_glyph::{Font, FontRef, GlyphId, OutlineCurve, Point};
+use skrifa::instance::{LocationRef, Size};
+use skrifa::metrics::GlyphMetrics;
+use skrifa::outline::pen::PathStyle;
+use skrifa::outline::{DrawSettings, OutlineGlyphCollection, OutlinePen};
+use skrifa::raw::TableProvider;
+use skrifa::raw::tables::kern::SubtableKind;
+use skrifa::{FontRef, GlyphId, MetadataProvider, charmap::Charmap};
 use std::fmt::Write;
 
 /// DejaVu Sans in one size.
 pub(super) struct Type {
-    font: FontRef<'static>,
+    characters: Charmap<'static>,
+    advances: GlyphMetrics<'static>,
+    outlines: OutlineGlyphCollection<'static>,
+    /// What pairs of glyphs stand closer by.
+    kerning: Vec<SubtableKind<'static>>,
     /// px per unit of the font.
     scale: f32,
     /// Size of an em, px.
@@ -14,9 +24,20 @@ pub(super) struct Type {
 
 impl Type {
     pub fn new(em: i32) -> Self {
-        let font = FontRef::try_from_slice(dejavu::sans::regular()).expect("the font in the program is a font");
-        let units = font.units_per_em().expect("the font in the program states its em");
-        Self { scale: em as f32 / units, em, font }
+        let font = FontRef::new(dejavu::sans::regular()).expect("the font in the program is a font");
+        let units = font.head().expect("the font in the program states its em").units_per_em();
+        let tables = font.kern().ok().into_iter().flat_map(|table| table.subtables()).filter_map(Result::ok);
+        let kerning =
+            tables.filter(|table| table.is_horizontal() && !table.is_variable()).filter_map(|table| table.kind().ok());
+        Self {
+            characters: font.charmap(),
+            // In units of the font.
+            advances: font.glyph_metrics(Size::unscaled(), LocationRef::default()),
+            outlines: font.outline_glyphs(),
+            kerning: kerning.collect(),
+            scale: em as f32 / f32::from(units),
+            em,
+        }
     }
 
     /// Height of a digit, px.
@@ -80,15 +101,27 @@ impl Type {
         lines
     }
 
+    /// What `right` stands closer to `left` by (negative), units of the font.
+    fn kern(&self, left: GlyphId, right: GlyphId) -> f32 {
+        let of = |table: &SubtableKind<'_>| match table {
+            SubtableKind::Format0(pairs) => pairs.kerning(left, right),
+            SubtableKind::Format2(classes) => classes.kerning(left, right),
+            SubtableKind::Format3(classes) => classes.kerning(left, right),
+            _ => None,
+        };
+        self.kerning.iter().find_map(of).unwrap_or(0) as f32
+    }
+
     /// Calls `put` with each glyph of `text` and where it stands, units of the font turned into px; gives
     /// the length.
     fn set(&self, text: &str, mut put: impl FnMut(GlyphId, f32)) -> f32 {
         let (mut x, mut last) = (0.0, None);
         for character in text.chars().filter(|c| !c.is_control()) {
-            let id = self.font.glyph_id(character);
-            x += last.map_or(0.0, |last| self.font.kern_unscaled(last, id) * self.scale);
+            // Glyph 0 is the box of what the font has not.
+            let id = self.characters.map(character).unwrap_or_default();
+            x += last.map_or(0.0, |last| self.kern(last, id) * self.scale);
             put(id, x);
-            x += self.font.h_advance_unscaled(id) * self.scale;
+            x += self.advances.advance_width(id).unwrap_or(0.0) * self.scale;
             last = Some(id);
         }
         x
@@ -99,32 +132,57 @@ impl Type {
     pub fn outline(&self, text: &str, place: impl Fn(f64, f64) -> [f64; 2]) -> String {
         let mut data = String::new();
         self.set(text, |id, x| {
-            let Some(outline) = self.font.outline(id) else { return };
-            let at = |p: Point| place(f64::from(x + p.x * self.scale), f64::from(-p.y * self.scale));
-            let mut end: Option<Point> = None;
-            for curve in outline.curves {
-                let (OutlineCurve::Line(start, _) | OutlineCurve::Quad(start, ..) | OutlineCurve::Cubic(start, ..)) =
-                    curve;
-                if end.is_none_or(|end| end != start) {
-                    command(&mut data, 'M', &[at(start)]);
-                }
-                end = Some(match curve {
-                    OutlineCurve::Line(_, b) => {
-                        command(&mut data, 'L', &[at(b)]);
-                        b
-                    }
-                    OutlineCurve::Quad(_, b, c) => {
-                        command(&mut data, 'Q', &[at(b), at(c)]);
-                        c
-                    }
-                    OutlineCurve::Cubic(_, b, c, d) => {
-                        command(&mut data, 'C', &[at(b), at(c), at(d)]);
-                        d
-                    }
-                });
-            }
+            let Some(outline) = self.outlines.get(id) else { return };
+            let at = |u: f32, v: f32| place(f64::from(x + u * self.scale), f64::from(-v * self.scale));
+            let settings =
+                DrawSettings::unhinted(Size::unscaled(), LocationRef::default()).with_path_style(PathStyle::HarfBuzz);
+            // What cannot be drawn is left out: the font in the program is whole.
+            let _ = outline.draw(settings, &mut Pen { data: &mut data, at, start: [0.0; 2], end: [0.0; 2] });
         });
         data
+    }
+}
+
+/// Writes outlines as the data of an SVG path.
+struct Pen<'a, F> {
+    data: &'a mut String,
+    /// From the font to the sheet.
+    at: F,
+    /// Of the present contour.
+    start: [f32; 2],
+    end: [f32; 2],
+}
+
+impl<F: Fn(f32, f32) -> [f64; 2]> Pen<'_, F> {
+    fn to<const N: usize>(&mut self, letter: char, points: [[f32; 2]; N]) {
+        command(self.data, letter, &points.map(|[x, y]| (self.at)(x, y)));
+        self.end = points[N - 1];
+    }
+}
+
+impl<F: Fn(f32, f32) -> [f64; 2]> OutlinePen for Pen<'_, F> {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.to('M', [[x, y]]);
+        self.start = [x, y];
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.to('L', [[x, y]]);
+    }
+
+    fn quad_to(&mut self, cx: f32, cy: f32, x: f32, y: f32) {
+        self.to('Q', [[cx, cy], [x, y]]);
+    }
+
+    fn curve_to(&mut self, ax: f32, ay: f32, bx: f32, by: f32, x: f32, y: f32) {
+        self.to('C', [[ax, ay], [bx, by], [x, y]]);
+    }
+
+    fn close(&mut self) {
+        // Filled areas close themselves; an outline that is drawn needs its last side.
+        if self.end != self.start {
+            self.to('L', [self.start]);
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a whole series says of its files: copies, frames out of order, a reference that is none.
+//! What a whole series says of its files: copies, frames that are missing or out of order, a reference that is none.
 
 use super::text::ranges;
 use crate::field::Status;
@@ -28,6 +28,7 @@ pub(super) fn about_series(
     references: &[String],
 ) -> Vec<String> {
     let mut said = copies(summary, hashes, references);
+    said.extend(dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
     said.extend(blank(summary));
     said.extend(in_noise(summary));
     let motion = Motion::of(summary);
@@ -69,6 +70,34 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
         said.push(format!("warning: {} copies of the same file", frames_are(numbers)));
     }
     said
+}
+
+/// Numbers that the names of a series skip: the camera dropped frames, or they were not copied.
+fn dropped(files: &[&str]) -> Option<String> {
+    // The last number of a name; a longer one is no count.
+    let number = |file: &&str| -> Option<u64> {
+        let stem = Path::new(file).file_stem()?.to_str()?;
+        let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+        let begin = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |at| at + 1);
+        stem[begin..end].parse().ok().filter(|_| end - begin <= 12)
+    };
+    let numbers: Vec<u64> = files.iter().map(number).collect::<Option<_>>()?;
+    let steps: Vec<u64> =
+        numbers.windows(2).map(|pair| pair[1].checked_sub(pair[0]).filter(|&step| step > 0)).collect::<Option<_>>()?;
+    let step = *steps.iter().min()?;
+    let regular = steps.iter().filter(|&&other| other == step).count();
+    let gaps: Vec<usize> = (0..steps.len()).filter(|&k| steps[k] > step && steps[k].is_multiple_of(step)).collect();
+    // A choice of frames has no step of its own.
+    let counts = numbers.len() >= MANY_FRAMES && regular + gaps.len() == steps.len() && regular >= 4 * gaps.len();
+    let &first = gaps.first().filter(|_| counts)?;
+    let missing: u64 = gaps.iter().map(|&k| steps[k] / step - 1).sum();
+    let others = if gaps.len() > 1 { format!(", and {} more times", gaps.len() - 1) } else { String::new() };
+    Some(format!(
+        "warning: the numbers in the names of the frames skip {missing}, first between {} and {}{others}: a frame that was \
+         dropped shifts the loads and times of those behind it, unless these are given by a column `frame` or by time",
+        files[first],
+        files[first + 1]
+    ))
 }
 
 /// Frames with rows or columns of one grey level.
@@ -245,4 +274,27 @@ fn length(v: &[f64]) -> f64 {
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::dropped;
+
+    #[test]
+    fn numbers_that_are_skipped_are_told_and_a_choice_of_frames_is_not() {
+        let said = |numbers: &[u64]| {
+            let files: Vec<String> = numbers.iter().map(|n| format!("s2/cam1_{n:04}.tif")).collect();
+            dropped(&files.iter().map(String::as_str).collect::<Vec<_>>())
+        };
+        let one = said(&[1, 2, 3, 4, 6, 7, 8, 9]).unwrap();
+        assert!(one.contains("skip 1, first between s2/cam1_0004.tif and s2/cam1_0006.tif:"), "{one}");
+        let two = said(&[10, 20, 30, 60, 70, 80, 90, 100, 110, 130, 140]).unwrap();
+        assert!(two.contains("skip 3,") && two.contains("and 1 more times"), "{two}");
+        for whole in [&[1, 2, 3, 4, 5, 6, 7, 8][..], &[5, 10, 15, 20, 25, 30, 35, 40, 45], &[1, 2, 4, 5]] {
+            assert_eq!(said(whole), None);
+        }
+        assert_eq!(said(&[1, 3, 4, 9, 11, 12, 20, 21, 22, 40]), None, "chosen by hand");
+        assert_eq!(said(&[1, 2, 3, 4, 4, 5, 7, 8, 9]), None, "pages of one file");
+        assert_eq!(dropped(&["a.png", "b.png", "c.png", "d.png", "e.png", "f.png", "g.png", "h.png", "i.png"]), None);
+    }
 }

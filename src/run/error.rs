@@ -18,6 +18,7 @@ use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{JointError, ModelError};
 use crate::report::ReportError;
 use std::path::{Path, PathBuf};
+use std::thread::{Builder, Scope, ScopedJoinHandle};
 
 /// What the functions of this module give.
 pub type Result<T> = std::result::Result<T, RunError>;
@@ -74,6 +75,11 @@ pub enum RunError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// The system gives no thread: memory or processes are limited.
+    #[error(
+        "the system gives no more threads ({0}); give fewer with --threads, or allow the process more memory (ulimit -v) or threads (ulimit -u)"
+    )]
+    Threads(std::io::Error),
     /// A file that something cannot be done with.
     #[error("{}: cannot be {what}: {}", path.display(), chain(source))]
     File {
@@ -172,6 +178,14 @@ pub(crate) fn shell_word(word: &str) -> String {
     } else {
         format!("'{}'", word.replace('\'', r"'\''"))
     }
+}
+
+/// A thread within `scope`, or an error where the system gives none.
+pub(super) fn thread<'scope, 'env, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, 'env>,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> Result<ScopedJoinHandle<'scope, T>> {
+    Builder::new().spawn_scoped(scope, work).map_err(RunError::Threads)
 }
 
 impl RunError {

@@ -126,7 +126,7 @@ impl Kept {
         Self::parse(BufReader::new(file)).filter(|kept| kept.number == number)
     }
 
-    fn parse(from: impl Read + Seek) -> Option<Self> {
+    pub(super) fn parse(from: impl Read + Seek) -> Option<Self> {
         let mut arrays = Arrays(read_npz(from).ok()?);
         let mut keyframe = |name: &str| -> Option<Option<Keyframe>> {
             let Some(frame) = arrays.one(&format!("{name}_frame")) else { return Some(None) };
@@ -160,7 +160,7 @@ impl Kept {
     }
 
     /// Whether it can be of such a run.
-    fn goes_with(&self, update: UpdateReference, mesh: &Mesh<Px>) -> bool {
+    pub(super) fn goes_with(&self, update: UpdateReference, mesh: &Mesh<Px>) -> bool {
         let ChainState { reference, last, updates, .. } = &*self.state;
         let frame = |key: &Option<Keyframe>| key.as_ref().map_or(0, |key| key.frame);
         self.state.check(mesh).is_ok()

@@ -67,6 +67,9 @@ pub use stop::Stop;
 pub use tournament::compare_laws;
 pub use watching::{Watching, watch};
 
+#[doc(hidden)]
+pub use restart::is_of_a_restart;
+
 pub(crate) use error::shell_word;
 pub(crate) use folder::{About, FIGURES, frame_in_words, locks_in};
 pub(crate) use lock::{Holder, holders};

@@ -1,7 +1,7 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
 use super::engine::{Engine, Failure};
-use super::error::{Result, RunError};
+use super::error::{Result, RunError, thread};
 use super::kept::Kept;
 use super::stop::Stop;
 use super::text::chain;
@@ -135,24 +135,26 @@ pub(super) fn run(
     let over = AtomicBool::new(false);
     let wanted = &|| !frames.stop.is_asked() && !over.load(Ordering::SeqCst);
     std::thread::scope(|scope| {
+        // Also where the system gives no further thread.
+        let _end = End(&over);
         let mut to_read = Vec::with_capacity(n_decoders);
         let decoders: Vec<Receiver<Decoded>> = (0..n_decoders)
             .map(|_| {
                 let (handed, given) = sync_channel(AHEAD);
                 to_read.push(handed);
                 let (out, decoded) = sync_channel(AHEAD);
-                scope.spawn(move || decode(frames, wanted, &given, &out));
-                decoded
+                thread(scope, move || decode(frames, wanted, &given, &out))?;
+                Ok(decoded)
             })
-            .collect();
-        let handing = scope.spawn(move || hand_out(next, wanted, &to_read));
+            .collect::<Result<_>>()?;
+        let handing = thread(scope, move || hand_out(next, wanted, &to_read))?;
         let (out, uploaded) = sync_channel(UPLOADED);
-        scope.spawn(move || upload(engine, pool, &decoders, &out));
+        thread(scope, move || upload(engine, pool, &decoders, &out))?;
         let uploaded = Arc::new(Mutex::new(uploaded));
         let (out, results) = sync_channel(in_flight);
         for _ in 0..in_flight {
             let (uploaded, out) = (uploaded.clone(), out.clone());
-            scope.spawn(move || correlate(engine, pool, frames, &uploaded, &out));
+            thread(scope, move || correlate(engine, pool, frames, &uploaded, &out))?;
         }
         // From here on the workers alone hold both: when they stop, everybody does.
         drop((uploaded, out));
@@ -167,6 +169,15 @@ pub(super) fn run(
         let handed = handing.join().map_err(|_| RunError::Bug("what gives the frames stopped"))?;
         taken.and(handed)
     })
+}
+
+/// Lets the threads know that it is over.
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
 }
 
 /// Gives the frames to those who read them, in turn.

@@ -70,10 +70,25 @@ impl Reference {
                 ));
             }
         }
-        let (first, _) = first.ok_or("no reference image is given")?;
+        let (first, of) = first.ok_or("no reference image is given")?;
+        has_room(&first, of)?;
         let image = mean.map_or(first, Mean::image);
         Ok(Self { image, sha256, notes })
     }
+}
+
+/// Bytes per pixel that no correlation does without: about half of what one of 8 bits takes (docs/scale.md).
+const LEAST_BYTES: u128 = 24;
+
+/// Refuses an image whose correlation this process cannot have the memory for: somewhere within, it would be ended without a word of
+/// what to do.
+fn has_room(image: &Image, of: &Frame) -> Result<()> {
+    let bytes = LEAST_BYTES * image.width() as u128 * image.height() as u128;
+    if usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok()) {
+        return Ok(());
+    }
+    let (width, height) = (image.width() as u64, image.height() as u64);
+    Err(ReadError::Memory { path: of.path.clone(), width, height, bytes }.into())
 }
 
 /// The rectangles that hold the zones, px: x0, y0, x1, y1.

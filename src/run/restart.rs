@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -92,6 +93,15 @@ impl FrameRecord {
     }
 }
 
+/// Whether `bytes` are one of the files of a restart on `mesh`: the record of a frame, or the state of a chain of references. What
+/// attacks on these files call.
+#[doc(hidden)]
+pub fn is_of_a_restart(bytes: &[u8], mesh: &Mesh<Px>) -> bool {
+    let state = Kept::parse(Cursor::new(bytes));
+    state.is_some_and(|kept| kept.goes_with(UpdateReference::Residual, mesh))
+        || serde_json::from_slice::<FrameRecord>(bytes).is_ok()
+}
+
 /// What was found of an earlier start of the same run.
 #[derive(Debug, Default)]
 pub(super) struct Earlier {
@@ -109,8 +119,11 @@ impl Earlier {
         let written = |number: &usize| fs::metadata(store.status_file(*number)).and_then(|about| about.modified()).ok();
         let times: Vec<Option<SystemTime>> = numbers.par_iter().map(written).collect();
         let last = times.iter().flatten().max().copied();
+        // A clock that went back says nothing of what was done last.
+        let is_ahead = last.is_some_and(|last| last > SystemTime::now() + ON_DISK_AFTER);
         let is_new = |time: &SystemTime| {
-            last.is_some_and(|last| last.duration_since(*time).is_ok_and(|before| before < ON_DISK_AFTER))
+            let is_recent = |last: SystemTime| last.duration_since(*time).is_ok_and(|before| before < ON_DISK_AFTER);
+            is_ahead || last.is_some_and(is_recent)
         };
         let look = |(&number, time): (&usize, &Option<SystemTime>)| {
             let time = time.as_ref()?;

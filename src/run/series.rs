@@ -3,7 +3,7 @@
 use super::busy::{Busy, Spent};
 use super::camera::Camera;
 use super::engine::Engine;
-use super::error::{Result, RunError};
+use super::error::{Result, RunError, thread};
 use super::event::{Event, Watcher};
 use super::feed::Feed;
 use super::folder::{About, RunFolder, csv_name, vtu_name};
@@ -318,7 +318,7 @@ impl<'a> PreparedSeries<'a> {
             });
             let output =
                 Output { plan, folder, store: writer, fields: store, about, windows, alone, in_series, writing };
-            let writer = scope.spawn(move || output.write_all(&to_write));
+            let writer = thread(scope, move || output.write_all(&to_write))?;
             let mut last_summary = Instant::now();
             let mut summary_every = SUMMARY_EVERY;
             let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
@@ -432,11 +432,17 @@ impl<'a> PreparedSeries<'a> {
             true => QuantitySummary::default(),
             false => self.draw_quantities(n_frames, summary, watcher)?,
         };
-        if self.plan.report
-            && let Err(error) = report::write(self.folder, &self.plan, summary, &self.reference, &drawn)
-        {
+        if !self.plan.report {
+            return Ok(());
+        }
+        match report::write(self.folder, &self.plan, summary, &self.reference, &drawn) {
+            // A disk that takes no more.
+            Err(error @ RunError::File { .. }) => return Err(error),
             // The measurement is there.
-            watcher(Event::Note(&format!("warning: there is no {}: {}", RunFolder::REPORT, chain(&error))));
+            Err(error) => {
+                watcher(Event::Note(&format!("warning: there is no {}: {}", RunFolder::REPORT, chain(&error))));
+            }
+            Ok(()) => (),
         }
         Ok(())
     }

@@ -22,7 +22,10 @@ pub(super) fn made_or_found(
         writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
         store = Store::open(writer.path())?;
     }
-    if let (None, Some(matrices)) = (store.normal_matrices().unwrap_or(None), correlator.normal_matrices()) {
+    // Each by itself: a start that was stopped may have left one of them, or half of one.
+    let has_matrices = store.normal_matrices().is_ok_and(|there| there.is_some());
+    let has_noise = store.gradient_noise().is_ok_and(|there| there.is_some());
+    if let (false, Some(matrices)) = (has_matrices && has_noise, correlator.normal_matrices()) {
         writer.write_normal_matrices(&matrices)?;
         writer.write_gradient_noise(&correlator.gradient_noise())?;
     }

@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// Millimetres per pixel: 30.9 um over 16 px.
 pub const PIXEL_MM: f64 = 30.9e-3 / 16.0;
 /// The same as a scale.
-pub const SCALE: PixelSize = PixelSize::new(PIXEL_MM).unwrap();
+pub const SCALE: PixelSize = PixelSize::new(PIXEL_MM).expect("a size above zero");
 /// Columns and rows of the images.
 pub const SIZE: [usize; 2] = [720, 448];
 /// Side of the identification's elements, px.

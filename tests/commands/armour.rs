@@ -3,7 +3,9 @@
 
 #![cfg(all(feature = "cli", target_os = "linux"))]
 
-use crate::program::{Desk, moved};
+use crate::program::process::{assert_same, end, results, start, wait_for_frames};
+use crate::program::{Desk, HEIGHT, WIDTH, moved};
+use quadrille::imaging::{Image, Pixels};
 use std::fs;
 use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
@@ -254,4 +256,208 @@ fn names_cannot_put_lines_into_scripts_and_tables() {
     }
     desk.write("names.toml", "[images]\nreference = \"ref.png\"\ndeformed = [\"a.png\"]\n[[zone]]\nname = \"a\\nb\"\nroi = [16, 16, 64, 64]\n");
     desk.correlate("--output run --case names.toml").refused(&["control character"]);
+}
+
+#[test]
+fn memory_that_ends_is_an_error_and_no_crash() {
+    let desk = Desk::with_series();
+    // At each limit it is another piece that does not fit.
+    let mut kib = 420_000.0;
+    while kib > 90_000.0 {
+        let line =
+            format!("ulimit -v {kib:.0}; exec $Q correlate --threads 1 --output run{kib:.0} ref.png a.png b.png c.png");
+        let ran = shell(&desk, &line);
+        assert!(matches!(ran.status.code(), Some(0..=2)), "{kib:.0} KiB: {:?}: {}", ran.status, said(&ran));
+        assert!(!said(&ran).contains("panicked"), "{kib:.0} KiB: {}", said(&ran));
+        kib *= 0.85;
+    }
+}
+
+#[test]
+fn a_mask_of_another_size_is_refused_before_it_is_unpacked() {
+    let desk = Desk::with_series();
+    desk.write("huge.png", hollow_png(30_000, 250_000));
+    desk.correlate("--output run --reference ref.png --mask huge.png a.png")
+        .refused(&["the mask is 30000 x 30000 px, the reference image 128 x 96 px"]);
+}
+
+#[test]
+fn a_joint_of_more_squares_than_anybody_solves_is_refused_and_asks_for_no_memory() {
+    let desk = Desk::new();
+    let sizes = |n: &str| format!("[mesh]\nelement_size_mm = 1\ncolumns = {n}\nrows = {n}\ngap_mm = 0.1\n");
+    let rest = "[groups]\nwall = \"y = min\"\n[[support]]\ngroup = \"wall\"\nu_x_mm = 0.0\nu_y_mm = 0.0\n[substrate]\n\
+                model = \"linear-elastic\"\nE_MPa = 7e4\nnu = 0.3\n[cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\n\
+                delta_t_mm = 0.05\nr = 4.0\n";
+    for n in ["100000", "9000000000000000000"] {
+        desk.write("case.toml", sizes(n) + rest);
+        desk.run("simulate case.toml --output run").refused(&["at most 16 million nodes"]);
+    }
+}
+
+/// Compiles scripts/full_disk.c with the C compiler that every Rust toolchain links with.
+fn full_disk(desk: &Desk) -> String {
+    let library = desk.path("full_disk.so");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/full_disk.c");
+    let made =
+        Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).arg("-ldl").output().unwrap();
+    assert!(made.status.success(), "{}", said(&made));
+    library.to_str().unwrap().to_owned()
+}
+
+/// A disk that takes no more at some of the writes of `line`, which writes into disk/out, and then has room again: an error that says
+/// so, and the same results as ever. `scripts/soak.py` has every write.
+#[track_caller]
+fn full_at_some(desk: &Desk, line: &str, n_moments: usize) {
+    let library = full_disk(desk);
+    let run = |more: &[(&str, &str)]| {
+        let environment = [&[("LD_PRELOAD", library.as_str()), ("QUADRILLE_TEST_COUNT", "count")], more].concat();
+        desk.run_with(&environment, &line.split_whitespace().collect::<Vec<_>>())
+    };
+    run(&[]).fine();
+    let whole = results(desk, "disk/out");
+    let n: usize = desk.read("count").trim().parse().unwrap();
+    assert!(n > 50, "{n} writes: are they seen?");
+    for moment in 0..n_moments {
+        // The last one too.
+        let at = (n - moment * n / n_moments).to_string();
+        fs::remove_dir_all(desk.path("disk/out")).unwrap();
+        let once: &[(&str, &str)] = &[("QUADRILLE_TEST_FULL_AT", &at), ("QUADRILLE_TEST_ONCE", "1")];
+        let ran = run(if moment % 2 == 0 { &once[..1] } else { once });
+        assert!(matches!(ran.code, Some(1 | 2)) && ran.stderr.contains("No space left"), "write {at} of {n}: {ran}");
+        run(&[]).fine();
+        assert_same(&whole, &results(desk, "disk/out"), &format!("write {at} of {n}"));
+    }
+}
+
+#[test]
+fn a_disk_that_is_full_at_any_write_is_told_and_gone_on_from() {
+    let desk = Desk::with_series();
+    fs::create_dir(desk.path("disk")).unwrap();
+    full_at_some(&desk, "correlate --quiet --output disk/out --reference ref.png a.png b.png c.png", 20);
+}
+
+#[test]
+fn what_a_start_left_out_of_the_store_is_made_by_the_next() {
+    let desk = Desk::with_series();
+    let line = "correlate --output run --reference ref.png a.png b.png";
+    desk.run(line).fine();
+    let whole = results(&desk, "run");
+    fs::remove_dir_all(desk.path("run/fields.zarr/gradient_noise")).unwrap();
+    desk.run(line).fine();
+    assert_same(&whole, &results(&desk, "run"), "without the noise of the gradient");
+}
+
+#[test]
+fn a_frame_that_a_machine_lost_is_found_although_its_clock_went_back() {
+    let desk = Desk::with_series();
+    let line = "correlate --output run --reference ref.png a.png b.png c.png";
+    desk.run(line).fine();
+    let whole = results(&desk, "run");
+    // Done before the clock went back by a day; the last frame after it, and its blocks never reached the disk.
+    let ahead = std::time::SystemTime::now() + std::time::Duration::from_secs(86_400);
+    for number in 0..2 {
+        let file =
+            fs::File::options().write(true).open(desk.path(&format!("run/fields.zarr/status/c.{number}"))).unwrap();
+        file.set_modified(ahead).unwrap();
+    }
+    let lost = desk.path("run/fields.zarr/displacement_px/c.2.0.0");
+    fs::write(&lost, vec![0; fs::metadata(&lost).unwrap().len() as usize]).unwrap();
+    let ran = desk.run(line).fine();
+    assert!(ran.stderr.contains("not whole and is done again: 3"), "{ran}");
+    assert_same(&whole, &results(&desk, "run"), "after a lost frame");
+}
+
+#[test]
+fn a_folder_that_vanishes_or_may_not_be_written_to_ends_a_run_with_a_word() {
+    let desk = Desk::with_series();
+    for k in 0..300 {
+        fs::hard_link(desk.path(["a.png", "b.png"][k % 2]), desk.path(&format!("many_{k:03}.png"))).unwrap();
+    }
+    let child = start(&desk, "correlate --export none --threads 1 --output gone --reference ref.png many_*.png");
+    wait_for_frames(&desk, "gone", 3);
+    // What is written meanwhile may come back into it.
+    while fs::remove_dir_all(desk.path("gone")).is_err() {}
+    let (code, said) = end(child);
+    assert!(matches!(code, Some(0..=2)) && !said.contains("panicked"), "{code:?} {said}");
+    let there = desk.path("gone/summary.json").exists();
+    assert!(code == Some(2) || there, "{code:?} without results: {said}");
+    // Nobody may write into /proc, not even root.
+    let ran = desk.run("correlate --output /proc/out --reference ref.png a.png");
+    assert_eq!(ran.code, Some(2), "{ran}");
+    assert!(ran.stderr.contains("/proc/out"), "{ran}");
+}
+
+#[test]
+fn frames_that_a_camera_dropped_doubled_swapped_or_tore_are_named_and_pull_no_other() {
+    let desk = Desk::new();
+    let at = |k: f64| moved([0.8 * k, -0.5 * k]);
+    desk.image("s/t_00.png", &at(0.0));
+    let torn = |above: &Image, below: Option<&Image>| {
+        let grey = |k: usize| match (k / WIDTH < HEIGHT / 2, below) {
+            (true, _) => above.grey(k % WIDTH, k / WIDTH) as u8,
+            (false, Some(below)) => below.grey(k % WIDTH, k / WIDTH) as u8,
+            (false, None) => 0,
+        };
+        Image::new(WIDTH, HEIGHT, Pixels::U8((0..WIDTH * HEIGHT).map(grey).collect())).unwrap()
+    };
+    for k in 1..=14 {
+        let name = format!("s/t_{k:02}.png");
+        match k {
+            4 => continue,                                                         // dropped
+            6 => desk.write(&name, desk.bytes("s/t_05.png")),                      // doubled
+            8 => desk.image(&name, &at(11.0)),                                     // swapped with
+            11 => desk.image(&name, &at(8.0)),                                     // each other
+            9 => desk.image(&name, &torn(&at(9.0), None)),                         // half black
+            10 => desk.image(&name, &torn(&at(10.0), Some(&moved([40.0, 30.0])))), // torn
+            12 => desk.write(&name, "not whole"),
+            _ => desk.image(&name, &at(f64::from(k))),
+        }
+    }
+    let ran = desk.correlate("--output run --roi 16,16,104,80 --element-size 8 --reference s/t_00.png s/t_*.png");
+    assert_eq!(ran.code, Some(1), "{ran}");
+    let summary = desk.json("run/summary.json");
+    let messages = summary["messages"].to_string();
+    for word in
+        ["skip 1, first between s/t_03.png and s/t_05.png", "frames 4-5 are copies of the same file", "half black"]
+    {
+        assert!(messages.contains(word), "'{word}' is not said: {messages}");
+    }
+    for frame in summary["frames"].as_array().unwrap() {
+        let file = frame["file"].as_str().unwrap();
+        let k: f64 = file[4..6].parse().unwrap();
+        match k as u32 {
+            12 => assert_eq!(frame["status"], "unreadable"),
+            9 | 10 => (), // what is left of them may be measured or not
+            _ => {
+                let place = match k as u32 {
+                    6 => 5.0,
+                    8 => 11.0,
+                    11 => 8.0,
+                    _ => k,
+                };
+                assert_eq!(frame["status"], "converged", "{file}: {ran}");
+                let moved = frame["rigid_motion"]["translation_px"].as_array().unwrap();
+                // A frame beside a lost one is as right as any: noise of 8 bits over some thousand pixels.
+                for (component, wanted) in moved.iter().zip([0.8 * place, -0.5 * place]) {
+                    assert!((component.as_f64().unwrap() - wanted).abs() < 0.02, "{file}: {moved:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_licences_of_others_are_in_the_program() {
+    let desk = Desk::new();
+    for word in ["licences", "licenses"] {
+        let text = desk.run(word).printed();
+        for there in [
+            "zarrs 0.",
+            "Permission is hereby granted, free of charge",
+            "Bitstream Vera",
+            "Redistributions in binary form",
+        ] {
+            assert!(text.contains(there), "{there}");
+        }
+    }
 }

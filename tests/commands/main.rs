@@ -4,12 +4,16 @@
 mod common;
 #[path = "../program/mod.rs"]
 mod program;
+#[cfg(feature = "cli")]
+#[path = "../common/readers.rs"]
+mod readers;
 
 mod armour;
 mod bad_input;
 mod cli;
 mod exports;
 mod figures;
+mod fuzz;
 mod inputs;
 mod maps;
 mod metrology;

@@ -94,6 +94,9 @@ pub enum Command {
     Schema(SchemaArgs),
     /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
     Paper(PaperArgs),
+    /// The licences of quadrille and of the work of others that it contains.
+    #[command(visible_alias = "licenses")]
+    Licences,
 }
 
 /// The arguments with `every N` as one: a value of two words, which are told from the images that may follow.

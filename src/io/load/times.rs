@@ -197,7 +197,7 @@ fn days(text: &str) -> Option<f64> {
         (false, true) => (*c, *a),
         _ => return None,
     };
-    if !(1..=12).contains(month) || !(1..=31).contains(&day) {
+    if !(1..=12).contains(month) || !(1..=31).contains(&day) || !(0..=9999).contains(&year) {
         return None;
     }
     // Days from civil, counted from March so that the leap day is the last of its year.
@@ -219,7 +219,7 @@ mod tests {
         // date -u -d '2024-02-29 00:00:10' +%s
         assert_eq!(clock_time("2024-02-29T00:00:10Z"), Some(1_709_164_810.0));
         assert_eq!(clock_time("29.02.2024 00:00:10"), Some(1_709_164_810.0));
-        for text in ["12.5", "10:61:00", "05/07/2024 10:00", "10:00:00:00", "", "abc"] {
+        for text in ["12.5", "10:61:00", "05/07/2024 10:00", "10:00:00:00", "", "abc", "5316520459965841-05-07 10:31"] {
             assert_eq!(clock_time(text), None, "{text}");
         }
     }

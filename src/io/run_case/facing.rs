@@ -166,6 +166,7 @@ fn shape(zone: &CaseZone, elements: Option<&ZoneElements>) -> Result<Shape, Stri
 fn as_polygon(zone: &mut CaseZone, shape: &Shape) -> [Point; 4] {
     match shape {
         Shape::Polygon(corners) => *corners,
+        #[expect(clippy::unreachable, reason = "the caller has told meshes apart")]
         Shape::Mesh(_) => unreachable!("meshes are asked for before"),
         &Shape::Rectangle([x0, y0, x1, y1]) => {
             zone.roi = None;
