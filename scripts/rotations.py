@@ -116,6 +116,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default="target/release/quadrille")
     parser.add_argument("--draws", type=int, default=8)
+    parser.add_argument("--tests", nargs="+", choices=("dcb", "peel"), default=["dcb", "peel"])
     parser.add_argument("--angles", type=float, nargs="+", default=[2.0, 5.0, 10.0, 20.0])
     parser.add_argument("--output", type=Path, required=True)
     args = parser.parse_args()
@@ -125,7 +126,7 @@ def main():
     rows = []
     head = "| test | angle, degrees | rotations | mean error | scatter | std | element size | errors below 1.5 std | intervals hold | determined |"
     print(head + "\n|" + "---|" * 10)
-    for test in ("dcb", "peel"):
+    for test in args.tests:
         for degrees in args.angles:
             columns = round(24 * math.sqrt(degrees / 2.0))
             folder = args.output / f"{test}-{degrees:g}"
