@@ -100,6 +100,25 @@ mod tests {
     }
 
     #[test]
+    fn a_curve_of_which_nothing_is_known_leaves_the_average_open() {
+        let curve = |std: f64, half: f64| CurveBand {
+            jumps: vec![crate::mechanics::cohesive::Jump::default()],
+            traction: vec![10.0],
+            std: vec![std],
+            low: vec![10.0 - half],
+            high: vec![10.0 + half],
+        };
+        let (known, open) = (curve(0.5, 1.0), curve(f64::INFINITY, f64::INFINITY));
+        let of = |alike: bool| {
+            average_curve(&[Part { weight: 0.9, alike: true, of: &known }, Part { weight: 0.1, alike, of: &open }])
+        };
+        let both = of(true);
+        assert_eq!((both.low[0], both.high[0], both.std[0]), (f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY));
+        let best = of(false);
+        assert_eq!((best.low[0], best.high[0]), (9.0, 11.0));
+    }
+
+    #[test]
     fn an_open_end_stays_open_unless_its_law_is_told_from_the_best() {
         let open = Spread { value: 1.0, std: None, ends95: [Some(0.5), None] };
         let known = part(0.9, true, normal(1.0, 0.1));

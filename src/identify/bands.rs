@@ -44,13 +44,6 @@ pub struct CurveBand {
     pub high: Vec<f64>,
 }
 
-impl CurveBand {
-    /// Whether the data give an uncertainty everywhere.
-    pub fn is_known(&self) -> bool {
-        self.std.iter().chain(&self.low).chain(&self.high).all(|value| value.is_finite())
-    }
-}
-
 /// Draws that are led through the law where it is not linear.
 const DRAWS: usize = 240;
 /// Their seed: a fit has the same bands every time.

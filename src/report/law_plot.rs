@@ -6,13 +6,11 @@ use crate::identify::CurveBand;
 /// Names of the pure modes, their jumps and their tractions.
 pub(super) const MODES: [(&str, &str, &str); 2] = [("opening", "D_n", "T_n"), ("sliding", "D_t", "T_t")];
 
-/// The curve called `name`, with its band where `banded` says so and the data give one; where they give none its name says it.
+/// The curve called `name`, with its band where `banded` says so.
 pub(super) fn law_series(name: &str, curve: &CurveBand, style: Style, banded: bool) -> PlotSeries {
     let um: Vec<f64> = curve.jumps.iter().map(|jump| 1e3 * (jump.normal + jump.tangential)).collect();
-    let known = !banded || curve.is_known();
-    let name = if known { name.to_owned() } else { format!("{name}: none, not determined") };
     let series = PlotSeries::new(name, style, um, curve.traction.clone());
-    if banded && known { series.with_limits(&curve.low, &curve.high) } else { series }
+    if banded { series.with_limits(&curve.low, &curve.high) } else { series }
 }
 
 /// The law of a fit in pure opening (0) or sliding (1).

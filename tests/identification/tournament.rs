@@ -251,6 +251,43 @@ fn the_right_law_wins_and_what_is_averaged_holds_the_truth_whatever_the_threads(
     assert_eq!((again.4, again.3), (bits, average));
 }
 
+/// Kinks of the objective give a trapezoid minima of its own, and noise chooses among them: with one minimum and linear intervals its
+/// tractions held the truth in 82 of 100 places (docs/identification.md).
+#[test]
+fn a_law_with_corners_ends_in_its_lowest_minimum_and_its_band_holds_the_laws_of_the_others() {
+    let (name, values, unknowns) = LAWS[5];
+    let truth = law_by_name(name, values).unwrap();
+    let data = pulled(&*truth, 6, 0.004, 0.006);
+    let (mut held, mut n) = (0, 0);
+    for seed in 1..=3 {
+        let folder = tempfile::tempdir().unwrap();
+        write_tables(folder.path(), &data, 0.03, seed);
+        let list = unknowns.iter().map(|u| format!("\"{u}\"")).collect::<Vec<_>>().join(", ");
+        let text = |start: &[f64]| case_text(name, start, 0.03, &format!("parameters = [{list}]\n"));
+        // A fifth of the stiffness, which is where fits of such data used to end.
+        let start = [4e3, 40.0, 45.0, 0.8, 4.0, 1.0, 0.3];
+        let compared = |case: &Case<'_>| {
+            let found = tournament(&case.problem, &case.options, &names(&["bilinear-power", name])).unwrap();
+            (found.laws[1].score.unwrap().omega, found.laws[1].curves.clone().unwrap())
+        };
+        let (omega, curves) = opened(folder.path(), &text(&start), compared).unwrap();
+        let at_truth = fitted_as(folder.path(), &text(values)).omega;
+        // A comparison goes on until omega stands still to 0.01 of what a number measured adds.
+        assert!(omega < at_truth + 0.1, "seed {seed}: {omega} and from the truth {at_truth}");
+        for (mode, curve) in curves.iter().enumerate() {
+            for k in (5..100).step_by(5).filter(|&k| curve.traction[k] > 0.5) {
+                let there = truth.response(curve.jumps[k]).traction;
+                let there = if mode == 0 { there.normal } else { there.tangential };
+                held += usize::from((curve.low[k] - 1e-9..=curve.high[k] + 1e-9).contains(&there));
+                n += 1;
+            }
+        }
+    }
+    println!("{held} of {n} tractions held");
+    // 95 % of 90 places that hang together, of three draws.
+    assert!(n > 60 && held as f64 >= 0.85 * n as f64, "{held} of {n}");
+}
+
 /// Works of separation that the data know to some per cent only: their ends in a comparison are those of the profile likelihood, which
 /// a fit by itself finds in another order of steps.
 #[test]
