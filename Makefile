@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build demo paper real study fuzz test check bench clean
+.PHONY: help build demo paper real study fuzz soak deny licences test check bench clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -39,9 +39,20 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	$(PYTHON) scripts/obstacles.py --output out/study/obstacles
 	scripts/tournament.py --output out/study/tournament
 	scripts/beams.py --output out/study/beams
+	scripts/soak.py --output out/study/soak
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)
+
+soak: ## Long and hostile runs: every write that fails, 100 000 frames with kills, memory that ends (an hour or two); in out/soak
+	$(CARGO) build --release --locked
+	scripts/soak.py --output out/soak
+
+deny: ## Licences, sources, banned and doubled crates, advisories (deny.toml); and that the notices of others are current
+	scripts/deny.sh advisories
+
+licences: ## Write the notices of others that the program prints (after a change of its crates)
+	scripts/licences.py
 
 check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check

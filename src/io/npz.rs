@@ -21,24 +21,34 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 /// assert!(bytes.starts_with(b"PK"));
 /// # Ok::<(), quadrille::io::arrays::ArrayFileError>(())
 /// ```
+///
+/// One that is dropped without [`NpzWriter::finish`], as after an error, leaves what it was given as it is.
 pub struct NpzWriter<W: Write + Seek> {
-    zip: ZipWriter<W>,
+    /// Until it is finished.
+    zip: Option<ZipWriter<W>>,
     open: Option<Open>,
 }
 
 impl<W: Write + Seek> NpzWriter<W> {
     /// A file without any array.
     pub fn new(out: W) -> Self {
-        Self { zip: ZipWriter::new(out), open: None }
+        Self { zip: Some(ZipWriter::new(out)), open: None }
     }
 
     /// Ends the file and gives the writer back.
     ///
     /// # Errors
     /// An array that is not complete, and those of the writer.
-    pub fn finish(self) -> Result<W, ArrayFileError> {
+    pub fn finish(mut self) -> Result<W, ArrayFileError> {
         self.open.as_ref().map_or(Ok(()), Open::close)?;
-        Ok(self.zip.finish().map_err(std::io::Error::other)?)
+        match self.zip.take() {
+            Some(zip) => Ok(zip.finish().map_err(std::io::Error::other)?),
+            None => Err(finished().into()),
+        }
+    }
+
+    fn zip(&mut self) -> io::Result<&mut ZipWriter<W>> {
+        self.zip.as_mut().ok_or_else(finished)
     }
 
     fn member(&mut self, name: &str, type_word: &str, shape: &[u64]) -> Result<(), ArrayFileError> {
@@ -46,11 +56,23 @@ impl<W: Write + Seek> NpzWriter<W> {
         // No array is known to stay below 4 GB. The time of a member is that of the format's beginning: the same
         // arrays give the same bytes.
         let options = SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Stored).large_file(true);
-        self.zip.start_file(format!("{name}.npy"), options).map_err(std::io::Error::other)?;
+        self.zip()?.start_file(format!("{name}.npy"), options).map_err(std::io::Error::other)?;
         let kind = type_word.parse().map_err(std::io::Error::other)?;
         let header = WriteOptions::new_header_only().dtype(DType::Plain(kind)).shape(shape);
-        header.writer(&mut self.zip).write_header_only()?;
+        header.writer(self.zip()?).write_header_only()?;
         Ok(())
+    }
+}
+
+fn finished() -> io::Error {
+    io::Error::other("the archive is finished")
+}
+
+impl<W: Write + Seek> Drop for NpzWriter<W> {
+    /// A file that was not finished gets no end: the crate would write one, also where the disk has just refused, and takes the place at which
+    /// it then is for an impossible one.
+    fn drop(&mut self) {
+        std::mem::forget(self.zip.take());
     }
 }
 
@@ -147,7 +169,7 @@ impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
         if let Some(open) = &mut self.open {
             open.take(values)?;
         }
-        Ok(self.zip.write_all(&values.bytes(0..values.len()))?)
+        Ok(self.zip()?.write_all(&values.bytes(0..values.len()))?)
     }
 
     /// An array of fixed-width Unicode text.
@@ -156,7 +178,7 @@ impl<W: Write + Seek> ArrayFile for NpzWriter<W> {
         self.member(name, &format!("<U{width}"), &[texts.len() as u64])?;
         for text in texts {
             let letters = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(width);
-            self.zip.write_all(&letters.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
+            self.zip()?.write_all(&letters.flat_map(u32::to_le_bytes).collect::<Vec<u8>>())?;
         }
         Ok(())
     }
@@ -173,6 +195,43 @@ mod tests {
         zip.start_file("u.npy", options).unwrap();
         zip.write_all(npy).unwrap();
         zip.finish().unwrap()
+    }
+
+    /// Takes so many bytes.
+    struct Full(io::Cursor<Vec<u8>>, u64);
+
+    impl Write for Full {
+        fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+            if self.0.position() + data.len() as u64 > self.1 {
+                Err(io::ErrorKind::StorageFull.into())
+            } else {
+                self.0.write(data)
+            }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Seek for Full {
+        fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    #[test]
+    fn a_disk_that_is_full_at_any_byte_is_an_error_alone() {
+        let tables = |room: u64| {
+            let mut file = NpzWriter::new(Full(io::Cursor::new(Vec::new()), room));
+            file.table("u", 2, &Values::F64(vec![0.1, -0.0, 1e-300, 4.0]))?;
+            file.table("v", 1, &Values::U8(vec![1; 40]))?;
+            Ok::<_, ArrayFileError>(file)
+        };
+        let written = tables(u64::MAX).unwrap().finish().unwrap().0.into_inner().len() as u64;
+        let enough = (0..written).find(|&room| tables(room).is_ok()).unwrap();
+        assert!(enough > 40 + 32 && tables(written - 1).unwrap().finish().is_err());
+        assert!(tables(written).unwrap().finish().is_ok());
     }
 
     #[test]
