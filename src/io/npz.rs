@@ -41,6 +41,8 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// An array that is not complete, and those of the writer.
     pub fn finish(mut self) -> Result<W, ArrayFileError> {
         self.open.as_ref().map_or(Ok(()), Open::close)?;
+        // What a buffer still holds fails here and not within the crate.
+        self.zip()?.flush()?;
         match self.zip.take() {
             Some(zip) => Ok(zip.finish().map_err(std::io::Error::other)?),
             None => Err(finished().into()),
