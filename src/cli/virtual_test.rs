@@ -18,6 +18,7 @@ use std::path::Path;
 
 const TRUTH: &str = "truth.json";
 const IMAGES: &str = "images";
+const LOAD: &str = "load.csv";
 
 /// Runs the command.
 pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
@@ -46,7 +47,7 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
     let pool = args.threads.pool()?;
     make(options, &args.output, &pool)?;
     let case = args.output.join("case.toml");
-    eprintln!("the virtual test in {}: images, truth.json, truth", args.output.display());
+    eprintln!("the virtual test in {}: images, load.csv, truth.json, truth", args.output.display());
     eprintln!("next: quadrille run {} --output {}", case.display(), args.output.join("run").display());
     Ok(Outcome::Fine)
 }
@@ -74,6 +75,7 @@ pub(super) fn make(options: VirtualOptions, folder: &Path, pool: &rayon::ThreadP
             .collect::<Result<Vec<Value>>>()
     })?;
     write_truth(&test, &truth)?;
+    write_loads(&test, &folder.join(LOAD))?;
     write(&folder.join("case.toml"), test.case_toml().as_bytes())?;
     write(&folder.join(TRUTH), format!("{:#}\n", about(&test, hashes)).as_bytes())?;
     Ok(test)
@@ -203,6 +205,22 @@ fn write_truth(test: &VirtualTest, folder: &Path) -> Result<()> {
     });
     let names = ["instant", "x_mm", "y_mm", "Dn_mm", "Dt_mm", "Tn_MPa", "Tt_MPa"];
     Ok(table("tractions.csv", "true jump and traction along the adhesive", &names, &mut rows)?)
+}
+
+/// The load cell, as `[load]` and `[force]` read it.
+fn write_loads(test: &VirtualTest, path: &Path) -> Result<()> {
+    let loads = test.loads()?;
+    let notes = [
+        format!("quadrille {}", env!("CARGO_PKG_VERSION")),
+        "virtual test: forces on the upper strip per mm of width: [force] width_mm = 1; x to the right, y up"
+            .to_owned(),
+        "load: at the grip, of the whole joint; region: of the part that the images show (column = \"region\")"
+            .to_owned(),
+    ];
+    let names = ["frame", "load_N", "load_x_N", "region_N", "region_x_N"].map(str::to_owned);
+    let mut rows = (1..).zip(&loads).map(|(k, [[gx, gy], [rx, ry]])| (vec![k], vec![*gy, *gx, *ry, *rx]));
+    let file = fs::File::create(path).map_err(|error| cannot(path, &error))?;
+    Ok(write_table(BufWriter::new(file), &notes, &names, &mut rows).map_err(|error| cannot(path, &error))?)
 }
 
 fn mesh_json(mesh: &JointMesh) -> Value {

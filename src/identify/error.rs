@@ -1,6 +1,6 @@
 //! Why parameters cannot be fitted.
 
-use crate::io::case::{CasePlace, CaseText};
+use crate::io::case::{CasePlace, CaseText, heading};
 use crate::mechanics::cohesive::LawError;
 use crate::mechanics::{BoundaryFault, JointError, ModelError};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum FitError {
     /// A key that is missing or cannot be used.
-    #[error("[{section}] {what}")]
+    #[error("{} {what}", heading(section))]
     Key {
         /// The section.
         section: &'static str,

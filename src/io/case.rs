@@ -20,7 +20,7 @@ mod setup;
 pub use crack_path::CrackPath;
 pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
 pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
-pub use explain::{CaseError, CasePlace, CaseText};
+pub use explain::{CaseError, CasePlace, CaseText, heading};
 pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
 pub use force::{CaseAxis, CaseDirection, CaseForce};
 pub use guard::CaseGuard;

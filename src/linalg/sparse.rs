@@ -121,6 +121,23 @@ impl SparseMatrix {
         &mut self.values
     }
 
+    /// Where the value of each entry's mirror image is, in the order of [`SparsePattern::place`]; `None` where one is not stored.
+    pub fn mirror(&self) -> Option<Vec<u32>> {
+        let of_column = |column: usize| self.pattern.column(column).iter().map(move |&row| (column, row as usize));
+        let entries = (0..self.pattern.n()).flat_map(of_column);
+        entries.map(|(column, row)| Some(self.pattern.place(column, row)? as u32)).collect()
+    }
+
+    /// Transposes it in place; `mirror` is its own [`SparseMatrix::mirror`].
+    pub fn transpose(&mut self, mirror: &[u32]) {
+        for (at, &other) in mirror.iter().enumerate() {
+            // Each pair once.
+            if at < other as usize {
+                self.values.swap(at, other as usize);
+            }
+        }
+    }
+
     /// `matrix vector`.
     pub fn times(&self, vector: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; vector.len()];
@@ -130,5 +147,26 @@ impl SparseMatrix {
             }
         }
         product
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_transpose_has_each_entry_at_its_mirror_image() {
+        let groups: [&[u32]; 3] = [&[0, 1, 3], &[1, 2], &[3, 2]];
+        let pattern = Arc::new(SparsePattern::from_groups(4, groups.into_iter()));
+        let mut matrix = SparseMatrix::zero(&pattern);
+        (1..).zip(matrix.values_mut()).for_each(|(k, value)| *value = f64::from(k));
+        let before = matrix.clone();
+        matrix.transpose(&before.mirror().unwrap());
+        let at = |matrix: &SparseMatrix, row, column| pattern.place(row, column).map(|at| matrix.values()[at]);
+        for row in 0..4 {
+            for column in 0..4 {
+                assert_eq!(at(&matrix, row, column), at(&before, column, row));
+            }
+        }
     }
 }

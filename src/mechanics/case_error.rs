@@ -3,6 +3,7 @@
 use super::cohesive::LawError;
 use super::error::{BoundaryFault, MeshFault, ModelError};
 use super::substrate::SubstrateError;
+use crate::io::case::heading;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -11,7 +12,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum JointError {
     /// A key that is missing or not known.
-    #[error("[{section}] {what}")]
+    #[error("{} {what}", heading(section))]
     Key {
         /// The section.
         section: String,

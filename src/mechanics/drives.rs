@@ -161,7 +161,8 @@ fn n_instants(input: &JointInput, border: Option<usize>) -> Result<usize, JointE
         let of = format!("[[{section}]] of group \"{group}\"");
         match &known {
             Some((n, first)) if *n != values.len() => {
-                let what = format!("{of} has {} instants, {first} has {n}; give as many values", values.len());
+                let what =
+                    format!("group \"{group}\" has {} instants, {first} has {n}; give as many values", values.len());
                 return Err(wrong(section, None, what));
             }
             Some(_) => {}

@@ -1,20 +1,27 @@
 //! Reactions, and where the work that they do goes (THEORY 15).
 //!
 //! Along a path of equilibria `dW = F . du_D = dU + dA`: the work of the reactions is stored in the strips or done on the adhesive.
-//! `U` is a function of the strain, exactly. `W` is summed along the path by Simpson's rule; `A = sum w int T . d(jump)` along
-//! the path of each jump, which is taken as straight from one state to the next: exact for a law with a potential, else wrong
-//! with the square of the step. Between two instants states are put in, each solved for, until neither sum changes any more.
+//! `U` is a function of the strain, exactly. `W` and `A` are summed along the path, which between states that are solved for is
+//! taken as a parabola. There no field is quite in equilibrium: to the reactions `F_D` of the field belongs a residual `r` at the free nodes, and
+//! the reaction of the equilibrium next to it is, to first order, what the virtual work says,
+//!
+//! ```text
+//! F . du_D = F_D . du_D + r . w,    K_ff^T w = -K_Df^T du_D,
+//! ```
+//!
+//! with `w` between those of the states. So the error is the square of that of the path, and kinks of the law, which every pair passes
+//! at a time of its own, are integrated over pair by pair. States are put in until neither sum changes any more.
 //! Forces do work where their nodes go, `int f . du = [f . u] - int u . df`: what is summed along the path is the last term, which
 //! needs no velocity.
 
 use super::boundary::{BoundaryHistory, Drive};
-use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
+use super::cohesive::CohesiveLaw;
 use super::groups::NodeGroup;
-use super::model::{Model, Work};
+use super::model::{Model, Stiffness, Work};
 use super::newton::{NewtonOptions, Path};
+use super::path_work::{Piece, Rates, State};
 use super::solution::{Solution, Status};
 use super::substrate::SubstrateEnergy;
-use crate::mesh::GAUSS;
 
 /// Energies at an instant, N mm per mm of width (mJ/mm).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -60,17 +67,6 @@ impl Default for EnergyOptions {
     }
 }
 
-/// A state of the path from one instant to the next.
-struct State {
-    /// Share of the step.
-    share: f64,
-    u: Vec<[f64; 2]>,
-    /// `dW/dshare`.
-    power: f64,
-    /// Jumps at the quadrature points, and their lengths, element by element.
-    jumps: Vec<(f64, Jump)>,
-}
-
 /// Sums over a part of a step.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
@@ -83,6 +79,8 @@ struct Follower<'a> {
     law: &'a dyn CohesiveLaw,
     path: Path<'a>,
     work: Work,
+    /// Of each entry of the tangent, its mirror image.
+    mirror: Vec<u32>,
     /// Border and forces at the begin of the step and at its end, and what they change by.
     from: Drive,
     to: Drive,
@@ -92,8 +90,12 @@ struct Follower<'a> {
     max_halvings: u32,
     states_left: usize,
     settled: bool,
+    /// Whether pairs snap in this step: no path of equilibria leads through it, and reactions are what they are at its states.
+    snapped: bool,
     /// Whether a state of this step was not found by Newton's iteration: no more are looked for in it.
     gave_up: bool,
+    /// Whether there is a factor of the last state.
+    factored: bool,
 }
 
 impl Model {
@@ -147,6 +149,7 @@ impl Model {
             model: self,
             law,
             path: Path::new(self, law, boundary, options.newton, &yes),
+            mirror: work.matrix.mirror().expect("couplings go both ways"),
             work,
             from: rest.clone(),
             to: rest.clone(),
@@ -155,7 +158,9 @@ impl Model {
             max_halvings: options.max_halvings,
             states_left: options.max_states,
             settled: true,
+            snapped: false,
             gave_up: false,
+            factored: false,
         };
         // What a trapezoid over each step gives is the scale of what is negligible.
         let mut scale = 0.0;
@@ -175,27 +180,33 @@ impl Model {
         let mut total = Sums::default();
         let mut found = Vec::with_capacity(solution.instants.len());
         let still = vec![[0.0; 2]; self.mesh().nodes().len()];
-        let mut from = (rest, &still, 0.0);
+        let (mut from, mut done) = (rest, 0.0);
+        let mut begin: Option<State> = None;
         for (k, instant) in solution.instants.iter().enumerate() {
             if k >= solved {
                 found.push(None);
                 continue;
             }
-            let to = boundary.drive(k);
-            follower.step = to.less(&from.0);
-            follower.from.clone_from(&from.0);
+            let (to, u) = (boundary.drive(k), &instant.displacement);
+            follower.step = to.less(&from);
+            follower.from.clone_from(&from);
             follower.to.clone_from(&to);
-            let (a, b) = (follower.state(0.0, from.1), follower.state(1.0, &instant.displacement));
-            let (_, done) = follower.held(&to, &instant.displacement);
-            // Through a snap no path of equilibria leads.
-            follower.settled &= instant.status != Status::Rescued;
+            let a = begin.take().unwrap_or_else(|| follower.state(0.0, &still));
+            let b = follower.state(1.0, u);
+            // The next step begins where this one ends, with the same factor.
+            let onward = (k + 1 < solved).then(|| follower.rates(&boundary.drive(k + 1).less(&to)));
+            let (_, done_here) = follower.held(&to, u);
+            follower.snapped = instant.status == Status::Rescued;
+            follower.settled &= !follower.snapped;
             follower.gave_up = false;
             let sums = follower.over(&a, &b, go_on);
-            total = Sums { work: total.work + sums.work + (done - from.2), adhesive: total.adhesive + sums.adhesive };
-            let SubstrateEnergy { elastic, plastic } = self.strip_energy(&instant.displacement);
+            total =
+                Sums { work: total.work + sums.work + (done_here - done), adhesive: total.adhesive + sums.adhesive };
+            let SubstrateEnergy { elastic, plastic } = self.strip_energy(u);
             let Sums { work, adhesive } = total;
             found.push(Some(Energies { work, elastic, plastic, adhesive, settled: follower.settled }));
-            from = (to, &instant.displacement, done);
+            begin = onward.map(|rates| State { share: 0.0, rates, ..b });
+            (from, done) = (to, done_here);
         }
         found
     }
@@ -209,110 +220,146 @@ impl Follower<'_> {
         (self.model.holding(&self.work), along(&drive.forces, &self.model.loaded_places(&self.work.loaded, u)))
     }
 
+    /// The state `u`, a solution, at `share` of the step.
     fn state(&mut self, share: f64, u: &[[f64; 2]]) -> State {
-        let drive = self.from.between(&self.to, share);
-        let (held, _) = self.held(&drive, u);
+        self.work.loads = self.from.between(&self.to, share).forces;
+        self.model.assemble(self.law, u, Stiffness::Tangent, &mut self.work);
+        self.work.matrix.transpose(&self.mirror);
+        self.factored = self.work.factor.refactor(&self.work.matrix).is_ok();
+        self.settled &= self.factored;
         let places = self.model.loaded_places(&self.work.loaded, u);
-        let power = along(&held, &self.step.places) - along(&self.step.forces, &places);
-        State { share, u: u.to_vec(), power, jumps: self.model.weighted_jumps(u) }
+        let step = self.step.clone();
+        State { share, u: u.to_vec(), places, rates: self.rates(&step) }
     }
 
-    /// The state at `share` of the step, from `a`, which comes before.
-    fn between(&mut self, a: &State, share: f64) -> Option<State> {
-        self.path.start_at(&a.u, &self.from.between(&self.to, a.share).forces);
-        let found = self.path.advance(&self.from.between(&self.to, share));
+    /// What the virtual work weighs forces with along `step`, at the state whose transposed tangent is factorised:
+    /// `K_ff^T w_f = -K_Df^T du_D + df`.
+    fn rates(&self, step: &Drive) -> Rates {
+        let model = self.model;
+        let mut nodes = vec![[0.0; 2]; model.mesh().nodes().len()];
+        model.add_border_change(&step.places, &mut nodes);
+        let mut values = vec![0.0; model.n_unknowns()];
+        model.transposed_pull_of_border(&nodes, &self.work, &mut values);
+        model.add_loads(&self.work.loaded, &step.forces, &mut values);
+        match self.factored {
+            true => self.work.factor.solve(&mut values),
+            false => values.fill(0.0),
+        }
+        model.add_to_derivative(&values, &self.work, &mut nodes);
+        let loaded = model.loaded_rates(&self.work.loaded, &values, &step.places, &nodes);
+        Rates { power: along(&model.holding(&self.work), &step.places), nodes, loaded }
+    }
+
+    /// The state at `share` of the step, near the curve through `known` states; `from` comes before it.
+    fn between(&mut self, from: &State, share: f64, known: &[&State]) -> Option<State> {
+        let drive = self.from.between(&self.to, share);
+        let weights = lagrange(known, share);
+        let mut u = vec![[0.0; 2]; from.u.len()];
+        for (state, weight) in known.iter().zip(weights) {
+            for (sum, u) in u.iter_mut().zip(&state.u) {
+                *sum = [sum[0] + weight * u[0], sum[1] + weight * u[1]];
+            }
+        }
+        if self.path.settle(&mut u, &drive) {
+            return Some(self.state(share, &u));
+        }
+        self.path.start_at(&from.u, &self.from.between(&self.to, from.share).forces);
+        let found = self.path.advance(&drive);
         self.gave_up |= found.status != Status::Converged;
         found.status.converged().then(|| self.state(share, &found.displacement))
     }
 
     /// The sums from `a` to `b`, whose middle is not known yet.
     fn over(&mut self, a: &State, b: &State, go_on: &dyn Fn() -> bool) -> Sums {
-        match self.middle(a, b, 0, go_on) {
-            None => Sums { work: 0.5 * (b.share - a.share) * (a.power + b.power), adhesive: self.straight(a, b) },
-            Some(m) => self.over_halves(a, &m, b, 0, go_on),
-        }
+        let Some(m) = self.middle(a, b, &[a, b], 0, go_on) else { return self.trapezoid(a, b) };
+        let once = self.parabola(a, &m, b);
+        self.over_halves([a, &m, b], once, 0, go_on)
     }
 
-    fn middle(&mut self, a: &State, b: &State, halvings: u32, go_on: &dyn Fn() -> bool) -> Option<State> {
+    fn middle(
+        &mut self,
+        a: &State,
+        b: &State,
+        known: &[&State],
+        halvings: u32,
+        go_on: &dyn Fn() -> bool,
+    ) -> Option<State> {
         if halvings >= self.max_halvings || self.states_left == 0 || self.gave_up || !go_on() {
             self.settled = false;
             return None;
         }
         self.states_left -= 1;
-        let middle = self.between(a, 0.5 * (a.share + b.share));
+        let middle = self.between(a, 0.5 * (a.share + b.share), known);
         self.settled &= !self.gave_up;
         middle
     }
 
-    /// The sums from `a` over `m` to `b`: each half is halved once more, and what that changes tells the error.
-    fn over_halves(&mut self, a: &State, m: &State, b: &State, halvings: u32, go_on: &dyn Fn() -> bool) -> Sums {
-        let simpson = |a: &State, m: &State, b: &State| (b.share - a.share) / 6.0 * (a.power + 4.0 * m.power + b.power);
-        let once = Sums { work: simpson(a, m, b), adhesive: self.straight(a, m) + self.straight(m, b) };
-        let quarters = self.middle(a, m, halvings + 1, go_on).zip(self.middle(m, b, halvings + 1, go_on));
-        let Some((l, r)) = quarters else { return once };
-        let twice = Sums {
-            work: simpson(a, &l, m) + simpson(m, &r, b),
-            adhesive: [[a, &l], [&l, m], [m, &r], [&r, b]].into_iter().map(|[a, b]| self.straight(a, b)).sum(),
-        };
-        let (work, adhesive) = (twice.work - once.work, twice.adhesive - once.adhesive);
-        // Errors left: a fifteenth of the change of Simpson's sum, a third of that of the straight one.
-        let allowed = self.allowed * (b.share - a.share);
-        if work.abs() <= 15.0 * allowed && adhesive.abs() <= 3.0 * allowed {
-            return Sums { work: twice.work + work / 15.0, adhesive: twice.adhesive + adhesive / 3.0 };
-        }
-        let (left, right) =
-            (self.over_halves(a, &l, m, halvings + 1, go_on), self.over_halves(m, &r, b, halvings + 1, go_on));
-        Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive }
+    /// What reactions and loads do at a state, per share of the step.
+    fn power(&self, state: &State) -> f64 {
+        state.rates.power - along(&self.step.forces, &state.places)
     }
 
-    /// Work on the adhesive when every jump goes straight from `a` to `b`.
-    fn straight(&self, a: &State, b: &State) -> f64 {
-        let touching = Touching(self.law);
-        // Two points for each interface element.
-        let bonds = self.model.mesh().cracked().iter().flat_map(|&cracked| [cracked; 2]);
-        let mut sum = 0.0;
-        for ((&(weight, from), &(_, to)), cracked) in a.jumps.iter().zip(&b.jumps).zip(bonds) {
-            sum += weight * work_along(if cracked { &touching } else { self.law }, from, to);
+    /// The work as of a force that changes evenly, and jumps that go straight.
+    fn trapezoid(&self, a: &State, b: &State) -> Sums {
+        let piece = Piece::straight(self.model, self.law, a, b);
+        Sums {
+            work: 0.5 * (b.share - a.share) * (self.power(a) + self.power(b)),
+            adhesive: piece.adhesive(self.per_length()),
         }
-        sum
     }
+
+    /// The sums from `a` over `m` to `b` along the parabola through them.
+    fn parabola(&self, a: &State, m: &State, b: &State) -> Sums {
+        let piece = Piece::parabola(self.model, self.law, [a, m, b]);
+        let width = b.share - a.share;
+        let [by_interface, adhesive] = piece.interface(self.per_length());
+        let loads = [a, b].map(|state| self.from.between(&self.to, state.share).forces);
+        let of_loads = |s: f64, places: &[[f64; 2]], rates: &[[f64; 2]]| {
+            let on = |k: usize, c: usize| loads[0][k][c] + s * (loads[1][k][c] - loads[0][k][c]);
+            let external: f64 = (0..rates.len()).map(|k| on(k, 0) * rates[k][0] + on(k, 1) * rates[k][1]).sum();
+            external + along(&self.step.forces, places)
+        };
+        let work = match self.snapped || self.gave_up {
+            true => (self.power(a) + 4.0 * self.power(m) + self.power(b)) / 6.0,
+            false => by_interface + piece.strips(of_loads),
+        };
+        Sums { work: width * work, adhesive }
+    }
+
+    /// Error of an integral of the law at a point over a part of a step, MPa mm.
+    fn per_length(&self) -> f64 {
+        0.01 * self.allowed / self.model.bonds().map(|(_, bond, _)| bond.length()).sum::<f64>().max(f64::MIN_POSITIVE)
+    }
+
+    /// The sums from `a` over `m` to `b`, of which `once` is known: each half is halved once more, and what that changes tells the
+    /// error.
+    fn over_halves(&mut self, [a, m, b]: [&State; 3], once: Sums, halvings: u32, go_on: &dyn Fn() -> bool) -> Sums {
+        let Some(l) = self.middle(a, m, &[a, m, b], halvings + 1, go_on) else { return once };
+        let Some(r) = self.middle(m, b, &[a, &l, m, b], halvings + 1, go_on) else { return once };
+        let (left, right) = (self.parabola(a, &l, m), self.parabola(m, &r, b));
+        let twice = Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive };
+        // What is left is a small part of the change, and what is left of one interval may have either sign. No more is allowed where an
+        // interval is long: by chance a change may be small there.
+        let allowed = 8.0 * self.allowed;
+        if (twice.work - once.work).abs() <= allowed && (twice.adhesive - once.adhesive).abs() <= allowed {
+            return twice;
+        }
+        let left = self.over_halves([a, &l, m], left, halvings + 1, go_on);
+        let right = self.over_halves([m, &r, b], right, halvings + 1, go_on);
+        Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive }
+    }
+}
+
+/// The weights at `share` of the polynomial through `known` states.
+fn lagrange(known: &[&State], share: f64) -> Vec<f64> {
+    let weight = |k: usize| {
+        let others = known.iter().enumerate().filter(|&(other, _)| other != k);
+        others.map(|(_, other)| (share - other.share) / (known[k].share - other.share)).product()
+    };
+    (0..known.len()).map(weight).collect()
 }
 
 /// `sum f . u`.
 fn along(forces: &[[f64; 2]], places: &[[f64; 2]]) -> f64 {
     forces.iter().zip(places).map(|(f, u)| f[0] * u[0] + f[1] * u[1]).sum()
-}
-
-/// `int T . d(jump)` along the straight line between two jumps, MPa mm.
-fn work_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> f64 {
-    let [opening, sliding] = works_along(law, from, to);
-    opening + sliding
-}
-
-/// The same of opening and of sliding. Pieces are short against the law, and one ends where the
-/// faces touch, since laws have a kink there.
-pub(super) fn works_along(law: &dyn CohesiveLaw, from: Jump, to: Jump) -> [f64; 2] {
-    let by = Jump { normal: to.normal - from.normal, tangential: to.tangential - from.tangential };
-    let at = |share: f64| Jump {
-        normal: from.normal + share * by.normal,
-        tangential: from.tangential + share * by.tangential,
-    };
-    let touch = if from.normal * to.normal < 0.0 { -from.normal / by.normal } else { 1.0 };
-    let pieces = (40.0 * by.normal.hypot(by.tangential) / law.front_opening()).ceil().clamp(1.0, 200.0);
-    let mut sum = [0.0; 2];
-    for [begin, end] in [[0.0, touch], [touch, 1.0]] {
-        let width = (end - begin) / pieces;
-        if width <= 0.0 {
-            continue;
-        }
-        for piece in 0..pieces as usize {
-            for place in GAUSS {
-                let share = begin + (piece as f64 + place) * width;
-                let Traction { normal, tangential } = law.response(at(share)).traction;
-                sum[0] += 0.5 * width * normal * by.normal;
-                sum[1] += 0.5 * width * tangential * by.tangential;
-            }
-        }
-    }
-    sum
 }

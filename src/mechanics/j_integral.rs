@@ -7,8 +7,8 @@
 
 use super::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use super::element::Kinematics;
-use super::energy::works_along;
 use super::model::Model;
+use super::path_work::works_along;
 use super::solution::{Instant, Solution};
 use nalgebra::{Matrix2, Vector2};
 use thiserror::Error;

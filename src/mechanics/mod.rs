@@ -20,6 +20,7 @@ mod model;
 mod newton;
 mod pairing;
 mod parts;
+mod path_work;
 mod reaction;
 mod sensitivity;
 mod solution;

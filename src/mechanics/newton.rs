@@ -107,6 +107,15 @@ impl Model {
 /// In so many iterations of an increment other faces of a crack may touch than before.
 const MOST_TURNS: u32 = 15;
 
+/// Largest residual force over the largest nodal force of a state between instants, before a last correction.
+const SETTLED: f64 = 1e-9;
+
+/// An iteration with an old factor that leaves more of the residual costs more than a new one.
+const WORTH_A_FACTOR: f64 = 0.3;
+
+/// Factors made for one state between instants.
+const MOST_FACTORS: u32 = 10;
+
 /// How often viscous steps begin again where Newton's did not finish what they began.
 const MOST_RETRIES: i32 = 5;
 
@@ -131,6 +140,8 @@ pub(super) struct Path<'a> {
     rhs: Vec<f64>,
     /// Whether `work` holds stiffness and factor at `u`.
     ready: bool,
+    /// Whether there is a factor at all.
+    factored: bool,
     /// Number of the instant, from 1.
     instant: usize,
     /// Whether to go on with it.
@@ -188,6 +199,7 @@ impl<'a> Path<'a> {
             u: rest,
             rhs: vec![0.0; model.n_unknowns()],
             ready: false,
+            factored: false,
             instant: 0,
             go_on,
         }
@@ -209,6 +221,46 @@ impl<'a> Path<'a> {
         self.forces.copy_from_slice(forces);
         self.last.copy_from_slice(u);
         self.ready = false;
+    }
+
+    /// Makes of `guess` the solution under `drive` next to it, with the factor that is at hand as long as it serves. False where
+    /// there is none near, or it is not stable.
+    pub(super) fn settle(&mut self, guess: &mut [[f64; 2]], drive: &Drive) -> bool {
+        self.ready = false;
+        self.field.copy_from_slice(guess);
+        self.model.set_border(&drive.places, &mut self.field);
+        // Blocks are rigid; what lies between two of their places is not.
+        self.rhs.fill(0.0);
+        self.model.add_to_field(&self.rhs, 0.0, &mut self.field);
+        self.work.loads.clone_from(&drive.forces);
+        let (mut before, mut factors) = (f64::INFINITY, 0);
+        for _ in 0..self.options.max_iterations {
+            self.model.evaluate_force(self.law, &self.field, &mut self.work);
+            let balance = self.balance();
+            if !balance.norm.is_finite() || !self.goes_on() {
+                return false;
+            }
+            let settled = balance.residual <= SETTLED * balance.force + balance.floor;
+            if !self.factored || (!settled && balance.norm > WORTH_A_FACTOR * before) {
+                factors += 1;
+                self.model.assemble(self.law, &self.field, Stiffness::Tangent, &mut self.work);
+                self.factored = self.work.factor.refactor(&self.work.matrix).is_ok();
+                let stable = || self.work.factor.pivots().is_none_or(|pivots| pivots.positive_determinant());
+                if factors > MOST_FACTORS || !self.factored || !stable() {
+                    self.factored = false;
+                    return false;
+                }
+            }
+            before = balance.norm;
+            self.residual_into_rhs();
+            self.work.factor.solve(&mut self.rhs);
+            self.model.add_to_field(&self.rhs, 1.0, &mut self.field);
+            if settled {
+                guess.copy_from_slice(&self.field);
+                return true;
+            }
+        }
+        false
     }
 
     /// Moves border and forces to `target`, in as many increments as it takes.

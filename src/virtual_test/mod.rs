@@ -14,7 +14,8 @@ use crate::imaging::Image;
 use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
-    BoundaryHistory, ForwardOptions, JointMesh, JointParts, MeshFault, Model, ModelOptions, Solution,
+    BoundaryHistory, ForwardOptions, Instant, JointMesh, JointParts, MeshFault, Model, ModelOptions, NodeGroup,
+    Solution,
 };
 use crate::synth::{GridField, RenderOptions, Strips, SynthError, Texture, exact_at, render};
 use crate::units::{PixelSize, Vector};
@@ -235,6 +236,29 @@ impl VirtualTest {
                 .any(|[x0, y0, x1, y1]| *x0 < centre[0] && centre[0] < *x1 && *y0 < centre[1] && centre[1] < *y1)
         };
         mesh.part(inside).expect("the region is a joint")
+    }
+
+    /// The forces on the upper strip (x, y; N per mm of width) at every instant: what a load cell at the upper grip shows, and what holds
+    /// the outer nodes of the region's upper strip, which is the traction of the joint that the images show.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`] for the region.
+    pub fn loads(&self) -> Result<Vec<[[f64; 2]; 2]>, VirtualError> {
+        let whole = self.model.mesh();
+        let (region, of) = self.region();
+        let outer = region.outer_nodes();
+        let upper = |mesh: &JointMesh, nodes: &[u32]| {
+            let nodes = nodes.iter().copied().filter(|&node| mesh.strip()[node as usize] == 1).collect();
+            [NodeGroup::new("upper", nodes)]
+        };
+        let (grip, cut) = (upper(whole, self.model.prescribed()), upper(&region, &outer));
+        let part = Model::new(region, self.model.materials().to_vec(), &outer, *self.model.options())?;
+        let loads = |instant: &Instant| {
+            let u = &instant.displacement;
+            let of_region: Vec<[f64; 2]> = of.iter().map(|&node| u[node as usize]).collect();
+            [self.model.reactions(&self.law, u, &grip)[0], part.reactions(&self.law, &of_region, &cut)[0]]
+        };
+        Ok(self.solution.instants.iter().map(loads).collect())
     }
 
     /// The largest rotation (rad) of a strip over the test: that of the rigid motion of either strip of the computed joint.

@@ -221,6 +221,30 @@ fn the_work_of_loads_and_blocks_is_stored_or_done_on_the_adhesive() {
 }
 
 #[test]
+fn energies_balance_along_a_growing_crack_with_few_states_between_the_instants() {
+    // Mixed mode, by a law without a potential; in an instant the crack passes more than one element.
+    let mesh = JointMesh::rectangular(40, 2, SIZE, 0.01).unwrap();
+    let law = law_by_name("bilinear-benzeggagh-kenane", &[500.0, 2.0, 3.0, 0.02, 0.05, 1.7]).unwrap();
+    let values: Vec<f64> = (1..=10).map(|k| 0.025 * f64::from(k)).collect();
+    for kinematics in [Kinematics::Objective, Kinematics::Finite] {
+        let mut drives = cantilevers(&mesh, &values, true);
+        drives.blocks[1].1.iter_mut().for_each(|u| *u = [0.0; 2]);
+        let boundary = BoundaryHistory::of_drives(&drives, values.len()).unwrap();
+        let model = Model::supported(mesh.clone(), elastic(), boundary.supports(), options(kinematics)).unwrap();
+        let solution = solved(&model, &*law, &boundary);
+        let front = |k: usize| model.crack_front(&*law, &solution.instants[k].displacement).unwrap_or(0.0);
+        assert!(front(9) > front(4) + 5.0 * SIZE, "{} {}", front(4), front(9));
+        let options = EnergyOptions { max_states: 40 * values.len(), ..EnergyOptions::default() };
+        let energies = model.energies(&*law, &boundary, &solution, &options, &|| true);
+        let last = energies[9].unwrap();
+        for energies in energies.into_iter().flatten() {
+            let off = energies.imbalance().abs() / last.work;
+            assert!(energies.settled && off < 1e-6, "{kinematics:?}: {off:e} {energies:?}");
+        }
+    }
+}
+
+#[test]
 fn nodes_held_by_component_are_those_of_a_border_when_both_are() {
     let mesh = mesh();
     let border = mesh.outer_nodes();

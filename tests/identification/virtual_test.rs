@@ -189,7 +189,8 @@ fn the_truth_simulates_to_itself() {
     let case = format!(
         "[mesh]\nfile = \"truth/mesh.json\"\n[boundary]\nfile = \"truth/boundary_displacements.csv\"\n\
          [substrate]\nE_MPa = {e}\nnu = {nu}\nsigma_0_MPa = {sigma_0}\nalpha = {alpha}\nn = {n}\n\
-         [cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\n"
+         [cohesive]\nphi_n_N_per_mm = 1.0\ndelta_n_mm = 0.005\ndelta_t_mm = 0.05\nr = 4.0\n\
+         [force]\nfile = \"load.csv\"\ncolumn = \"region\"\ngroup = \"upper\"\nwidth_mm = 1.0\nuse = false\n"
     );
     std::fs::write(out.join("cut.toml"), case).unwrap();
     let (case, result) = (out.join("cut.toml"), out.join("cut"));
@@ -206,5 +207,17 @@ fn the_truth_simulates_to_itself() {
         assert_eq!(got[..2], want[..2]);
         let off = (got[2] - want[2]).abs().max((got[3] - want[3]).abs());
         assert!(off < 1e-11, "{off:e} mm at instant {}, node {}", got[0], got[1]); // 1e-9 of the largest displacement
+    }
+    // The load cell of the part that is shown is its reaction; that of the grips is of another size.
+    let text = std::fs::read_to_string(result.join("force.csv")).unwrap();
+    let forces: Vec<Vec<f64>> = text
+        .lines()
+        .filter(|line| !line.starts_with(['#', 'i']))
+        .map(|line| line.split(',').map(|v| v.parse().unwrap()).collect())
+        .collect();
+    let largest = forces.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
+    assert!(forces.len() == 19 && largest > 1.0, "{text}");
+    for row in &forces {
+        assert!((row[1] - row[2]).abs() < 1e-8 * largest, "{row:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! A case file as it was read, and what each command takes of it.
 
-use super::explain::explained;
+use super::explain::{explained, heading};
 use super::{Case, CaseError, CaseFile, CaseText};
 use serde::Deserialize;
 use std::io::ErrorKind;
@@ -131,12 +131,13 @@ impl CaseDocument {
             }
             Some(section) if reader == Reader::Tests && OF_JOINT.contains(&section.as_str()) => {
                 let message =
-                    format!("[{section}] is each test's own: it stands in the case files that [[test]] names");
+                    format!("{} is each test's own: it stands in the case files that [[test]] names", heading(section));
                 Err(self.text.refuse(section, None, message))
             }
             Some(section) => {
                 let (takers, commands) = (Reader::of(section), reader.commands());
-                let message = format!("[{section}] is for quadrille {takers}; it is not taken by: {commands}");
+                let headed = heading(section);
+                let message = format!("{headed} is for quadrille {takers}; it is not taken by: {commands}");
                 Err(self.text.refuse(section, None, message))
             }
         }

@@ -263,6 +263,11 @@ fn nearest<'a>(given: &str, expected: &'a str) -> Option<&'a str> {
 const LISTS: [&str; 9] =
     ["zone", "probe", "line", "extensometer", "opening", "crack", "support", "applied_load", "test"];
 
+/// The heading of a section in a case file: `[fit]`, `[[support]]`.
+pub fn heading(section: &str) -> String {
+    if LISTS.contains(&section) { format!("[[{section}]]") } else { format!("[{section}]") }
+}
+
 /// A key of the file and the sections above it.
 struct Located {
     above: Vec<String>,
@@ -277,8 +282,7 @@ impl Located {
     fn section(&self) -> String {
         match self.above.as_slice() {
             [] => "at the top level".to_owned(),
-            [list] if LISTS.contains(&list.as_str()) => format!("in [[{list}]]"),
-            above => format!("in [{}]", above.join(".")),
+            above => format!("in {}", heading(&above.join("."))),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What holds, moves and loads a joint, between fields of all nodes and the unknowns.
 
 use super::{Model, Work};
+use crate::mechanics::element::{ElementStiffness, ElementVector};
 use crate::mechanics::supports::{BlockMotion, RigidBlock};
 use crate::mechanics::tied::{NONE, TiedBlock};
 
@@ -8,9 +9,24 @@ impl Model {
     /// `-K_fD du_D` for displacements `du` that are zero at the free nodes: the forces that moving the border
     /// puts on the unknowns, with the stiffness of the last assembly.
     pub(in crate::mechanics) fn pull_of_border(&self, du: &[[f64; 2]], work: &Work, pull: &mut [f64]) {
+        self.pull(du, work, |stiffness, du| stiffness * du, pull);
+    }
+
+    /// `-K_Df^T du_D`: the same of the transposed stiffness.
+    pub(in crate::mechanics) fn transposed_pull_of_border(&self, du: &[[f64; 2]], work: &Work, pull: &mut [f64]) {
+        self.pull(du, work, |stiffness, du| stiffness.tr_mul(du), pull);
+    }
+
+    fn pull(
+        &self,
+        du: &[[f64; 2]],
+        work: &Work,
+        times: impl Fn(&ElementStiffness, &ElementVector) -> ElementVector,
+        pull: &mut [f64],
+    ) {
         pull.fill(0.0);
         for &element in &self.coupled {
-            let force = work.stiffness[element as usize] * self.gather(element as usize, du);
+            let force = times(&work.stiffness[element as usize], &self.gather(element as usize, du));
             for (k, &node) in self.corners[element as usize].iter().enumerate() {
                 for c in 0..2 {
                     let unknown = self.unknowns[node as usize][c];
@@ -22,7 +38,7 @@ impl Model {
         }
         for tied in &self.tied {
             let element = tied.element as usize;
-            let force = work.stiffness[element] * self.gather(element, du);
+            let force = times(&work.stiffness[element], &self.gather(element, du));
             let on = self.transformation(tied, &work.levers).tr_mul(&force);
             for (&unknown, force) in tied.unknowns.iter().zip(on.iter()) {
                 // Those of nodes have it already.
@@ -179,6 +195,26 @@ impl Model {
     pub(in crate::mechanics) fn loaded_places(&self, loaded: &[u32], u: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let nodes = loaded.iter().map(|&node| u[node as usize]);
         nodes.chain(self.motions(u).into_iter().map(|motion| motion.point)).collect()
+    }
+
+    /// The rates of [`Model::loaded_places`] where the unknowns change at the rates `values`, the border at `places` and the nodes at
+    /// `field`.
+    pub(in crate::mechanics) fn loaded_rates(
+        &self,
+        loaded: &[u32],
+        values: &[f64],
+        places: &[[f64; 2]],
+        field: &[[f64; 2]],
+    ) -> Vec<[f64; 2]> {
+        let of_block = |((block, rigid), place): ((&TiedBlock, &RigidBlock), &[f64; 2])| {
+            [0, 1].map(|c| match values.get(block.unknowns[c] as usize) {
+                Some(&value) => value,
+                None if rigid.held[c] => place[c],
+                None => 0.0,
+            })
+        };
+        let blocks = self.blocks.iter().zip(&self.supports.blocks).zip(&places[self.supports.nodes.len()..]);
+        loaded.iter().map(|&node| field[node as usize]).chain(blocks.map(of_block)).collect()
     }
 
     /// The forces that hold the border, N/mm, after an evaluation: at the prescribed nodes, then at the blocks' points; zero in

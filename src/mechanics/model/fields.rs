@@ -1,9 +1,10 @@
 //! What a field of displacements says: jumps, tractions, strains, stresses, forces, the crack front.
 
-use super::Model;
+use super::{GRAIN, Model};
 use crate::mechanics::cohesive::{CohesiveLaw, Jump, Touching, Traction};
 use crate::mechanics::element::{Interface, InterfacePoint, Q4, Q4Point};
 use crate::mechanics::substrate::{EngineeringStrain, Stress, SubstrateLaw, SubstrateState};
+use rayon::prelude::*;
 
 impl Model {
     /// The jump at each node pair ([`JointMesh::pairs`]), mm: where two elements meet, the mean of theirs by
@@ -85,14 +86,19 @@ impl Model {
         }
     }
 
-    /// The jump at every quadrature point of the interface, with the length (mm) that it stands for; two for each element.
-    pub(in crate::mechanics) fn weighted_jumps(&self, u: &[[f64; 2]]) -> Vec<(f64, Jump)> {
-        let mut jumps = Vec::with_capacity(2 * self.interfaces.len());
-        for (k, interface) in self.interfaces.iter().enumerate() {
-            let u = self.gather(self.quads.len() + k, u);
-            jumps.extend(interface.points().iter().map(|point| (point.weight, interface.jump(point, &u))));
-        }
-        jumps
+    /// The interface elements, each with its number among all elements and whether it is cracked.
+    pub(in crate::mechanics) fn bonds(&self) -> impl Iterator<Item = (usize, &Interface, bool)> {
+        let numbered = (self.quads.len()..).zip(&self.interfaces).zip(self.mesh.cracked());
+        numbered.map(|((element, interface), &cracked)| (element, interface, cracked))
+    }
+
+    /// What the forces of the strips under the displacements `u` do at the rates `by` of the nodes.
+    pub(in crate::mechanics) fn strip_power(&self, u: &[[f64; 2]], by: &[[f64; 2]]) -> f64 {
+        let power = |(element, quad): (usize, &Q4)| {
+            quad.force(self.material(element), &self.gather(element, u)).dot(&self.gather(element, by))
+        };
+        let powers: Vec<f64> = self.quads.par_iter().with_min_len(GRAIN).enumerate().map(power).collect();
+        powers.iter().sum()
     }
 
     /// Material, area (mm^2) and strain of every Gauss point of the strips.

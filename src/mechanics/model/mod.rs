@@ -377,7 +377,7 @@ impl Model {
     }
 
     /// Displacements of an element's nodes.
-    fn gather(&self, element: usize, u: &[[f64; 2]]) -> ElementVector {
+    pub(super) fn gather(&self, element: usize, u: &[[f64; 2]]) -> ElementVector {
         let corners = &self.corners[element];
         ElementVector::from_fn(|k, _| u[corners[k / 2] as usize][k % 2])
     }
