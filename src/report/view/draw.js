@@ -152,7 +152,7 @@ function caseText() {
     if (cut.length) lines.push(`exclude = [${cut.map(other => list(other.points)).join(', ')}]`);
     if (kind === 'crack') lines.push('', '[[crack]]', ...named, `path = ${list(points)}`);
     if (kind === 'extensometer' || kind === 'line') lines.push('', `[[${kind}]]`, ...named, `from = [${points[0].map(number).join(', ')}]`, `to = [${points[1].map(number).join(', ')}]`);
-    if (kind === 'point') lines.push('', '[[point]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
+    if (kind === 'point') lines.push('', '[[probe]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
   }
   if (settings.opening && zones().length === 2) lines.push('', '[[opening]]', `zones = [${zones().map(zone => text(zone.name)).join(', ')}]`);
   return lines.join('\n') + '\n';
