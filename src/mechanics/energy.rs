@@ -338,9 +338,9 @@ impl Follower<'_> {
         let Some(r) = self.middle(m, b, &[a, &l, m, b], halvings + 1, go_on) else { return once };
         let (left, right) = (self.parabola(a, &l, m), self.parabola(m, &r, b));
         let twice = Sums { work: left.work + right.work, adhesive: left.adhesive + right.adhesive };
-        // What is left is a small part of the change, and what is left of one interval may have either sign. No more is allowed where an
-        // interval is long: by chance a change may be small there.
-        let allowed = 8.0 * self.allowed;
+        // What is left is a small part of the change, and what is left of one interval may have either sign. Where an interval is long, and
+        // kinks are many, a change may be small by chance.
+        let allowed = if halvings < 2 { 0.05 } else { 8.0 } * self.allowed;
         if (twice.work - once.work).abs() <= allowed && (twice.adhesive - once.adhesive).abs() <= allowed {
             return twice;
         }

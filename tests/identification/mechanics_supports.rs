@@ -234,7 +234,7 @@ fn energies_balance_along_a_growing_crack_with_few_states_between_the_instants()
         let solution = solved(&model, &*law, &boundary);
         let front = |k: usize| model.crack_front(&*law, &solution.instants[k].displacement).unwrap_or(0.0);
         assert!(front(9) > front(4) + 5.0 * SIZE, "{} {}", front(4), front(9));
-        let options = EnergyOptions { max_states: 40 * values.len(), ..EnergyOptions::default() };
+        let options = EnergyOptions { max_states: 100 * values.len(), ..EnergyOptions::default() };
         let energies = model.energies(&*law, &boundary, &solution, &options, &|| true);
         let last = energies[9].unwrap();
         for energies in energies.into_iter().flatten() {
