@@ -93,6 +93,12 @@ function imageView(canvas, size, { draw, moves, share, on }) {
   at('closer').addEventListener('click', () => view.closer(1.5));
   at('farther').addEventListener('click', () => view.closer(1 / 1.5));
   at('fit').addEventListener('click', view.whole);
+  // A scroll bar that comes with a longer page makes the place narrower, too.
+  let before = 0;
+  new ResizeObserver(() => {
+    const width = canvas.parentElement.clientWidth;
+    if (width !== before) { before = width; view.resize(); }
+  }).observe(canvas.parentElement);
   window.addEventListener('resize', view.resize);
   return view;
 }
