@@ -150,7 +150,7 @@ impl Model {
         self.supports.blocks.iter().map(|block| block.motion(nodes, u, small)).collect()
     }
 
-    /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of [`Supports::blocks`].
+    /// Displacement of the point of each rigid block under the displacements `u`, mm, in the order of [`Supports::blocks`](crate::mechanics::Supports).
     ///
     /// # Panics
     /// When `u` has not one displacement per node.

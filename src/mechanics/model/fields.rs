@@ -7,7 +7,7 @@ use crate::mechanics::substrate::{EngineeringStrain, Stress, SubstrateLaw, Subst
 use rayon::prelude::*;
 
 impl Model {
-    /// The jump at each node pair ([`JointMesh::pairs`]), mm: where two elements meet, the mean of theirs by
+    /// The jump at each node pair ([`JointMesh::pairs`](crate::mechanics::JointMesh::pairs)), mm: where two elements meet, the mean of theirs by
     /// length.
     ///
     /// # Panics
