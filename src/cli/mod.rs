@@ -36,6 +36,7 @@ mod progress;
 mod results;
 mod run;
 mod schema;
+mod shell;
 mod signals;
 mod simulate;
 mod slurm;
@@ -117,6 +118,8 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
+        args::Command::Completions(args) => shell::completions(&args),
+        args::Command::Manual(args) => shell::manual(&args),
         args::Command::Licences => licences::run(),
     };
     match outcome {

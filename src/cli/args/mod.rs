@@ -7,6 +7,7 @@ mod machine;
 mod schema;
 mod series;
 mod shared;
+mod shell;
 mod words;
 
 pub use fields::*;
@@ -16,6 +17,7 @@ pub use machine::*;
 pub use schema::*;
 pub use series::*;
 pub use shared::*;
+pub use shell::*;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -94,6 +96,10 @@ pub enum Command {
     Schema(SchemaArgs),
     /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
     Paper(PaperArgs),
+    /// Write what a shell needs to complete commands and options.
+    Completions(CompletionsArgs),
+    /// Write the pages of `man`, one for each command.
+    Manual(ManualArgs),
     /// The licences of quadrille and of the work of others that it contains.
     #[command(visible_alias = "licenses")]
     Licences,
