@@ -24,6 +24,7 @@ def read_image(path: str | os.PathLike[str], page: int = 0) -> GreyLevels:
 
     Raises ImageError when the file gives no image.
     """
+    array: GreyLevels
     array, notes = _read_image(path, page)
     for note in notes:
         warnings.warn(f"{os.fspath(path)}: {note}", stacklevel=2)
