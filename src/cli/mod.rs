@@ -57,6 +57,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches};
 use paint::Paint;
 use std::error::Error;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
@@ -121,6 +122,18 @@ pub fn main() -> ExitCode {
             eprintln!("quadrille: {}", chain(error.as_ref()));
             ExitCode::from(2)
         }
+    }
+}
+
+/// Whether `line`, the name of the program and its arguments, is a command line of quadrille. Nothing is run.
+///
+/// # Errors
+/// What the program says of one that is not.
+pub fn check_line(line: impl IntoIterator<Item = OsString>) -> std::result::Result<(), String> {
+    let arguments = args::joined(line);
+    match args::grouped(args::Cli::command()).try_get_matches_from(&arguments) {
+        Err(wrong) if wrong.use_stderr() => Err(wrong_words::in_words(&wrong, &arguments)),
+        _ => Ok(()),
     }
 }
 
