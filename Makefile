@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel demo paper real study fuzz soak deny licences test check bench clean
+.PHONY: help build wheel demo paper real study fuzz soak deny licences test check bench book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -61,6 +61,10 @@ check: ## Formatting, lints, documentation: all without a warning
 	$(CARGO) fmt --check
 	$(CARGO) clippy --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --locked
+
+book: ## The book of docs/, in out/book/index.html
+	scripts/prepare.sh --python
+	.venv/bin/python scripts/book.py build
 
 bench: ## Run the benchmarks
 	$(CARGO) bench --locked

@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm, --chromium or --deny it installs that and nothing else.
+# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny or --python it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -111,6 +111,11 @@ if [ "${1:-}" = --deny ]; then
     fi
     say "cargo-deny: missing (see above)"
     exit 1
+fi
+# What the book is built with (make book), and nothing that needs root.
+if [ "${1:-}" = --python ]; then
+    python_environment
+    exit 0
 fi
 vulkan
 python_environment

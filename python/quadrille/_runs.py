@@ -204,7 +204,7 @@ def devices() -> list[dict[str, str | None]]:
 def open_store(path: Path_) -> zarr.Group:
     """The fields of a run, read when they are asked for, also while the run goes on (zarr: ``pip install quadrille[store]``).
 
-    path: the folder of a run, or its ``fields.zarr``. For example ``open_store("out")["displacement"][3]`` is frame 4, (n, 2), px.
+    path: the folder of a run, or its ``fields.zarr``. For example ``open_store("out")["displacement_px"][3]`` is frame 4, (n, 2), px.
 
     Raises StoreError when there is none.
     """

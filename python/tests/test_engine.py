@@ -98,8 +98,8 @@ def test_a_tracker_finds_what_a_run_stores(series, of_program):
     tracker = quadrille.Tracker(quadrille.Correlator(series / "000000.tif", ZONE, device="cpu"))
     for at in range(5):
         field = tracker.correlate(quadrille.read_image(series / f"{at + 1:06}.tif"))
-        assert np.array_equal(field.displacement, store["displacement"][at])
-        assert np.array_equal(field.sigma, store["sigma"][at])
+        assert np.array_equal(field.displacement, store["displacement_px"][at])
+        assert np.array_equal(field.sigma, store["sigma_px"][at])
     with pytest.raises(quadrille.OptionError, match="must rise"):
         tracker.correlate(series / "000001.tif", 3)
     with pytest.raises(quadrille.StoreError, match="no store"):

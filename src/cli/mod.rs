@@ -133,6 +133,18 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
+/// Whether `line`, the name of the program and its arguments, is a command line of quadrille. Nothing is run.
+///
+/// # Errors
+/// What the program says of one that is not.
+pub fn check_line(line: impl IntoIterator<Item = OsString>) -> std::result::Result<(), String> {
+    let arguments = args::joined(line);
+    match args::grouped(args::Cli::command()).try_get_matches_from(&arguments) {
+        Err(wrong) if wrong.use_stderr() => Err(wrong_words::in_words(&wrong, &arguments)),
+        _ => Ok(()),
+    }
+}
+
 /// The list with each item at its first place only.
 fn without_doubles<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
     let mut kept: Vec<T> = Vec::with_capacity(list.len());

@@ -1,6 +1,6 @@
 //! `quadrille schema`: what case files may say.
 
-use super::args::SchemaArgs;
+use super::args::{SchemaArgs, command_reference};
 use super::{Outcome, Result};
 use crate::io::case::{case_reference, case_schema};
 use crate::mechanics::case_laws;
@@ -8,10 +8,10 @@ use std::io::Write;
 
 /// Runs the command.
 pub(super) fn run(args: &SchemaArgs) -> Result<Outcome> {
-    let laws = case_laws();
-    let text = match args.reference {
-        true => case_reference(&laws),
-        false => format!("{:#}\n", case_schema(&laws)),
+    let text = match args {
+        SchemaArgs { commands: true, .. } => command_reference(),
+        SchemaArgs { reference: true, .. } => case_reference(&case_laws()),
+        _ => format!("{:#}\n", case_schema(&case_laws())),
     };
     // Whoever reads it may stop reading.
     match std::io::stdout().write_all(text.as_bytes()) {

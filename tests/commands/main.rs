@@ -10,6 +10,7 @@ mod readers;
 
 mod armour;
 mod bad_input;
+mod book;
 mod cli;
 mod exports;
 mod figures;

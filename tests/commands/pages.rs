@@ -5,21 +5,20 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
+pub fn root() -> PathBuf {
     env!("CARGO_MANIFEST_DIR").into()
 }
 
 /// README, CONTRIBUTING and all of `docs/`, with their texts.
-fn pages() -> Vec<(PathBuf, String)> {
+pub fn pages() -> Vec<(PathBuf, String)> {
     let mut paths = vec![root().join("README.md"), root().join("CONTRIBUTING.md"), root().join("benches/RESULTS.md")];
-    paths.extend(fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path()));
-    paths.retain(|path| path.extension().is_some_and(|ending| ending == "md"));
+    files(&root().join("docs"), &["md"], &mut paths);
     paths.sort();
     paths.into_iter().map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
 
 /// Lines that are not between fences.
-fn prose(text: &str) -> impl Iterator<Item = &str> {
+pub fn prose(text: &str) -> impl Iterator<Item = &str> {
     let mut code = false;
     text.lines().filter(move |line| {
         let fence = line.trim_start().starts_with("```");
@@ -52,8 +51,10 @@ fn every_link_leads_to_a_file_and_a_heading_that_there_are() {
         for link in links(&text).into_iter().filter(|link| !link.contains("://") && !link.contains(' ')) {
             let (file, heading) = link.split_once('#').map_or((link.as_str(), None), |(file, at)| (file, Some(at)));
             let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            let source = target.extension().is_some_and(|ending| ending == "rs");
             let found = match (heading, fs::read_to_string(&target)) {
                 (None, _) => target.exists(),
+                (Some(name), Ok(text)) if source => defines(&text, name),
                 (Some(heading), Ok(text)) => anchors(&text).contains(heading),
                 (Some(_), Err(_)) => false,
             };
@@ -65,11 +66,34 @@ fn every_link_leads_to_a_file_and_a_heading_that_there_are() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+/// Whether a line of the source `text` defines the item `name`, to which a link `file.rs#name` leads (scripts/book.py).
+fn defines(text: &str, name: &str) -> bool {
+    let kinds = ["fn", "struct", "enum", "trait", "const", "static", "type", "mod", "macro_rules!"];
+    text.lines().any(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let kind = words.iter().position(|word| kinds.contains(word) && *word != "const").or_else(|| {
+            // `const fn name` is a function, `const NAME` a constant.
+            words.iter().position(|word| *word == "const")
+        });
+        let item = kind
+            .and_then(|at| words.get(at + 1))
+            .map(|word| word.split(|c: char| !(c.is_alphanumeric() || c == '_')).next());
+        let begins = kind.is_some_and(|at| {
+            words[..at].iter().all(|word| {
+                word.starts_with("pub") || ["unsafe", "const", "async", "in"].contains(word) || word.ends_with(')')
+            })
+        });
+        begins && item == Some(Some(name))
+    })
+}
+
+/// The files under `folder` with one of the `endings`.
+fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let wanted = |path: &Path| path.extension().is_some_and(|end| endings.iter().any(|ending| end == *ending));
         match entry.is_dir() {
-            true => sources(&entry, found),
-            false if entry.extension().is_some_and(|ending| ending == "rs" || ending == "wgsl") => found.push(entry),
+            true => files(&entry, endings, found),
+            false if wanted(&entry) => found.push(entry),
             false => {}
         }
     }
@@ -77,15 +101,24 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 
 #[test]
 fn every_chapter_of_the_theory_that_the_source_names_is_there() {
-    let theory = fs::read_to_string(root().join("docs/theory.md")).unwrap();
-    let there: BTreeSet<u32> =
-        (theory.lines().filter_map(|line| line.strip_prefix("## ")?.split_once('.')?.0.parse().ok())).collect();
-    let mut files = Vec::new();
+    let mut there = BTreeSet::new();
+    let mut chapters = Vec::new();
+    files(&root().join("docs/theory"), &["md"], &mut chapters);
+    for chapter in chapters.iter().filter(|chapter| !chapter.ends_with("README.md")) {
+        // `07-noise.md` begins with `# 7. ` and says where the source computes it.
+        let text = fs::read_to_string(chapter).unwrap();
+        let number: u32 = text.strip_prefix("# ").and_then(|rest| rest.split_once('.')).unwrap().0.parse().unwrap();
+        let name = chapter.file_name().unwrap().to_str().unwrap();
+        assert!(name.starts_with(&format!("{number:02}-")), "{name} is chapter {number}");
+        assert!(text.contains("](../../src/"), "{name} names no place in the source");
+        assert!(there.insert(number), "chapter {number} is there twice");
+    }
+    let mut sources = Vec::new();
     for folder in ["src", "shaders", "tests", "benches"] {
-        sources(&root().join(folder), &mut files);
+        files(&root().join(folder), &["rs", "wgsl"], &mut sources);
     }
     let (mut named, mut wrong) = (0, Vec::new());
-    for file in files.iter().filter(|file| !file.ends_with("pages.rs")) {
+    for file in sources.iter().filter(|file| !file.ends_with("pages.rs")) {
         let text = fs::read_to_string(file).unwrap();
         for (at, _) in text.match_indices("THEORY ") {
             // `THEORY 7, 11`, `THEORY 6 and 7`: the numbers that follow.

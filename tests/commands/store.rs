@@ -910,7 +910,7 @@ fn a_run_that_fills_the_disk_ends_with_exit_2_and_earlier_frames_stay() {
 // ---- other people's readers ----
 
 /// The Python to read with; `None`, after saying so, when it has no zarr and nobody asked for it.
-fn python() -> Option<(String, PathBuf)> {
+pub fn python() -> Option<(String, PathBuf)> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/read_store.py");
     let asked = std::env::var("QUADRILLE_PYTHON").ok();
     let python = asked.clone().unwrap_or_else(|| "python3".into());

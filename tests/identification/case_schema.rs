@@ -232,7 +232,8 @@ fn faults_in_the_sections_of_a_joint_are_told_with_line_section_key_and_the_key_
 fn case_files_in_documents_and_help_are_accepted_by_parser_and_schema() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let schema = case_schema(&case_laws());
-    let mut files: Vec<_> = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let pages = |folder: &str| std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<_> = pages("docs").chain(pages("docs/tutorials")).collect();
     files.retain(|path| path.extension().is_some_and(|ending| ending == "md"));
     files.push(root.join("README.md"));
     let mut found = 0;

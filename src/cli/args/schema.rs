@@ -12,4 +12,7 @@ pub struct SchemaArgs {
     /// The reference of all keys instead, as Markdown: docs/case.md.
     #[arg(long)]
     pub reference: bool,
+    /// The reference of all commands instead, as Markdown: docs/commands.md.
+    #[arg(long, conflicts_with = "reference")]
+    pub commands: bool,
 }
