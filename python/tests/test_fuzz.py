@@ -5,6 +5,7 @@ import random
 import numpy as np
 
 import quadrille
+from conftest import spots
 
 SEED = 20
 VALUES = [
@@ -22,13 +23,13 @@ KEYS = [
 
 def test_no_argument_ends_the_interpreter(capsys):
     draw = random.Random(SEED)
-    image = np.random.default_rng(SEED).integers(0, 255, (48, 48)).astype(np.uint8)
+    image = spots((48, 48))
     n_fields = n_refused = 0
-    for _ in range(1500):
+    for _ in range(700):
         options = {key: draw.choice(VALUES) for key in draw.sample(KEYS, draw.randint(0, 2))}
         options.setdefault("zones", [8, 8, 40, 40])
-        reference = draw.choice([image] * 9 + VALUES)
-        deformed = draw.choice([image] * 9 + VALUES)
+        reference = draw.choice([image] * 99 + VALUES)
+        deformed = draw.choice([image] * 99 + VALUES)
         try:
             correlator = quadrille.Correlator(reference, device="cpu", **options)
             correlator.correlate(deformed)
@@ -36,4 +37,4 @@ def test_no_argument_ends_the_interpreter(capsys):
             n_fields += 1
         except (quadrille.QuadrilleError, TypeError, ValueError, OverflowError, UserWarning):
             n_refused += 1
-    assert n_fields > 100 and n_refused > 300, (n_fields, n_refused)
+    assert n_fields > 50 and n_refused > 200, (n_fields, n_refused)
