@@ -103,7 +103,9 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         options.instants + 1
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
-    let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
+    let pool = args.threads.pool()?;
+    let test = pool.install(|| VirtualTest::new(options))?;
+    virtual_test::make(&test, &test_folder, &pool)?;
     if !args.laws.is_empty() {
         let case = test_folder.join("case.toml");
         let cannot = |error| format!("{}: cannot be written: {error}", case.display());
