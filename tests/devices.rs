@@ -119,6 +119,34 @@ fn the_device_of_the_environment_is_taken_and_the_flag_wins() {
     desk.run_with(&[("QUADRILLE_DEVICE", "abacus")], &words(&line)).fine();
 }
 
+/// Sampling 0.02 px off, which ends as converged with an unchanged uncertainty.
+const ALTERED: (&str, &str) =
+    ("QUADRILLE_GPU_ALTER", "let tx = ux - f32(floor_x);=>let tx = ux - f32(floor_x) + 0.02;");
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_that_computes_something_else_is_refused_before_it_measures_and_found_by_the_cpu_where_it_is_trusted() {
+    let desk = Desk::with_series();
+    if !has_adapter(&desk, "a_device_that_computes_something_else") {
+        return;
+    }
+    let line = format!("correlate --device gpu {INSIDE} --output out ref.png a.png");
+    let words = words(&line);
+    desk.run_with(&[ALTERED], &words).refused(&["does not compute what the CPU does", "differ by", "--trust-device"]);
+    assert!(!desk.path("out/summary.json").exists());
+    let checked = desk.run_with(&[ALTERED], &["devices", "--check"]);
+    assert_eq!(checked.status, Some(1), "{checked}");
+    assert!(checked.stdout.contains("is NOT to be used") && checked.stdout.contains("!"), "{checked}");
+    let right = desk.run("devices --check --json").printed();
+    let right: Value = serde_json::from_str(&right).unwrap();
+    assert_eq!(right[0]["right"], true, "{right:#}");
+    // Trusted, it measures, and nobody looks.
+    let trusted = [words.as_slice(), &["--trust-device"]].concat();
+    desk.run_with(&[ALTERED], &trusted).fine();
+    let frame = &desk.json("out/summary.json")["frames"][0];
+    assert!(frame.get("device_checked_px").is_none(), "{frame:#}");
+}
+
 #[test]
 fn a_series_on_the_gpu_is_that_of_the_cpu_and_tells_what_went_to_and_fro() {
     let desk = Desk::with_series();
@@ -133,6 +161,9 @@ fn a_series_on_the_gpu_is_that_of_the_cpu_and_tells_what_went_to_and_fro() {
     let summary = desk.json("gpu/summary.json");
     assert!(summary["device"].as_str().unwrap().starts_with("gpu ("), "{summary:#}");
     assert!(desk.read("gpu/run.toml").contains("device = \"gpu ("));
+    // The CPU has looked at the first frame.
+    let checked = summary["frames"][0]["device_checked_px"].as_f64().unwrap();
+    assert!(checked <= 1e-5 + TWINS_PX, "{checked} px");
     for frame in summary["frames"].as_array().unwrap() {
         let count = |key: &str| frame[key].as_u64().unwrap_or_else(|| panic!("no {key} in {frame:#}"));
         let iterations = count("iterations") + count("iterations_coarse");

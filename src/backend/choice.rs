@@ -153,6 +153,11 @@ impl Device {
         self.auto && self.adapter.is_some()
     }
 
+    /// Whether what it finds is held against the CPU now and then.
+    pub fn is_looked_at(&self) -> bool {
+        self.adapter.is_some() && !self.options.trusted
+    }
+
     /// The same with all work on the CPU.
     pub fn on_cpu(&self) -> Self {
         Self { adapter: None, ..self.clone() }

@@ -210,7 +210,7 @@ impl Bench<'_> {
             element_size: Some(self.args.element_size as i64),
             export: Some(vec![Export::None]),
             device: self.args.device.parse()?,
-            gpu: devices::options(),
+            gpu: devices::options(false),
             ..Overlay::default()
         };
         Ok(Plan::of(&asked, &CaseFile::default())?)

@@ -7,7 +7,6 @@ use super::{Outcome, Result, devices, run, virtual_test};
 use crate::field::{Measurement, Status};
 use crate::identify::laws_of;
 use crate::io::store::Store;
-use crate::mechanics::cohesive::CohesiveLaw;
 use crate::report::Name;
 use crate::report::fit::FitRecord;
 use crate::report::tournament::TournamentRecord;
@@ -113,7 +112,7 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     }
     let asked = CaseRun {
         overwrite: true,
-        gpu: devices::options(),
+        gpu: devices::options(false),
         ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
     };
     // The page is named with the other results, at the end.

@@ -5,7 +5,7 @@ use super::{Outcome, Result};
 use crate::identify::law_like;
 use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
-use crate::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
+use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::{JointMesh, Kinematics};
 use crate::synth::Depth;
 use crate::virtual_test::{

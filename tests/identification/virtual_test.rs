@@ -2,9 +2,9 @@
 
 #![cfg(feature = "cli")]
 
+use quadrille::identify::law_like;
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
-use quadrille::identify::law_like;
 use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
 use quadrille::synth::{Depth, Motion};
 use quadrille::virtual_test::{ELEMENT_PX, PIXEL_MM, VirtualError, VirtualOptions, VirtualTest, faces_px, zones_px};

@@ -33,6 +33,9 @@ pub struct RunArgs {
     /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
+    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
+    pub trust_device: bool,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]

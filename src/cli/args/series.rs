@@ -225,6 +225,9 @@ pub struct CorrelateArgs {
     /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
+    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
+    pub trust_device: bool,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
     /// --case, else the fastest there is. Results differ in the last bits between paths.
     #[arg(long, value_name = "NAME")]
