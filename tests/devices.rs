@@ -135,7 +135,7 @@ fn a_device_that_computes_something_else_is_refused_before_it_measures_and_found
     desk.run_with(&[ALTERED], &words).refused(&["does not compute what the CPU does", "differ by", "--trust-device"]);
     assert!(!desk.path("out/summary.json").exists());
     let checked = desk.run_with(&[ALTERED], &["devices", "--check"]);
-    assert_eq!(checked.status, Some(1), "{checked}");
+    assert_eq!(checked.code, Some(1), "{checked}");
     assert!(checked.stdout.contains("is NOT to be used") && checked.stdout.contains("!"), "{checked}");
     let right = desk.run("devices --check --json").printed();
     let right: Value = serde_json::from_str(&right).unwrap();
@@ -145,6 +145,27 @@ fn a_device_that_computes_something_else_is_refused_before_it_measures_and_found
     desk.run_with(&[ALTERED], &trusted).fine();
     let frame = &desk.json("out/summary.json")["frames"][0];
     assert!(frame.get("device_checked_px").is_none(), "{frame:#}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_whose_first_frame_the_cpu_does_not_find_is_given_up_and_the_series_is_that_of_the_cpu() {
+    let desk = Desk::with_series();
+    if !has_adapter(&desk, "a_device_whose_first_frame_the_cpu_does_not_find") {
+        return;
+    }
+    let line = |device: &str| {
+        format!("correlate --device {device} --tolerance 1e-5 {INSIDE} --output {device} ref.png a.png b.png c.png")
+    };
+    desk.run(&line("cpu")).fine();
+    let ran = desk.run_with(&[("QUADRILLE_GPU_ALTER_LATER", ALTERED.1)], &words(&line("gpu"))).fine();
+    let said = ["warning: frame 1:", "px from that of the CPU", "going on with the CPU"];
+    assert!(said.iter().all(|said| ran.stderr.contains(said)), "{ran}");
+    assert_same_fields(&desk, "cpu", "gpu");
+    let summary = desk.json("gpu/summary.json");
+    for frame in summary["frames"].as_array().unwrap() {
+        assert!(frame["device"].as_str().unwrap().starts_with("cpu"), "{frame:#}");
+    }
 }
 
 #[test]

@@ -72,6 +72,8 @@ pub struct GpuOptions {
     pub trusted: bool,
     /// A text of the shaders and what stands in its place: to test what happens on a device that computes something else.
     pub altered: Option<[String; 2]>,
+    /// Whether it is altered only once it was compared with the CPU.
+    pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.

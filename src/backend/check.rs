@@ -131,7 +131,7 @@ struct Setting {
 }
 
 fn settings() -> [Setting; 2] {
-    let rectangle = Zone::rectangle("rectangle", Roi { x0: 1.0, y0: 2.0, x1: 70.0, y1: 95.0 });
+    let rectangle = Zone::rectangle("rectangle", Roi { x0: 1.0, y0: 0.0, x1: 70.0, y1: 95.0 });
     let polygon = vec![[75.5, 4.0], [128.0, 11.0], [123.0, 91.0], [78.0, 85.0]];
     let polygon = Zone { name: "polygon".into(), polygon, ..Zone::default() };
     let setting = |name, depth: u32, interpolation, brightness, zones, regularised| {
@@ -286,7 +286,8 @@ impl Setting {
         let penalty = vec![crate::linalg::alike(together, weight); mesh.n_elements()];
         let penalty = Arc::new(BlockMatrix::assemble(&pattern, mesh.elements(), &penalty));
         let order: Vec<usize> = (0..mesh.n_nodes()).collect();
-        Solver::regularised(data, penalty, &order).expect("texture everywhere")
+        // A device that is wrong may give moments of nothing; they are compared all the same.
+        Solver::regularised(data.clone(), penalty, &order).unwrap_or_else(|_| Solver::iterative(data))
     }
 }
 

@@ -15,15 +15,18 @@ use std::time::Instant;
 /// Readbacks after which every graphics device fails, for tests of what happens then.
 const FAIL_AFTER: &str = "QUADRILLE_GPU_FAIL_AFTER";
 
-/// A text of the shaders and what stands in its place, `FROM=>TO`, for tests of what happens then.
+/// A text of the shaders and what stands in its place, `FROM=>TO`, for tests of what happens then: from the first, or once the
+/// device was compared with the CPU.
 const ALTER: &str = "QUADRILLE_GPU_ALTER";
+const ALTER_LATER: &str = "QUADRILLE_GPU_ALTER_LATER";
 
 /// How graphics devices are opened; one that is `trusted` is not compared with the CPU.
 pub(super) fn options(trusted: bool) -> GpuOptions {
     let fail_after = std::env::var(FAIL_AFTER).ok().and_then(|n| n.parse().ok());
-    let altered = std::env::var(ALTER).ok();
+    let altered_later = std::env::var(ALTER_LATER).ok();
+    let altered = altered_later.clone().or_else(|| std::env::var(ALTER).ok());
     let altered = altered.and_then(|text| text.split_once("=>").map(|(from, to)| [from.to_owned(), to.to_owned()]));
-    GpuOptions { trusted, fail_after, altered, ..GpuOptions::default() }
+    GpuOptions { trusted, fail_after, altered, altered_later: altered_later.is_some(), ..GpuOptions::default() }
 }
 
 /// Mesa's drivers complain on stderr of every program that runs without a desktop session.

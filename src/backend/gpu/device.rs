@@ -84,7 +84,7 @@ pub(super) struct Gpu {
     /// Readbacks that are left before an injected failure.
     left: OnceLock<AtomicUsize>,
     /// A text of the shaders that is replaced.
-    altered: Option<[String; 2]>,
+    altered: Mutex<Option<[String; 2]>>,
     pub max_binding_bytes: u64,
     alignment: u64,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
@@ -198,10 +198,16 @@ impl Gpu {
             profile: Profile::default(),
             faults,
             left: options.fail_after.map(AtomicUsize::new).map_or_else(OnceLock::new, OnceLock::from),
-            altered: options.altered.clone(),
+            altered: Mutex::new(options.altered.clone()),
             pipelines: Mutex::default(),
             free: Arc::default(),
         })
+    }
+
+    /// Compiles all kernels anew, with a text of them replaced.
+    pub fn alter(&self, altered: Option<[String; 2]>) {
+        *self.altered.lock().unwrap_or_else(PoisonError::into_inner) = altered;
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// Fails after so many readbacks more.
@@ -239,7 +245,7 @@ impl Gpu {
     fn compile(&self, kernel: Kernel, interpolation: Interpolation, constants: Option<[u32; 2]>) -> Pipeline {
         let label = Some(kernel.file());
         let mut text = source(kernel, interpolation);
-        if let Some([from, to]) = &self.altered {
+        if let Some([from, to]) = &*self.altered.lock().unwrap_or_else(PoisonError::into_inner) {
             text = text.replace(from, to);
         }
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -47,9 +47,13 @@ pub(super) fn open<W: OnDevice>(
     options: &GpuOptions,
     work: W,
 ) -> Result<W::Output, BackendError> {
-    let backend = GpuBackend::new(adapter, &GpuOptions { fail_after: None, ..options.clone() })?;
+    let altered = options.altered.clone().filter(|_| !options.altered_later);
+    let backend = GpuBackend::new(adapter, &GpuOptions { fail_after: None, altered, ..options.clone() })?;
     if !options.trusted {
         DeviceCheck::of(&backend)?.right(backend.device())?;
+    }
+    if options.altered_later {
+        backend.gpu.alter(options.altered.clone());
     }
     options.fail_after.into_iter().for_each(|readbacks| backend.gpu.fail_after(readbacks));
     Ok(work.on(backend))
