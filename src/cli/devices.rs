@@ -20,13 +20,19 @@ const FAIL_AFTER: &str = "QUADRILLE_GPU_FAIL_AFTER";
 const ALTER: &str = "QUADRILLE_GPU_ALTER";
 const ALTER_LATER: &str = "QUADRILLE_GPU_ALTER_LATER";
 
+/// Megapixels of all frames from which on `--device auto` looks for a graphics device.
+const FROM_MPX: &str = "QUADRILLE_GPU_FROM_MPX";
+
 /// How graphics devices are opened; one that is `trusted` is not compared with the CPU.
 pub(super) fn options(trusted: bool) -> GpuOptions {
     let fail_after = std::env::var(FAIL_AFTER).ok().and_then(|n| n.parse().ok());
     let altered_later = std::env::var(ALTER_LATER).ok();
     let altered = altered_later.clone().or_else(|| std::env::var(ALTER).ok());
     let altered = altered.and_then(|text| text.split_once("=>").map(|(from, to)| [from.to_owned(), to.to_owned()]));
-    GpuOptions { trusted, fail_after, altered, altered_later: altered_later.is_some(), ..GpuOptions::default() }
+    let auto_from_px = std::env::var(FROM_MPX).ok().and_then(|mpx| mpx.parse().ok());
+    let auto_from_px = auto_from_px.map(|mpx: u64| mpx.saturating_mul(1_000_000));
+    let altered_later = altered_later.is_some();
+    GpuOptions { trusted, fail_after, altered, altered_later, auto_from_px, ..GpuOptions::default() }
 }
 
 /// Mesa's drivers complain on stderr of every program that runs without a desktop session.
@@ -108,7 +114,8 @@ pub(super) fn run(args: &DevicesArgs) -> Result<Outcome> {
             println!("{}", wrapped(&format!("       cannot be used: {why}"), 7));
         }
     }
-    let mark = "* is taken by --device auto; a software device only by its name or number, or by --device gpu";
+    let mark = "* is taken by --device auto for series of 200 megapixels or more; integrated and software devices only by their \
+                name or number, or by --device gpu";
     println!("{}", wrapped(mark, 2));
     if let Some(reason) = &adapters.reason {
         println!("{}", wrapped(&format!("no graphics device: {reason}"), 2));
