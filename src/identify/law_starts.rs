@@ -65,6 +65,9 @@ fn value_of(law: &dyn CohesiveLaw, name: &str) -> Option<f64> {
 /// The law called `name` with the strengths and works of separation of `like`; `None` where it cannot have them, or there is no
 /// such law.
 pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
+    if name == like.name() {
+        return like.with_values(&like.values()).ok();
+    }
     let Character { works: [g_n, g_t], peaks: [t_n, t_t], stiffness } = Character::of(like)?;
     let exponent = || {
         let own = if name.ends_with("power") { ETA_POWER } else { ETA_BENZEGGAGH_KENANE };
