@@ -121,8 +121,8 @@ impl Drawn {
 /// Pixels as a PNG file, to stand inside a picture.
 pub(super) fn png(pixels: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // Fast: speckles hardly compress, and a user waits for it.
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, Filter::Adaptive)
+    // Speckles hardly compress, and a user waits for it.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Level(2), Filter::Adaptive)
         .write_image(pixels, width, height, colour)
         .expect("memory takes any picture");
     bytes
