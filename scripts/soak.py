@@ -116,12 +116,18 @@ def commands(program: Path, output: Path) -> dict[str, list[str]]:
         text + '[measurement]\nfile = "truth/solution.csv"\nnodes = "free"\nweights = "uniform"\nboundary = "exact"\nnoise_mm = 1e-5\n'
         '[fit]\nparameters = ["phi_n"]\n[fit.start]\nphi_n = 1.2\n'
     )
+    # Images of a joint, small and coarse: a run is given again hundreds of times.
+    virtual = output / "virtual"
+    run(program, "virtual", "--instants", "2", "--output", virtual)
+    case = (virtual / "case.toml").read_text().replace("element_size_px = 16.0", "element_size_px = 48.0")
+    (virtual / "small.toml").write_text(case.replace("[fit]\n", '[fit]\nintervals = "linear"\ndiscretisation = "off"\n'))
     return {
         "correlate": [*correlate, *frames],
         "correlate, reference renewed": [*correlate, "--update-reference", "every:1", "--export", "none", *frames],
         "export": [*common, "export", str(output / "whole"), "--output", "disk/out", "--to", "npz,mat,csv,vtu"],
         "simulate": [*common, "simulate", str(joint), "--output", "disk/out"],
         "identify": [*common, "identify", str(fit), "--output", "disk/out"],
+        "run": [*common, "run", str(virtual / "small.toml"), "--quiet", "--device", "cpu", "--output", "disk/out"],
     }
 
 
@@ -170,6 +176,8 @@ def each_write(name: str, command: list[str], output: Path, library: Path, step:
 def disk(options) -> None:
     library = preload(options.output)
     for name, command in commands(options.program, options.output).items():
+        if options.commands and name not in options.commands:
+            continue
         each_write(name, command, options.output, library, options.step)
 
 
@@ -343,6 +351,7 @@ def main() -> int:
     options.add_argument("--side", type=int, default=20_000)
     options.add_argument("--gib", type=int, nargs="+", default=[1, 2, 4, 8], help="memory for the large images")
     options.add_argument("--step", type=int, default=1, help="of the writes, every so many")
+    options.add_argument("--commands", nargs="+", help="of the part disk: correlate, export, simulate, identify, run")
     options.add_argument("--parts", default=",".join(PARTS))
     options.add_argument("--program", type=Path, default=ROOT / "target/release/quadrille")
     options.add_argument("--output", type=Path, default=ROOT / "out/soak")

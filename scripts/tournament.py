@@ -7,7 +7,11 @@ Needleman, whatever the truth is. A tournament is right when the true law is the
 be told apart. Printed is how often that is so, how many laws are left, and how often the averaged works and tractions (at tenths
 of the reach of the true law) hold the truth in their 95 % intervals. Every law of every draw is written to OUTPUT/tournament.csv.
 
+With --images nothing is simulated for the program: the virtual test is photographed with an adhesive of the true law (`quadrille
+virtual --law`), another texture and other noise for every seed, and `quadrille run` gets the images and the case file beside them.
+
     scripts/tournament.py --seeds 20 --output out/tournament
+    scripts/tournament.py --images --noise 2 --instants 6 --seeds 5 --output out/tournament-images
 """
 
 import argparse
@@ -83,10 +87,9 @@ def simulated(program, head, output, name):
     return table(folder / "simulate/solution.csv")
 
 
-def traction(name, mode, s):
-    """Traction of a true law at the jump `s` (mm) in a pure mode, from its published formula (corners rounded as documented)."""
-    keys, _ = TRUTHS[name]
-    value = list(keys.values())
+def traction(name, value, mode, s):
+    """Traction of a law with the parameters `value` (in their order) at the jump `s` (mm) in a pure mode, from its published formula
+    (corners rounded as documented)."""
     if name in ("extended-xu-needleman", "xu-needleman"):
         phi_n, delta_n, delta_t, r = value[:4]
         if mode == 0:
@@ -113,10 +116,10 @@ def traction(name, mode, s):
             + slope * ramp(s - end, width * math.sqrt(stiffness / slope + 1)))
 
 
-def reach(name, mode):
-    """The jump (mm) beyond which a true law has less than a fiftieth of its largest traction."""
+def reach(name, value, mode):
+    """The jump (mm) beyond which a law has less than a fiftieth of its largest traction."""
     points = [1e-4 * k for k in range(1, 5000)]
-    values = [traction(name, mode, s) for s in points]
+    values = [traction(name, value, mode, s) for s in points]
     return max(s for s, value in zip(points, values) if value > 0.02 * max(values))
 
 
@@ -142,6 +145,24 @@ def draw(program, head, output, rows, name, noise_px, seed):
     return json.loads((folder / "laws/tournament.json").read_text()), table(folder / "laws/tournament-tractions.csv"), seconds
 
 
+def photographed(program, output, name, noise_grey, instants, seed):
+    """One tournament from images: its record, the table of tractions, seconds, parameters of the truth."""
+    folder = output / name / f"{noise_grey}-{seed}"
+    shutil.rmtree(folder, ignore_errors=True)
+    test = folder / "test"
+    call(program, "virtual", "--law", name, "--noise", noise_grey, "--instants", instants, "--seed", seed, "--output", test,
+         "--threads", 1)
+    truth = json.loads((test / "truth.json").read_text())["parameters"]
+    case = (test / "case.toml").read_text()
+    (test / "case.toml").write_text(case.replace("[fit]\n", f"[fit]\nlaws = {json.dumps(LAWS)}\n"))
+    begin = time.monotonic()
+    call(program, "run", test / "case.toml", "--output", folder / "run", "--quiet", "--threads", 1, "--device", "cpu")
+    seconds = time.monotonic() - begin
+    shutil.rmtree(test / "images")
+    record = json.loads((folder / "run/tournament.json").read_text())
+    return record, table(folder / "run/tournament-tractions.csv"), seconds, list(truth.values())
+
+
 def holds(ends, truth):
     return (ends[0] is None or ends[0] <= truth) and (ends[1] is None or truth <= ends[1])
 
@@ -164,22 +185,23 @@ def main():
     parser.add_argument("--program", default="target/release/quadrille")
     parser.add_argument("--output", type=Path, default=Path("out/tournament"))
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--noise", type=float, nargs="+", default=[0.03, 0.3], help="px")
+    parser.add_argument("--noise", type=float, nargs="+", default=[0.03, 0.3], help="px; grey levels with --images")
+    parser.add_argument("--images", action="store_true", help="from images of the virtual test with an adhesive of the true law")
     parser.add_argument("--truths", nargs="+", default=list(TRUTHS), choices=list(TRUTHS))
     parser.add_argument("--small", action="store_true", help="a joint of 24 x 4 elements for the virtual test")
-    parser.add_argument("--instants", type=int, default=12, help="of the small joint")
+    parser.add_argument("--instants", type=int, default=12, help="of the small joint, and of the images")
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    test = args.output / "test"
-    if args.small:
-        head = small_joint(test, instants=args.instants)
-    else:
-        if not (test / "truth.json").exists():
-            call(args.program, "virtual", "--output", test)
-        head = virtual_joint(test)
-    data = {name: simulated(args.program, head, args.output, name) for name in args.truths}
-    reaches = {name: [reach(name, mode) for mode in (0, 1)] for name in args.truths}
+    test, data = args.output / "test", {}
+    if not args.images:
+        if args.small:
+            head = small_joint(test, instants=args.instants)
+        else:
+            if not (test / "truth.json").exists():
+                call(args.program, "virtual", "--output", test)
+            head = virtual_joint(test)
+        data = {name: simulated(args.program, head, args.output, name) for name in args.truths}
     print("truth                  px    right  chosen alone  left (mean)  works held  tractions held  seconds")
     with open(args.output / "tournament.csv", "w", newline="") as out, ThreadPoolExecutor(args.jobs) as pool:
         written = csv.writer(out)
@@ -188,9 +210,11 @@ def main():
         for name in args.truths:
             for noise in args.noise:
                 def one(seed, name=name, noise=noise):
-                    return draw(args.program, head, args.output, data[name], name, noise, seed)
+                    if args.images:
+                        return photographed(args.program, args.output, name, noise, args.instants, seed)
+                    return *draw(args.program, head, args.output, data[name], name, noise, seed), list(TRUTHS[name][0].values())
                 right, alone, left, works, tractions, seconds, n = 0, 0, 0, [], [], 0.0, 0
-                for seed, (record, rows, took) in zip(range(1, args.seeds + 1), pool.map(one, range(1, args.seeds + 1))):
+                for seed, (record, rows, took, value) in zip(range(1, args.seeds + 1), pool.map(one, range(1, args.seeds + 1))):
                     n, seconds, left = n + 1, seconds + took, left + len(record["alike"])
                     right += name in record["alike"]
                     alone += record["alike"] == [name]
@@ -201,14 +225,16 @@ def main():
                     out.flush()
                     if record["average"] is None:
                         continue
+                    # The law of the images has the works of the default one: 1 and 4 N/mm too.
                     for key, truth in zip(("opening_work", "sliding_work"), TRUTHS[name][1]):
                         works.append(holds(record["average"][key]["ends95"], truth))
                     for mode in (0, 1):
+                        end = reach(name, value, mode)
                         for k in range(1, 10):
-                            s = 0.1 * k * reaches[name][mode]
+                            s = 0.1 * k * end
                             band = at(rows, mode, s)
                             if band is not None:
-                                tractions.append(holds(band, traction(name, mode, s)))
+                                tractions.append(holds(band, traction(name, value, mode, s)))
                 share = lambda held: f"{sum(held)} of {len(held)}"
                 print(f"{name:21}  {noise:<4}  {right:2} of {n:<2}  {alone:2}  {left / n:4.1f}  {share(works)}  {share(tractions)}"
                       f"  {seconds / n:.1f}", flush=True)

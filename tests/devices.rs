@@ -69,8 +69,12 @@ fn devices_lists_the_cpu_and_marks_the_one_that_auto_takes() {
 fn without_a_driver_auto_takes_the_cpu_and_says_so() {
     let desk = Desk::with_series();
     let line = format!("correlate --device auto {INSIDE} --output out ref.png a.png");
-    let ran = desk.run_with(&NO_DRIVER, &words(&line)).fine();
+    let looking = [NO_DRIVER.as_slice(), &[("QUADRILLE_GPU_FROM_MPX", "0")]].concat();
+    let ran = desk.run_with(&looking, &words(&line)).fine();
     assert!(ran.stderr.contains("no graphics device: the CPU does the work"), "{ran}");
+    // For one small frame nobody looks.
+    let ran = desk.run_with(&NO_DRIVER, &words(&line.replace("out ref", "small ref"))).fine();
+    assert!(!ran.stderr.contains("no graphics device"), "{ran}");
     assert!(desk.json("out/summary.json")["device"].as_str().unwrap().starts_with("cpu"), "{ran}");
     let listed = desk.run_with(&NO_DRIVER, &["devices"]).printed();
     assert!(listed.contains("no graphics device:"), "{listed}");
@@ -84,7 +88,7 @@ fn a_program_without_graphics_devices_says_so_and_works_on_the_cpu() {
     for device in ["gpu", "0", "llvmpipe"] {
         desk.run(&line(device)).refused(&["built without graphics devices", "--device cpu"]);
     }
-    let ran = desk.run(&line("auto")).fine();
+    let ran = desk.run_with(&[("QUADRILLE_GPU_FROM_MPX", "0")], &words(&line("auto"))).fine();
     assert!(ran.stderr.contains("no graphics device: the CPU does the work"), "{ran}");
     assert!(desk.run("devices").printed().contains("built without graphics devices"));
 }
@@ -119,6 +123,55 @@ fn the_device_of_the_environment_is_taken_and_the_flag_wins() {
     desk.run_with(&[("QUADRILLE_DEVICE", "abacus")], &words(&line)).fine();
 }
 
+/// Sampling 0.02 px off, which ends as converged with an unchanged uncertainty.
+const ALTERED: (&str, &str) =
+    ("QUADRILLE_GPU_ALTER", "let tx = ux - f32(floor_x);=>let tx = ux - f32(floor_x) + 0.02;");
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_that_computes_something_else_is_refused_before_it_measures_and_found_by_the_cpu_where_it_is_trusted() {
+    let desk = Desk::with_series();
+    if !has_adapter(&desk, "a_device_that_computes_something_else") {
+        return;
+    }
+    let line = format!("correlate --device gpu {INSIDE} --output out ref.png a.png");
+    let words = words(&line);
+    desk.run_with(&[ALTERED], &words).refused(&["does not compute what the CPU does", "differ by", "--trust-device"]);
+    assert!(!desk.path("out/summary.json").exists());
+    let checked = desk.run_with(&[ALTERED], &["devices", "--check"]);
+    assert_eq!(checked.code, Some(1), "{checked}");
+    assert!(checked.stdout.contains("is NOT to be used") && checked.stdout.contains("!"), "{checked}");
+    let right = desk.run("devices --check --json").printed();
+    let right: Value = serde_json::from_str(&right).unwrap();
+    assert_eq!(right[0]["right"], true, "{right:#}");
+    // Trusted, it measures, and nobody looks.
+    let trusted = [words.as_slice(), &["--trust-device"]].concat();
+    desk.run_with(&[ALTERED], &trusted).fine();
+    let frame = &desk.json("out/summary.json")["frames"][0];
+    assert!(frame.get("device_checked_px").is_none(), "{frame:#}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_device_whose_first_frame_the_cpu_does_not_find_is_given_up_and_the_series_is_that_of_the_cpu() {
+    let desk = Desk::with_series();
+    if !has_adapter(&desk, "a_device_whose_first_frame_the_cpu_does_not_find") {
+        return;
+    }
+    let line = |device: &str| {
+        format!("correlate --device {device} --tolerance 1e-5 {INSIDE} --output {device} ref.png a.png b.png c.png")
+    };
+    desk.run(&line("cpu")).fine();
+    let ran = desk.run_with(&[("QUADRILLE_GPU_ALTER_LATER", ALTERED.1)], &words(&line("gpu"))).fine();
+    let said = ["warning: frame 1:", "px from that of the CPU", "going on with the CPU"];
+    assert!(said.iter().all(|said| ran.stderr.contains(said)), "{ran}");
+    assert_same_fields(&desk, "cpu", "gpu");
+    let summary = desk.json("gpu/summary.json");
+    for frame in summary["frames"].as_array().unwrap() {
+        assert!(frame["device"].as_str().unwrap().starts_with("cpu"), "{frame:#}");
+    }
+}
+
 #[test]
 fn a_series_on_the_gpu_is_that_of_the_cpu_and_tells_what_went_to_and_fro() {
     let desk = Desk::with_series();
@@ -133,6 +186,9 @@ fn a_series_on_the_gpu_is_that_of_the_cpu_and_tells_what_went_to_and_fro() {
     let summary = desk.json("gpu/summary.json");
     assert!(summary["device"].as_str().unwrap().starts_with("gpu ("), "{summary:#}");
     assert!(desk.read("gpu/run.toml").contains("device = \"gpu ("));
+    // The CPU has looked at the first frame.
+    let checked = summary["frames"][0]["device_checked_px"].as_f64().unwrap();
+    assert!(checked <= 1e-5 + TWINS_PX, "{checked} px");
     for frame in summary["frames"].as_array().unwrap() {
         let count = |key: &str| frame[key].as_u64().unwrap_or_else(|| panic!("no {key} in {frame:#}"));
         let iterations = count("iterations") + count("iterations_coarse");

@@ -68,6 +68,14 @@ pub struct Adapters {
 /// Choices of a device.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct GpuOptions {
+    /// Pixels of all frames from which on `auto` looks for one; [`super::choice::AUTO_FROM_PX`] where it does not say.
+    pub auto_from_px: Option<u64>,
+    /// Whether it is taken at its word: not compared with the CPU, neither when it is opened nor in a series.
+    pub trusted: bool,
+    /// A text of the shaders and what stands in its place: to test what happens on a device that computes something else.
+    pub altered: Option<[String; 2]>,
+    /// Whether it is altered only once it was compared with the CPU.
+    pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.

@@ -16,7 +16,7 @@ use thiserror::Error;
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum DeviceChoice {
-    /// A discrete or integrated GPU where there is one, else the CPU.
+    /// A discrete or virtual GPU where there is one and the work is worth opening it, else the CPU.
     #[default]
     Auto,
     /// The CPU.
@@ -84,6 +84,8 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
         kinds.iter().find_map(usable_of)
     };
     const HARDWARE: [AdapterKind; 3] = [AdapterKind::Discrete, AdapterKind::Integrated, AdapterKind::Virtual];
+    // An integrated GPU shares the memory that the CPU is waiting for, and has fewer units to wait with.
+    const OWN_MEMORY: [AdapterKind; 2] = [AdapterKind::Discrete, AdapterKind::Virtual];
     let no_adapter = || match adapters.built_without {
         true => DeviceError::BuiltWithout,
         false => {
@@ -93,7 +95,7 @@ pub fn choose<'a>(choice: &DeviceChoice, adapters: &'a Adapters) -> Result<Optio
     let unknown = |wanted: String| DeviceError::Unknown { wanted, there: listed(adapters) };
     match choice {
         DeviceChoice::Cpu => Ok(None),
-        DeviceChoice::Auto => Ok(usable(&HARDWARE)),
+        DeviceChoice::Auto => Ok(usable(&OWN_MEMORY)),
         _ if list.is_empty() => Err(no_adapter()),
         DeviceChoice::Gpu => {
             let any = || usable(&[AdapterKind::Other, AdapterKind::Software]);
@@ -112,6 +114,10 @@ fn listed(adapters: &Adapters) -> String {
     names.join(", ")
 }
 
+/// Pixels of all frames from which on a graphics device is looked for by itself: loading drivers, opening and comparing a device
+/// takes as long as a core takes for some hundred million.
+pub const AUTO_FROM_PX: u64 = 200_000_000;
+
 /// A device that is used, and can be opened anew.
 #[derive(Debug, Clone)]
 pub struct Device {
@@ -123,13 +129,14 @@ pub struct Device {
 }
 
 impl Device {
-    /// The device of `choice`; work on the CPU takes the instruction path `isa`.
+    /// The device of `choice` for so many pixels of all frames together; work on the CPU takes the instruction path `isa`.
     ///
     /// # Errors
     /// When there is none such.
-    pub fn new(choice: &DeviceChoice, isa: Isa, options: GpuOptions) -> Result<Self, DeviceError> {
+    pub fn new(choice: &DeviceChoice, isa: Isa, options: GpuOptions, pixels: u64) -> Result<Self, DeviceError> {
         let auto = *choice == DeviceChoice::Auto;
-        if *choice == DeviceChoice::Cpu {
+        let is_little = auto && pixels < options.auto_from_px.unwrap_or(AUTO_FROM_PX);
+        if is_little || *choice == DeviceChoice::Cpu {
             return Ok(Self { adapter: None, isa, options, auto, remark: None });
         }
         let adapters = gpu::adapters();
@@ -151,6 +158,11 @@ impl Device {
     /// Whether it is a graphics device that nobody asked for by name: one that fails may be replaced.
     pub fn is_auto_gpu(&self) -> bool {
         self.auto && self.adapter.is_some()
+    }
+
+    /// Whether what it finds is held against the CPU now and then.
+    pub fn is_looked_at(&self) -> bool {
+        self.adapter.is_some() && !self.options.trusted
     }
 
     /// The same with all work on the CPU.

@@ -1,6 +1,7 @@
 //! Where the pixel work is done: one trait, one implementation per device.
 
 mod adapter;
+pub mod check;
 pub mod choice;
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -41,6 +42,33 @@ pub enum BackendError {
         device: String,
         /// What it said.
         message: String,
+    },
+    /// A graphics device that computes other numbers than the CPU.
+    #[error(
+        "{device} does not compute what the CPU does: {what} differ by {difference}, where round-off allows {allowed}; update its \
+         driver, or use --device cpu (--trust-device measures with it all the same)"
+    )]
+    Wrong {
+        /// Its name.
+        device: String,
+        /// The numbers that differ most.
+        what: String,
+        /// Their largest difference.
+        difference: String,
+        /// What round-off may make of it.
+        allowed: String,
+    },
+    /// A graphics device whose field the CPU does not find.
+    #[error(
+        "{device} found a field that is up to {difference_px:.2e} px from that of the CPU, where {allowed_px:.2e} px are allowed"
+    )]
+    WrongField {
+        /// Its name.
+        device: String,
+        /// The largest difference, px.
+        difference_px: f64,
+        /// What round-off and the tolerance of the iteration allow, px.
+        allowed_px: f64,
     },
 }
 

@@ -2,6 +2,7 @@
 
 pub use super::adapter::{AdapterKind, Adapters, GpuAdapter, GpuOptions};
 
+use super::check::DeviceCheck;
 use super::{BackendError, OnDevice};
 use std::convert::Infallible;
 
@@ -18,6 +19,14 @@ impl GpuAdapter {
     pub(crate) fn never(&self) -> ! {
         match self.handle {}
     }
+}
+
+/// Of none there is anything to be found.
+///
+/// # Errors
+/// None.
+pub fn check(adapter: &GpuAdapter, _: &GpuOptions) -> Result<DeviceCheck, BackendError> {
+    adapter.never()
 }
 
 pub(super) fn open<W: OnDevice>(adapter: &GpuAdapter, _: &GpuOptions, _: W) -> Result<W::Output, BackendError> {

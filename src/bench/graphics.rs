@@ -7,6 +7,7 @@ use super::scene::{Scene, kernel_options};
 use super::times::{Spread, repeat};
 use super::whole::Share;
 use super::{BenchError, COPIED, Clock, Subject, copy_rate_of_core};
+use crate::backend::check::DeviceCheck;
 use crate::backend::gpu::{
     AdapterKind, Extent, GpuAdapter, GpuBackend, GpuOptions, KERNELS, Kernel, Noted, Part, Timing, Work,
 };
@@ -76,6 +77,9 @@ const SIZE: usize = 256;
 
 /// Opens an adapter and runs every kernel that a pair needs for the first time.
 fn start_up(adapter: &GpuAdapter) -> Result<(GpuBackend, StartUp), BenchError> {
+    // Times of a device that computes something else are worth nothing; on another device, for kernels are compiled below.
+    let checked = GpuBackend::new(adapter, &GpuOptions::default())?;
+    DeviceCheck::of(&checked)?.right(checked.device())?;
     let watch = Stopwatch::start();
     let backend = GpuBackend::new(adapter, &GpuOptions::default())?;
     let open_s = watch.elapsed().wall_s;

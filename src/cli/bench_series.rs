@@ -210,7 +210,7 @@ impl Bench<'_> {
             element_size: Some(self.args.element_size as i64),
             export: Some(vec![Export::None]),
             device: self.args.device.parse()?,
-            gpu: devices::options(),
+            gpu: devices::options(false),
             ..Overlay::default()
         };
         Ok(Plan::of(&asked, &CaseFile::default())?)
@@ -221,7 +221,12 @@ impl Bench<'_> {
         let image = |file: &PathBuf| -> Result<_> { Ok(Arc::new(read_image(file, 0)?.image)) };
         let (reference, zones) = (image(&files[0])?, [Zone::rectangle("all", self.roi())]);
         pool(Some(self.threads))?.install(|| {
-            let correlator = prepare(&plan.device()?, reference, &zones, plan.options.clone())?;
+            let correlator = prepare(
+                &plan.device(reference.width() * reference.height())?,
+                reference,
+                &zones,
+                plan.options.clone(),
+            )?;
             let mut tracker = Tracker::new(&*correlator);
             let mut seconds = 0.0;
             for (number, file) in (1..).zip(&files[1..]) {

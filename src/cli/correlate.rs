@@ -97,7 +97,7 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         strain_window: args.strain_window,
         no_report: args.no_report,
         device: args.device.clone(),
-        gpu: devices::options(),
+        gpu: devices::options(args.trust_device),
         isa: args.isa.clone(),
     }
 }

@@ -7,7 +7,6 @@ use super::{Outcome, Result, devices, run, virtual_test};
 use crate::field::{Measurement, Status};
 use crate::identify::laws_of;
 use crate::io::store::Store;
-use crate::mechanics::cohesive::CohesiveLaw;
 use crate::report::Name;
 use crate::report::fit::FitRecord;
 use crate::report::tournament::TournamentRecord;
@@ -103,7 +102,9 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
         options.instants + 1
     );
     let (test_folder, run_folder) = (args.output.join("test"), args.output.join("run"));
-    let test = virtual_test::make(options, &test_folder, &args.threads.pool()?)?;
+    let pool = args.threads.pool()?;
+    let test = pool.install(|| VirtualTest::new(options))?;
+    virtual_test::make(&test, &test_folder, &pool)?;
     if !args.laws.is_empty() {
         let case = test_folder.join("case.toml");
         let cannot = |error| format!("{}: cannot be written: {error}", case.display());
@@ -111,7 +112,7 @@ pub(super) fn run(args: &DemoArgs, paint: Paint) -> Result<Outcome> {
     }
     let asked = CaseRun {
         overwrite: true,
-        gpu: devices::options(),
+        gpu: devices::options(false),
         ..CaseRun::new(test_folder.join("case.toml"), &run_folder)
     };
     // The page is named with the other results, at the end.

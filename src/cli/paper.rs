@@ -59,7 +59,8 @@ pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
     let six = pool.install(|| Experiment::of(&VirtualTest::new(with_r(6.0))?))?;
     pool.install(|| mechanics_figures(&out, &six))?;
     out.say("the virtual test, r = 4, and its images");
-    let test = virtual_test::make(with_r(4.0), &args.results.output.join("virtual"), &pool)?;
+    let test = pool.install(|| VirtualTest::new(with_r(4.0)))?;
+    virtual_test::make(&test, &args.results.output.join("virtual"), &pool)?;
     let four = pool.install(|| Experiment::of(&test))?;
 
     let mut table_1 = Vec::new();
@@ -367,7 +368,7 @@ fn image_figures(out: &Output, test: &VirtualTest, args: &PaperArgs) -> Result<(
     let root = &args.results.output;
     let case = read_run_case(&root.join("virtual").join("case.toml"))?;
     let correlation = root.join("correlation");
-    let plan = Plan::of(&Overlay { gpu: devices::options(), ..Overlay::default() }, &case.correlation)?;
+    let plan = Plan::of(&Overlay { gpu: devices::options(false), ..Overlay::default() }, &case.correlation)?;
     let session = Session::new(Existing::Replace);
     run_series(&plan, &RunFolder::open(&correlation, true)?, &args.threads.pool()?, session, &mut |_| ())?;
     let store = Store::open(&correlation)?;

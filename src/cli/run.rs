@@ -13,7 +13,7 @@ pub(super) fn run(args: &RunArgs, paint: Paint) -> Result<Outcome> {
     let asked = CaseRun {
         overwrite: args.overwrite,
         device: args.device.clone(),
-        gpu: devices::options(),
+        gpu: devices::options(args.trust_device),
         max_seconds: args.limits.max_seconds,
         max_evaluations: args.limits.max_evaluations,
         stop: signals::listen()?,

@@ -2,9 +2,10 @@
 
 use super::args::{VirtualArgs, VirtualDepth, VirtualKinematics, VirtualMixity};
 use super::{Outcome, Result};
+use crate::identify::law_like;
 use crate::io::images::{sha256, write_image};
 use crate::io::joint::write_table;
-use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::cohesive::ExtendedXuNeedleman;
 use crate::mechanics::{JointMesh, Kinematics};
 use crate::synth::Depth;
 use crate::virtual_test::{
@@ -35,8 +36,8 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
         VirtualKinematics::Paper => Kinematics::Paper,
         VirtualKinematics::Finite => Kinematics::Finite,
     };
-    let (seed, noise_grey) = (args.seed, args.noise);
-    let options = VirtualOptions { seed, depth, noise_grey, mixity, kinematics, ..VirtualOptions::default() };
+    let (seed, noise_grey, instants) = (args.seed, args.noise, args.instants);
+    let options = VirtualOptions { seed, depth, noise_grey, instants, mixity, kinematics, ..VirtualOptions::default() };
     if args.output.join(TRUTH).exists() && !args.overwrite {
         return Err(format!(
             "{}: holds another virtual test; choose another --output folder, or replace it with --overwrite",
@@ -45,15 +46,19 @@ pub(super) fn run(args: &VirtualArgs) -> Result<Outcome> {
         .into());
     }
     let pool = args.threads.pool()?;
-    make(options, &args.output, &pool)?;
+    let [phi_n, delta_n, delta_t, r] = options.law;
+    let usual = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?;
+    let law = law_like(&args.law, &usual)
+        .ok_or_else(|| format!("--law {}: no such law has the strengths and works of the default one", args.law))?;
+    make(&pool.install(|| VirtualTest::with_law(options, law))?, &args.output, &pool)?;
     let case = args.output.join("case.toml");
     eprintln!("the virtual test in {}: images, load.csv, truth.json, truth", args.output.display());
     eprintln!("next: quadrille run {} --output {}", case.display(), args.output.join("run").display());
     Ok(Outcome::Fine)
 }
 
-/// Computes the test and writes it into `folder`: images, truth, case file. An earlier one there is replaced.
-pub(super) fn make(options: VirtualOptions, folder: &Path, pool: &rayon::ThreadPool) -> Result<VirtualTest> {
+/// Writes the test into `folder`: images, truth, case file. An earlier one there is replaced.
+pub(super) fn make(test: &VirtualTest, folder: &Path, pool: &rayon::ThreadPool) -> Result<()> {
     let images = folder.join(IMAGES);
     let truth = folder.join("truth");
     for path in [&images, &truth] {
@@ -61,9 +66,8 @@ pub(super) fn make(options: VirtualOptions, folder: &Path, pool: &rayon::ThreadP
     }
     // Before anything is replaced: without its truth a half-written test is none.
     remove_earlier(folder)?;
-    let test = pool.install(|| VirtualTest::new(options))?;
     let hashes = pool.install(|| {
-        (0..=options.instants)
+        (0..=test.options().instants)
             .into_par_iter()
             .map(|k| -> Result<Value> {
                 let name = format!("{k:06}.png");
@@ -74,11 +78,11 @@ pub(super) fn make(options: VirtualOptions, folder: &Path, pool: &rayon::ThreadP
             })
             .collect::<Result<Vec<Value>>>()
     })?;
-    write_truth(&test, &truth)?;
-    write_loads(&test, &folder.join(LOAD))?;
+    write_truth(test, &truth)?;
+    write_loads(test, &folder.join(LOAD))?;
     write(&folder.join("case.toml"), test.case_toml().as_bytes())?;
-    write(&folder.join(TRUTH), format!("{:#}\n", about(&test, hashes)).as_bytes())?;
-    Ok(test)
+    write(&folder.join(TRUTH), format!("{:#}\n", about(test, hashes)).as_bytes())?;
+    Ok(())
 }
 
 /// Removes the images of an earlier test, which a glob would take along, and what says that it is there.
@@ -142,6 +146,7 @@ fn about(test: &VirtualTest, images: Vec<Value>) -> Value {
         "zones_px": { "upper": upper, "lower": lower },
         "element_size_px": ELEMENT_PX,
         "true_element_size_px": test.model().mesh().element_size() / PIXEL_MM,
+        "law": law.name(),
         "parameters": parameters(test),
         "parameter_units": units,
         "peak_traction_MPa": { "normal": peak.normal, "tangential": peak.tangential },

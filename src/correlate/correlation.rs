@@ -96,6 +96,8 @@ pub struct Correlation {
     /// Number of the frame whose image was the reference; 0 for the reference that was given. Residuals and
     /// correlation coefficients are those against this image.
     pub reference_frame: usize,
+    /// How far the field is from the one that the CPU finds from there on, px; `None` of a frame that was not looked at.
+    pub device_checked_px: Option<f64>,
     /// Displacement of all nodes, those not measured included: the start of the next frame.
     pub(super) full_displacement: Vec<[f64; 2]>,
     /// Whether an element counted.
@@ -108,6 +110,21 @@ impl Correlation {
     /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
     pub fn full_displacement(&self) -> &[[f64; 2]] {
         &self.full_displacement
+    }
+
+    /// How far the field is from that of `other`, px: the largest difference at a node that both measured. Where they left out
+    /// different elements, whose neighbours then differ too, nine tenths of the nodes have less.
+    pub fn apart_from(&self, other: &Self) -> f64 {
+        let (here, there) = (&self.measurement, &other.measurement);
+        let both = (0..here.mesh.n_nodes()).filter(|&node| here.measured[node] && there.measured[node]);
+        let apart = |node: usize| {
+            let [a, b] = [here.displacement[node], there.displacement[node]];
+            (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
+        };
+        let mut apart: Vec<f64> = both.map(apart).collect();
+        apart.sort_by(f64::total_cmp);
+        let share = if self.counted == other.counted { 1.0 } else { 0.9 };
+        apart.get((share * apart.len().saturating_sub(1) as f64) as usize).copied().unwrap_or(0.0)
     }
 
     /// What the field may be off beyond noise: of a correlation it is always known.

@@ -269,6 +269,7 @@ impl<B: Backend> Correlator<B> {
             ambiguity: None,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
             reference_frame: 0,
+            device_checked_px: None,
             full_displacement,
             counted,
             worst_node: outcome.worst_node,

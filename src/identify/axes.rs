@@ -3,14 +3,14 @@
 
 use super::FitError;
 use super::bootstrap::Base;
-use super::fit::Fit;
 use super::intervals::LINEAR_STD;
-use super::objective::Problem;
+use super::objective::{Evaluation, Problem};
 use super::options::FitOptions;
 use super::profile_ends::ProfileEnds;
 use super::stage::no_texture;
 use super::statistics::{NORMAL_95, Statistics};
 use super::weights::{InverseCovariance, WeightKind, Weights};
+use crate::mechanics::BoundaryHistory;
 use crate::mechanics::cohesive::CohesiveLaw;
 
 /// Scaled distance below which the search for an end has not got anywhere.
@@ -33,21 +33,23 @@ pub(super) struct Axes {
     works: [[Option<f64>; 2]; 2],
     /// Laws that the objective allows.
     allowed: Vec<Box<dyn CohesiveLaw>>,
+    /// Minima beside that of the fit that the objective allows.
+    n_others: usize,
 }
 
 impl Axes {
-    /// Those of `fit`, whose law has more `minima` (scaled unknowns with the objective there); `None` where linear theory holds along all of them, or
-    /// nothing is known of some.
+    /// Those of a fit that ended at `evaluation`, whose law has more `minima` (scaled unknowns with the objective there); `None` where
+    /// linear theory holds along all of them, or nothing is known of some.
     ///
     /// # Errors
     /// A covariance without inverse.
     pub fn new(
         problem: &Problem<'_>,
-        fit: &Fit,
+        (evaluation, boundary): (&Evaluation, &BoundaryHistory),
+        statistics: &Statistics,
         options: &FitOptions,
         minima: &[(Vec<f64>, f64)],
     ) -> Result<Option<Self>, FitError> {
-        let Some(statistics) = &fit.statistics else { return Ok(None) };
         let Some((variances, vectors)) = statistics.covariance.symmetric_eigen() else { return Ok(None) };
         let stds: Vec<f64> = variances.iter().map(|variance| variance.max(0.0).sqrt()).collect();
         let wide: Vec<usize> = (0..stds.len()).filter(|&k| stds[k] > LINEAR_STD && stds[k].is_finite()).collect();
@@ -55,16 +57,9 @@ impl Axes {
             return Ok(None);
         }
         let weights = weights_at_end(problem, statistics, options)?;
-        let base = Base {
-            problem,
-            evaluation: &fit.evaluation,
-            statistics,
-            weights: &weights,
-            boundary: &fit.boundary,
-            follows_data: false,
-        };
+        let base = Base { problem, evaluation, statistics, weights: &weights, boundary, follows_data: false };
         let Some(profile) = ProfileEnds::new(&base) else { return Ok(None) };
-        let z = problem.unknowns.scaled(&fit.evaluation.x);
+        let z = problem.unknowns.scaled(&evaluation.x);
         let straight = |k: usize| {
             let move_of = |sign: f64| vectors.column(k).iter().map(|v| sign * NORMAL_95 * stds[k] * v).collect();
             [move_of(-1.0), move_of(1.0)]
@@ -116,12 +111,17 @@ impl Axes {
                 ends[1] = ends[1].map(|high| high.max(work));
             }
         }
-        Ok(Some(Self { ends, works, allowed }))
+        Ok(Some(Self { ends, works, allowed, n_others: minima.len() }))
     }
 
     /// Laws that the objective allows: each has its place within the 95 % band of whatever is asked for.
     pub fn allowed(&self) -> &[Box<dyn CohesiveLaw>] {
         &self.allowed
+    }
+
+    /// How many minima beside that of the fit it allows.
+    pub fn n_others(&self) -> usize {
+        self.n_others
     }
 
     /// The error of the scaled unknowns at so many standard deviations along each axis.

@@ -419,7 +419,7 @@ fn jump_errors(
 /// # Errors
 /// Values that the law does not allow.
 pub fn curve_bands(problem: &Problem<'_>, fit: &Fit) -> Result<[CurveBand; 2], FitError> {
-    curve_bands_up_to(problem, fit, reach_of(&*problem.unknowns.law_at(&fit.evaluation.x)?), None)
+    curve_bands_up_to(problem, fit, reach_of(&*problem.unknowns.law_at(&fit.evaluation.x)?), fit.axes.as_ref())
 }
 
 /// Largest jumps of interest in opening and in sliding, mm: where nearly no traction is left.

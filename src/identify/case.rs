@@ -135,7 +135,7 @@ impl<'a> Case<'a> {
             doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
         }
         let unknowns = unknowns(&*joint.law, table)?;
-        if joint.law.has_own_minima() {
+        if joint.law.has_own_minima() && table.intervals == Some(CaseIntervals::Linear) {
             doubts.push(own_minima(joint.law.name()));
         }
         let cell = match (&case.force, &input.force) {
@@ -209,6 +209,7 @@ impl<'a> Case<'a> {
             constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut doubts)?,
             doubt: true,
             release: true,
+            other_minima: true,
             rotations: uncertainties::rotations(table),
             discretisation: match table.discretisation {
                 None if of_run => Discretisation::Included,

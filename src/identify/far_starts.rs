@@ -117,6 +117,16 @@ fn scaled_law(unknowns: &Unknowns, x: &[f64], [traction, jump]: [f64; 2]) -> Vec
     unknowns.list().iter().zip(x).map(value).collect()
 }
 
+/// What is to be said of a fit beside whose minimum `others` lie that the data allow too.
+pub(super) fn several_minima(law: &str, others: usize) -> String {
+    format!(
+        "the fit of {law} has {others} more {} that the data allow as well (corners of the law, parameters that stand for each other): \
+         intervals and the bands of the law hold what the objective allows about each of them; standard uncertainties, correlations \
+         and the bands along the joint belong to the lowest",
+        if others == 1 { "minimum" } else { "minima" }
+    )
+}
+
 /// What is to be said of fits of laws that have [minima of their own](crate::mechanics::cohesive::CohesiveLaw::has_own_minima).
 pub(super) fn own_minima(laws: &str) -> String {
     format!(

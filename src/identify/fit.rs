@@ -1,10 +1,11 @@
 //! The fit: starts, weights, end, and what is known of the result.
 
+use super::axes::Axes;
 use super::bootstrap::Base;
-use super::budget::{Budget, Ingredients, budget};
+use super::budget::{Budget, Ingredients, budget, interval95};
 use super::constants::{ConstantEffect, ConstantKind};
 use super::discretisation::Refinement;
-use super::far_starts::further_start;
+use super::far_starts::{further_start, other_minima, several_minima};
 use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
@@ -23,12 +24,17 @@ use super::watch::Ended;
 use super::weights::{InverseCovariance, WeightKind, Weights};
 use super::{FitError, estimated_boundary::estimate_boundary};
 use crate::linalg::Dense;
-use crate::mechanics::cohesive::LawLimit;
+use crate::mechanics::cohesive::{CohesiveLaw, LawLimit};
 use crate::mechanics::{BoundaryHistory, Solution};
 use rayon::prelude::*;
 
 /// Distance of a limit of the law below which the fit has run against it.
 const NEAR_LIMIT: f64 = 1e-4;
+
+/// Times that a lower minimum is gone on from, plus one.
+const LOOKS: usize = 4;
+/// How much lower another minimum has to be, relative to the objective.
+const LOWER: f64 = 1e-6;
 
 /// The result.
 #[derive(Debug)]
@@ -89,6 +95,8 @@ pub struct Fit {
     pub largest_correction: Option<f64>,
     /// What ended the fit from outside, and what it is therefore without; `None` where nothing did.
     pub cut_short: Option<CutShort>,
+    /// How far the objective allows to go, of a law with [several minima](CohesiveLaw::has_own_minima).
+    pub(super) axes: Option<Axes>,
 }
 
 /// A fit that its limit of time, or a wish to stop, ended.
@@ -131,6 +139,12 @@ impl Fit {
 /// # Errors
 /// See [`FitError`]. Not converging is an outcome.
 pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError> {
+    let looks = if options.doubt && options.other_minima && options.intervals != Intervals::Linear { LOOKS } else { 0 };
+    fit_looking(problem, options, looks)
+}
+
+/// Fits them, and goes on from a lower minimum `looks` times, 0 for never looking for one.
+fn fit_looking(problem: &Problem<'_>, options: &FitOptions, looks: usize) -> Result<Fit, FitError> {
     let unknowns = &problem.unknowns;
     let measured = &problem.joint.boundary;
     let noisy_boundary = !problem.observation.prescribed.is_empty();
@@ -176,9 +190,31 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     let expected = statistics.as_ref().map(|statistics| statistics.expected_omega).or_else(all_data);
     if let Some(start) = further_start(problem, options, &weights, (stage.status, local.omega, expected)) {
         let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
-        let mut found = fit(&problem.with_unknowns(unknowns.starting_at(&start)?), &options)?;
+        let mut found = fit_looking(&problem.with_unknowns(unknowns.starting_at(&start)?), &options, looks)?;
         found.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
         return Ok(found);
+    }
+    let is_end = looks > 0 && stage.status == FitStatus::Converged && statistics.is_some();
+    let minima = match is_end && unknowns.law().has_own_minima() {
+        true => {
+            problem.watch.begins("other minima");
+            other_minima(problem, options, &weights, &boundary, &stage.z)
+        }
+        false => Vec::new(),
+    };
+    if let Some((lower, omega)) = minima.first()
+        && *omega < local.omega * (1.0 - LOWER)
+        && looks > 1
+    {
+        let there = problem.with_unknowns(unknowns.starting_at(&unknowns.unscaled(lower))?);
+        let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
+        if let Ok(mut found) = fit_looking(&there, &options, looks - 1)
+            && found.status == FitStatus::Converged
+            && found.omega < local.omega
+        {
+            found.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
+            return Ok(found);
+        }
     }
     let x = evaluation.x.clone();
     let slopes = unknowns.slopes(&x);
@@ -283,6 +319,16 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         }
         basis
     });
+    // What the objective allows about every minimum, of a law with several.
+    let axes = match &statistics {
+        Some(statistics) if is_end && unknowns.law().has_own_minima() && watch.ended().is_none() => {
+            Axes::new(problem, (&evaluation, &boundary), statistics, options, &minima)?
+        }
+        _ => None,
+    };
+    if let Some(axes) = &axes {
+        hold(axes, unknowns, &budget, &mut parameters, &mut derived);
+    }
     let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
     let change = refined.as_ref().map(|refined| refined.change.as_slice());
@@ -341,6 +387,9 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
     if problem.observation.nodes.is_empty() && statistics.is_some() {
         verdict.sentences.push(curve_alone(&parameters, &derived));
     }
+    if let Some(others) = axes.as_ref().map(Axes::n_others).filter(|others| *others > 0) {
+        verdict.sentences.push(several_minima(unknowns.law().name(), others));
+    }
     let mut history = stage.history;
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
     let law = unknowns.law_at(&x)?;
@@ -373,7 +422,34 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
         boundary,
         largest_correction,
         cut_short,
+        axes,
     })
+}
+
+/// Widens the intervals to what the objective allows about every minimum, constants and bias as before.
+fn hold(
+    axes: &Axes,
+    unknowns: &Unknowns,
+    budget: &Budget,
+    parameters: &mut [FittedParameter],
+    derived: &mut [FittedQuantity],
+) {
+    let ends = |value: f64, bias: Option<f64>, others: f64, here: [Option<f64>; 2], allowed: Vec<f64>| {
+        let reach = |sign: f64| allowed.iter().map(|there| sign * (there - value)).fold(0.0, f64::max);
+        let wider = interval95(value, [Some(reach(-1.0)), Some(reach(1.0))], bias.unwrap_or(0.0), others);
+        let outer = |side: usize, of: fn(f64, f64) -> f64| here[side].zip(wider[side]).map(|(a, b)| of(a, b));
+        [outer(0, f64::min), outer(1, f64::max)]
+    };
+    for (k, p) in parameters.iter_mut().enumerate() {
+        let index = unknowns.list()[k].index;
+        let allowed = axes.allowed().iter().map(|law| law.values()[index]).collect();
+        p.set_ends(ends(p.value, p.bias, budget.parameter(k).others, p.ends95, allowed));
+    }
+    for (k, q) in derived.iter_mut().enumerate() {
+        let value = |law: &dyn CohesiveLaw| super::derived(law).get(k).map(|quantity| quantity.value);
+        let allowed = axes.allowed().iter().filter_map(|law| value(&**law)).collect();
+        q.set_ends(ends(q.quantity.value, q.bias, budget.quantity(k).others, q.ends95, allowed));
+    }
 }
 
 /// The parameters after one Gauss-Newton step from `x` under the weights of kind `weights`, the boundary as measured: where a

@@ -62,8 +62,12 @@ fn value_of(law: &dyn CohesiveLaw, name: &str) -> Option<f64> {
     law.parameters().iter().zip(law.values()).find(|(p, _)| p.name == name).map(|(_, value)| value)
 }
 
-/// The law called `name` with the strengths and works of separation of `like`.
-fn alike(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
+/// The law called `name` with the strengths and works of separation of `like`; `None` where it cannot have them, or there is no
+/// such law.
+pub fn law_like(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
+    if name == like.name() {
+        return like.with_values(&like.values()).ok();
+    }
     let Character { works: [g_n, g_t], peaks: [t_n, t_t], stiffness } = Character::of(like)?;
     let exponent = || {
         let own = if name.ends_with("power") { ETA_POWER } else { ETA_BENZEGGAGH_KENANE };
@@ -103,7 +107,7 @@ fn alike(name: &str, like: &dyn CohesiveLaw) -> Option<Box<dyn CohesiveLaw>> {
 /// No such law; one that cannot be started so.
 pub(super) fn started(name: &str, like: &dyn CohesiveLaw) -> Result<Unknowns, FitError> {
     parameters_by_name(name)?;
-    let law = alike(name, like).ok_or_else(|| {
+    let law = law_like(name, like).ok_or_else(|| {
         let what = format!(
             "laws: '{name}' has no values in [cohesive], and it cannot be started with the strengths and works of separation of \
              '{}' there; start that nearer to the adhesive, or run '{name}' on its own",
@@ -131,7 +135,7 @@ mod tests {
     fn every_law_starts_with_the_strengths_and_works_of_every_other() {
         let first = law_by_name(ExtendedXuNeedleman::NAME, &[1.0, 0.005, 0.05, 4.0]).unwrap();
         for from in LAW_NAMES {
-            let like = alike(from, &*first).unwrap();
+            let like = law_like(from, &*first).unwrap();
             let wanted = Character::of(&*like).unwrap();
             for to in LAW_NAMES {
                 let unknowns = started(to, &*like).unwrap();

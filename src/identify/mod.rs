@@ -65,6 +65,7 @@ pub use error::FitError;
 pub use fit::{CutShort, Fit, first_order, fit};
 pub use fitted::{FittedParameter, FittedQuantity, StartEnd};
 pub use intervals::{DRAWS, IntervalBasis, IntervalKind, LINEAR_PROBE, LINEAR_STD, Linearity, doubts};
+pub use law_starts::law_like;
 pub use left_out::LeftOut;
 pub use load_cell::{LoadCell, LoadComparison};
 pub use misfit::{Misfit, MisfitGroup, NOISE_LEVEL_STD};

@@ -40,6 +40,10 @@ pub struct FitOptions {
     /// Whether prescribed parameters are tried as unknowns, where the result is doubted. A comparison of laws does without: it is a
     /// comparison of models by itself.
     pub release: bool,
+    /// Whether other minima are looked for, where the result is doubted, of a law that
+    /// [has some](crate::mechanics::cohesive::CohesiveLaw::has_own_minima): a lower one is gone on from, and intervals hold what the
+    /// objective allows about all of them. A comparison of laws does that by itself.
+    pub other_minima: bool,
     /// What becomes of rotations that are taken as small, where the result is doubted.
     pub rotations: RotationCheck,
 }
@@ -58,6 +62,7 @@ impl Default for FitOptions {
             bootstrap: None,
             doubt: true,
             release: true,
+            other_minima: true,
             rotations: RotationCheck::Judged,
         }
     }

@@ -267,7 +267,12 @@ pub fn tournament<'a>(
     laws.par_iter_mut().try_for_each(|law| -> Result<(), FitError> {
         let Ok(fit) = &law.fit else { return Ok(()) };
         let followed = is_near(law) && !ended && !linear;
-        let axes = if followed { Axes::new(&law.problem, fit, options, &law.minima)? } else { None };
+        let axes = match &fit.statistics {
+            Some(statistics) if followed => {
+                Axes::new(&law.problem, (&fit.evaluation, &fit.boundary), statistics, options, &law.minima)?
+            }
+            _ => None,
+        };
         law.curves = Some(curve_bands_up_to(&law.problem, fit, reach, axes.as_ref())?);
         if let (Some(axes), Some(works)) = (&axes, &mut law.works) {
             (0..2).for_each(|mode| works[mode] = profiled(fit, mode, works[mode], axes.works()[mode]));
@@ -292,7 +297,7 @@ const STANDSTILL: f64 = 0.01;
 fn of_tournament(options: &FitOptions, n_data: usize) -> FitOptions {
     let intervals = if options.intervals == Intervals::Auto { Intervals::Linear } else { options.intervals };
     let region = TrustRegionOptions { standstill: STANDSTILL / n_data as f64, ..options.region };
-    FitOptions { intervals, region, release: false, ..options.clone() }
+    FitOptions { intervals, region, release: false, other_minima: false, ..options.clone() }
 }
 
 /// The work of separation `work` of a mode with the ends that its profile likelihood has, and the constants.

@@ -72,7 +72,8 @@ impl Experiment {
         let mesh = JointMesh::rectangular(columns, rows, ELEMENT_PX * PIXEL_MM, BAND_PX * PIXEL_MM)?;
         let boundary = boundary_of(test, &mesh)?;
         let selected = selected_nodes(columns as u32, rows as u32);
-        let joint = joint_of(mesh, boundary, *test.law())?;
+        let [phi_n, delta_n, delta_t, r] = test.options().law;
+        let joint = joint_of(mesh, boundary, ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?)?;
         let options = ForwardOptions { law_sensitivities: true, ..ForwardOptions::default() };
         let truth = joint.model.forward(&*joint.law, &joint.boundary, &options)?;
         if let Some(at) = truth.instants.iter().position(|instant| !instant.status.converged()) {

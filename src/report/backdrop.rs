@@ -101,9 +101,11 @@ impl Drawn {
         let filter = if width >= 4 * columns { FilterType::Nearest } else { FilterType::Triangle };
         let values = imageops::resize(&source, width, height, filter).into_raw();
         // A few hot or dead pixels must not decide the contrast.
-        let mut sorted = values.clone();
-        sorted.sort_unstable_by(f32::total_cmp);
-        let quantile = |part: f64| f64::from(sorted[((sorted.len() - 1) as f64 * part).round() as usize]);
+        let mut partly_sorted = values.clone();
+        let mut quantile = |part: f64| {
+            let at = ((partly_sorted.len() - 1) as f64 * part).round() as usize;
+            f64::from(*partly_sorted.select_nth_unstable_by(at, f32::total_cmp).1)
+        };
         let (mut low, mut high) = (quantile(0.002), quantile(0.998));
         if low >= high {
             (low, high) = (quantile(0.0), quantile(1.0));
@@ -119,7 +121,8 @@ impl Drawn {
 /// Pixels as a PNG file, to stand inside a picture.
 pub(super) fn png(pixels: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, Filter::Adaptive)
+    // Speckles hardly compress, and a user waits for it.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Level(2), Filter::Adaptive)
         .write_image(pixels, width, height, colour)
         .expect("memory takes any picture");
     bytes

@@ -115,7 +115,7 @@ impl Picture {
     /// # Errors
     /// Those of `out`.
     pub fn write_png<W: Write>(&self, out: W) -> Result<(), ReportError> {
-        let encoder = PngEncoder::new_with_quality(out, CompressionType::Default, FilterType::Adaptive);
+        let encoder = PngEncoder::new_with_quality(out, CompressionType::Level(2), FilterType::Adaptive);
         encoder
             .write_image(self.rgb(), self.width(), self.height(), ExtendedColorType::Rgb8)
             .map_err(ReportError::Encode)

@@ -2,6 +2,10 @@
 
 use super::ReportError;
 use super::scene::Rgb;
+use std::sync::OnceLock;
+
+/// Colours of the table of a palette.
+const STEPS: usize = 4096;
 
 /// A row of colours that colour-blind readers can follow too: growing lighter in even steps, or from both
 /// sides towards the middle.
@@ -20,16 +24,23 @@ pub enum Palette {
 }
 
 impl Palette {
-    /// The colour at `t`, 0 at the lower end and 1 at the upper.
+    /// The colour at `t`, 0 at the lower end and 1 at the upper, in 4096 steps (more than 8 bits a channel tell apart).
     pub fn colour(self, t: f64) -> [u8; 3] {
-        let t = t.clamp(0.0, 1.0);
-        let colour = match self {
-            Palette::Viridis => colorous::VIRIDIS.eval_continuous(t),
-            Palette::Plasma => colorous::PLASMA.eval_continuous(t),
-            Palette::Cividis => colorous::CIVIDIS.eval_continuous(t),
-            Palette::BlueRed => colorous::RED_BLUE.eval_continuous(1.0 - t),
+        // A map has as many colours to look up as pixels, and a spline behind each.
+        static TABLES: [OnceLock<Vec<Rgb>>; 4] = [const { OnceLock::new() }; 4];
+        let gradient = match self {
+            Palette::Viridis => colorous::VIRIDIS,
+            Palette::Plasma => colorous::PLASMA,
+            Palette::Cividis => colorous::CIVIDIS,
+            Palette::BlueRed => colorous::RED_BLUE,
         };
-        colour.into_array()
+        let table = TABLES[self as usize].get_or_init(|| {
+            let share = |step: usize| step as f64 / (STEPS - 1) as f64;
+            let share = |step| if self == Palette::BlueRed { 1.0 - share(step) } else { share(step) };
+            (0..STEPS).map(|step| gradient.eval_continuous(share(step)).into_array()).collect()
+        });
+        // No number is the first colour.
+        table[(t.clamp(0.0, 1.0) * (STEPS - 1) as f64).round() as usize]
     }
 
     /// Whether the middle of the row stands for zero.

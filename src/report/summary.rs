@@ -230,6 +230,9 @@ pub struct FrameSummary {
     pub seconds: f64,
     /// Reading and decoding, seconds.
     pub seconds_decode: f64,
+    /// Of a frame measured on a graphics device that was looked at: how far the field is from the one that the CPU finds, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device_checked_px: Option<f64>,
     /// What went to a graphics device and back: `submissions`, `readbacks`, `bytes_up`, `bytes_down`.
     #[serde(flatten)]
     pub traffic: Option<Traffic>,
@@ -398,6 +401,7 @@ impl FrameSummary {
             start: None,
             seconds: 0.0,
             seconds_decode,
+            device_checked_px: None,
             traffic: None,
             device: None,
         }
@@ -464,6 +468,7 @@ impl FrameSummary {
             start: Some(result.start),
             seconds,
             seconds_decode,
+            device_checked_px: result.device_checked_px,
             traffic: result.traffic,
             device: None,
         }

@@ -61,7 +61,7 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
     plan.drawn.cracks.retain(|crack| crack.path != CrackPath::Auto);
     let mut zones = zones.to_vec();
     super::zones::cut(&mut zones, &plan.drawn.cracks)?;
-    let device = plan.device()?;
+    let device = plan.device(reference.width() * reference.height())?;
     let (mut notes, mut looked_at, mut last) = (Vec::new(), Vec::new(), CrackSearch::default());
     for number in numbers(plan.deformed.len()) {
         let frame = &plan.deformed[number - 1];

@@ -42,9 +42,9 @@ fn copies(summary: &Summary, hashes: &BTreeMap<usize, Option<String>>, reference
     let mut said = Vec::new();
     let mut numbers: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     // The pages of a stack are of one file.
-    let is_page =
-        |number: usize| summary.frames.iter().any(|frame| frame.number == number && frame.file.ends_with(']'));
-    for (&number, hash) in hashes.iter().filter(|(number, _)| !is_page(**number)) {
+    let files = files(summary);
+    let is_page = |number: &usize| files.get(number).is_some_and(|file| file.ends_with(']'));
+    for (&number, hash) in hashes.iter().filter(|(number, _)| !is_page(number)) {
         if let Some(hash) = hash {
             numbers.entry(hash).or_default().push(number);
         }
@@ -169,6 +169,20 @@ impl Motion {
         way
     }
 
+    /// By how much the way is longer when it goes from the last of `before` to the first of `behind` through the frame `at`, px.
+    fn detour(&self, before: &[usize], at: usize, behind: &[usize]) -> f64 {
+        let between = |end: Option<&usize>| match end {
+            Some(&end) => distance(&self.places[end], &self.places[at]),
+            None => length(&self.places[at]),
+        };
+        let Some(&next) = behind.first() else { return between(before.last()) };
+        let straight = match before.last() {
+            Some(&last) => distance(&self.places[last], &self.places[next]),
+            None => length(&self.places[next]),
+        };
+        between(before.last()) + between(Some(&next)) - straight
+    }
+
     /// Whether the frames are in another order than that of the motion.
     fn order(&self, summary: &Summary) -> Option<String> {
         let n = self.places.len();
@@ -178,10 +192,8 @@ impl Motion {
         let given: Vec<usize> = (0..n).collect();
         let way = self.way(&given);
         let much = |other: f64| other < SHORTER * way && way - other > SHORTER_PX;
-        let file = |at: usize| {
-            let frame = summary.frames.iter().find(|frame| frame.number == self.numbers[at]);
-            frame.map_or("", |frame| frame.file.as_str())
-        };
+        let files = files(summary);
+        let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
         let mut by_name = given.clone();
         by_name.sort_by(|&a, &b| natural_order(Path::new(file(a)), Path::new(file(b))));
         if by_name != given && much(self.way(&by_name)) {
@@ -194,17 +206,18 @@ impl Motion {
                 self.way(&by_name)
             ));
         }
-        // One frame in another place.
-        for at in 0..n {
+        // One frame in another place. The first and the last may be what the test ends with: the reference has a say in that.
+        let inner = if n >= 2 * FRAMES { 1..n - 1 } else { 0..0 };
+        for at in inner {
             let rest: Vec<usize> = given.iter().copied().filter(|&k| k != at).collect();
-            let moved = (0..n).map(|place| {
-                let mut order = rest.clone();
-                order.insert(place, at);
-                (self.way(&order), place)
-            });
+            // Most frames lie on the way, which is as long without them: no other place of theirs makes it shorter.
+            let without = way - self.detour(&given[at - 1..at], at, &given[at + 1..]);
+            if !much(without) {
+                continue;
+            }
+            let moved = (0..n).map(|place| (without + self.detour(&rest[..place], at, &rest[place..]), place));
             let Some((shortest, place)) = moved.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-            // The first and the last may be what the test ends with: the reference has a say in that.
-            if n >= 2 * FRAMES && place != at && (1..n - 1).contains(&at) && much(shortest) {
+            if place != at && much(shortest) {
                 return Some(format!(
                     "warning: frame {} ({}) seems to be out of order: without it the motion goes a way of {shortest:.1} px, \
                      with it one of {way:.1} px",
@@ -238,7 +251,8 @@ impl Motion {
             return None;
         }
         let reference = &summary.reference.file;
-        let file = |at: usize| summary.frames.iter().find(|f| f.number == self.numbers[at]).map_or("", |f| &f.file);
+        let files = files(summary);
+        let file = |at: usize| files.get(&self.numbers[at]).copied().unwrap_or("");
         // The last one lies a step beyond the reference, and all others on its other side: unloading ends at the reference or
         // before it.
         let given: Vec<usize> = (0..n).collect();
@@ -268,6 +282,11 @@ impl Motion {
     }
 }
 
+/// The files of the frames by their number.
+fn files(summary: &Summary) -> BTreeMap<usize, &str> {
+    summary.frames.iter().map(|frame| (frame.number, frame.file.as_str())).collect()
+}
+
 fn length(v: &[f64]) -> f64 {
     v.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
@@ -278,7 +297,27 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::dropped;
+    use super::{Motion, dropped};
+
+    #[test]
+    fn a_detour_is_what_a_frame_adds_to_the_way_at_any_place() {
+        let places = [[3.0, 1.0, 0.2], [-1.0, 4.0, 0.1], [2.0, 2.0, -0.3], [7.0, -5.0, 0.0], [0.5, 0.5, 0.5]];
+        let motion = Motion {
+            numbers: (1..=places.len()).collect(),
+            places: places.iter().map(|place| place.to_vec()).collect(),
+        };
+        for at in 0..places.len() {
+            let rest: Vec<usize> = (0..places.len()).filter(|&k| k != at).collect();
+            for place in 0..=rest.len() {
+                let mut order = rest.clone();
+                order.insert(place, at);
+                let added = motion.way(&order) - motion.way(&rest);
+                let detour = motion.detour(&rest[..place], at, &rest[place..]);
+                // Sums of ten lengths of at most 15 px, each rounded once.
+                assert!((added - detour).abs() < 1e-13, "frame {at} at {place}: {added} and {detour}");
+            }
+        }
+    }
 
     #[test]
     fn numbers_that_are_skipped_are_told_and_a_choice_of_frames_is_not() {

@@ -2,11 +2,17 @@
 
 use crate::backend::BackendError;
 use crate::backend::choice::Device;
-use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
+use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Start, Uploaded, prepare};
+use crate::field::Status;
 use crate::imaging::Image;
 use crate::mesh::Zone;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+
+/// Of the frames that a graphics device measures the CPU looks at the first of a run and at every one of this number.
+const LOOKED_AT: usize = 100;
+/// What round-off may make of a field beyond the tolerance of the iteration, px.
+const ROUND_OFF_PX: f64 = 2e-5;
 
 /// Fresh devices that a run may open before it stays with the CPU.
 const FRESH_DEVICES: usize = 3;
@@ -22,6 +28,10 @@ pub(super) struct Engine {
     notes: Mutex<Vec<String>>,
     /// Whether it has been said that the noise is not white.
     colour_said: AtomicBool,
+    /// What looks at frames of a graphics device, once one is to be looked at.
+    twin: OnceLock<std::result::Result<Arc<dyn Correlate>, CorrelationError>>,
+    /// The last frame that was looked at; 0 for none.
+    looked_at: AtomicUsize,
 }
 
 /// The correlator in use.
@@ -79,6 +89,8 @@ impl Engine {
             current: RwLock::new(current),
             notes: Mutex::new(notes),
             colour_said: AtomicBool::new(false),
+            twin: OnceLock::new(),
+            looked_at: AtomicUsize::new(0),
         })
     }
 
@@ -148,9 +160,68 @@ impl Engine {
                     self.replace(generation, number, &error, tried_again)?;
                     tried_again = true;
                 }
+                Ok(mut result) if !is_on_cpu && self.is_to_be_looked_at(number, &result) => {
+                    match self.look(number, image, &mut result) {
+                        Ok(()) => return Ok((result, correlator)),
+                        Err(error) => self.distrust(generation, number, &error)?,
+                    }
+                }
                 result => return result.map(|result| (result, correlator)),
             }
         }
+    }
+
+    /// Whether the CPU is to look at a frame that a graphics device has measured. What was measured from another reference than the
+    /// first has no twin.
+    fn is_to_be_looked_at(&self, number: usize, result: &Correlation) -> bool {
+        let is_due = self.looked_at.load(Ordering::SeqCst) == 0 || number.is_multiple_of(LOOKED_AT);
+        let is_field = result.measurement.status == Status::Converged && result.reference_frame == 0;
+        is_due && is_field && self.device.is_looked_at()
+    }
+
+    /// Goes on from the field of a graphics device with the CPU, and notes how far that comes.
+    fn look(
+        &self,
+        number: usize,
+        image: &Arc<Image>,
+        result: &mut Correlation,
+    ) -> std::result::Result<(), BackendError> {
+        let cpu = || prepare(&self.device.on_cpu(), self.reference.clone(), &self.zones, self.options.clone());
+        // What the CPU cannot prepare is no fault of the device.
+        let Ok(twin) = self.twin.get_or_init(cpu) else { return Ok(()) };
+        let start = Start {
+            displacement: result.full_displacement().to_vec(),
+            transfer: result.zones.iter().map(|zone| zone.transfer).collect(),
+        };
+        let again = twin.upload(image.clone()).and_then(|frame| twin.correlate_uploaded(frame, Some(&start)));
+        let Ok(again) = again else { return Ok(()) };
+        self.looked_at.store(number, Ordering::SeqCst);
+        let (difference_px, allowed_px) = (result.apart_from(&again), twin.tolerance_px() + ROUND_OFF_PX);
+        result.device_checked_px = Some(difference_px);
+        match difference_px <= allowed_px {
+            true => Ok(()),
+            false => Err(BackendError::WrongField { device: self.name.clone(), difference_px, allowed_px }),
+        }
+    }
+
+    /// Goes on with the CPU instead of the device of `generation`, unless another frame has done so.
+    fn distrust(
+        &self,
+        generation: usize,
+        number: usize,
+        error: &BackendError,
+    ) -> std::result::Result<(), CorrelationError> {
+        let mut current = self.current.write().unwrap_or_else(PoisonError::into_inner);
+        if current.generation == generation {
+            let before = match number {
+                1 => String::new(),
+                _ => format!("; nobody has looked at up to {LOOKED_AT} frames before it: measure them again"),
+            };
+            self.note(format!("warning: frame {number}: {error}; going on with the CPU{before}"));
+            let cpu = self.device.on_cpu();
+            *current = current.next(&cpu, prepare(&cpu, self.reference.clone(), &self.zones, self.options.clone())?);
+        }
+        Ok(())
     }
 
     /// Replaces the correlator of `generation`, unless another frame has done so.

@@ -171,12 +171,17 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The device that does the pixel work.
+    /// The device that does the pixel work on images of so many pixels.
     ///
     /// # Errors
     /// None of that name.
-    pub fn device(&self) -> Result<Device> {
-        Ok(Device::new(&self.device, self.isa, self.gpu.clone())?)
+    pub fn device(&self, pixels: usize) -> Result<Device> {
+        // Frames that are still to come may be any number.
+        let work = match self.deformed.len() {
+            0 => u64::MAX,
+            frames => (pixels as u64).saturating_mul(frames as u64),
+        };
+        Ok(Device::new(&self.device, self.isa, self.gpu.clone(), work)?)
     }
 
     /// The reference in words: its file, or the first of several.

@@ -143,7 +143,7 @@ impl<'a> PreparedSeries<'a> {
         let reference = Arc::new(image);
         let cracks = pool.install(|| crack_auto::cut(&mut plan, there.as_ref(), &reference, &mut zones))?;
         let prepare = Instant::now();
-        let device = plan.device()?;
+        let device = plan.device(width * height)?;
         let prepared = || Engine::new(device, Arc::clone(&reference), zones, plan.options.clone());
         let engine = pool.install(prepared).map_err(|error| about_reference(&plan, &error))?;
         let correlator = engine.correlator();

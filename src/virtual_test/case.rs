@@ -2,7 +2,7 @@
 
 use super::{ALUMINIUM, ELEMENT_PX, PIXEL_MM, VirtualTest, zones_px};
 use crate::mechanics::Kinematics;
-use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::cohesive::ExtendedXuNeedleman;
 
 impl VirtualTest {
     /// A case file for `quadrille run`, as an experimenter would write it who knows nothing of the truth: it lies beside the folder
@@ -16,7 +16,15 @@ impl VirtualTest {
         let laws = if laws.is_empty() { String::new() } else { format!("laws = {laws:?}\n") };
         let [upper, lower] = zones_px();
         let [e, nu, sigma_0, alpha, n] = ALUMINIUM;
-        let r = self.law.values()[3];
+        // Of another law nobody knows an r: it is fitted with the rest.
+        let r = self.options.law[3];
+        let is_started = self.law.name() == ExtendedXuNeedleman::NAME;
+        let exact_r = if is_started {
+            "exact = true                          # and with this r; else state r_std = ...\n"
+        } else {
+            ""
+        };
+        let (fitted_r, start_r) = if is_started { ("", String::new()) } else { (", \"r\"", format!("r = {r:?}\n")) };
         // With small rotations the images themselves were computed.
         let rotations = if self.options.kinematics.is_small() { ", \"rotations\"" } else { "" };
         let kinematics = match self.options.kinematics {
@@ -65,7 +73,7 @@ impl VirtualTest {
              delta_n_mm = 0.0035\n\
              delta_t_mm = 0.07\n\
              {kinematics}r = {r:?}\n\
-             exact = true                          # and with this r; else state r_std = ...\n\
+             {exact_r}\
              \n\
              [measurement]\n\
              nodes = \"free\"\n\
@@ -73,14 +81,15 @@ impl VirtualTest {
              boundary = \"measured\"                 # or \"estimated\": its displacements as unknowns\n\
              \n\
              [fit]\n\
-             parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]\n\
+             parameters = [\"phi_n\", \"delta_n\", \"delta_t\"{fitted_r}]\n\
              {laws}\
              exact = [\"thickness\", \"faces\", \"pixel_size\"{rotations}]   # as the images were computed\n\
              \n\
              [fit.start]                           # N/mm, mm, mm\n\
              phi_n = 1.5\n\
              delta_n = 0.0035\n\
-             delta_t = 0.07\n",
+             delta_t = 0.07\n\
+             {start_r}",
         )
     }
 }

@@ -11,7 +11,7 @@ pub use options::{Mixity, VirtualError, VirtualOptions};
 
 use crate::field::RigidMotion;
 use crate::imaging::Image;
-use crate::mechanics::cohesive::ExtendedXuNeedleman;
+use crate::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
 use crate::mechanics::substrate::{PlaneState, RambergOsgood, SubstrateLaw};
 use crate::mechanics::{
     BoundaryHistory, ForwardOptions, Instant, JointMesh, JointParts, MeshFault, Model, ModelOptions, NodeGroup,
@@ -79,29 +79,36 @@ mod remote {
 #[derive(Debug)]
 pub struct VirtualTest {
     options: VirtualOptions,
-    law: ExtendedXuNeedleman,
+    law: Box<dyn CohesiveLaw>,
     model: Model,
     solution: Solution,
     texture: Texture,
 }
 
 impl VirtualTest {
-    /// Computes the test.
+    /// Computes the test with the extended law of Xu and Needleman.
     ///
     /// # Errors
     /// Options that mean nothing, and a law under which some instant has no solution.
     pub fn new(options: VirtualOptions) -> Result<Self, VirtualError> {
+        let [phi_n, delta_n, delta_t, r] = options.law;
+        Self::with_law(options, Box::new(ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?))
+    }
+
+    /// The same with any law for the truth; `options.law` is then no more than what its case file would know of `r`.
+    ///
+    /// # Errors
+    /// Those of [`VirtualTest::new`].
+    pub fn with_law(options: VirtualOptions, law: Box<dyn CohesiveLaw>) -> Result<Self, VirtualError> {
         options.check()?;
         let texture = Texture::new(options.seed, options.speckle_px)?;
-        let [phi_n, delta_n, delta_t, r] = options.law;
-        let law = ExtendedXuNeedleman::new(phi_n, delta_n, delta_t, r)?;
         let mesh = joint_mesh()?;
         let boundary = remote_boundary(&mesh, options.instants, options.mixity);
         let aluminium: Arc<dyn SubstrateLaw> = Arc::new(RambergOsgood::new(ALUMINIUM, PlaneState::PlaneStress)?);
         let materials = mesh.groups().iter().map(|_| Arc::clone(&aluminium)).collect();
         let model_options = ModelOptions { kinematics: options.kinematics, ..ModelOptions::default() };
         let model = Model::new(mesh, materials, boundary.nodes(), model_options)?;
-        let solution = model.forward(&law, &boundary, &ForwardOptions::default())?;
+        let solution = model.forward(&*law, &boundary, &ForwardOptions::default())?;
         if let Some(at) = solution.instants.iter().position(|instant| !instant.status.converged()) {
             return Err(VirtualError::NoSolution { instant: at + 1 });
         }
@@ -114,8 +121,8 @@ impl VirtualTest {
     }
 
     /// The true law of the adhesive.
-    pub fn law(&self) -> &ExtendedXuNeedleman {
-        &self.law
+    pub fn law(&self) -> &dyn CohesiveLaw {
+        &*self.law
     }
 
     /// The computed joint: mm, x to the right from the centre of the top-left pixel, y up from there.
@@ -256,7 +263,7 @@ impl VirtualTest {
         let loads = |instant: &Instant| {
             let u = &instant.displacement;
             let of_region: Vec<[f64; 2]> = of.iter().map(|&node| u[node as usize]).collect();
-            [self.model.reactions(&self.law, u, &grip)[0], part.reactions(&self.law, &of_region, &cut)[0]]
+            [self.model.reactions(self.law(), u, &grip)[0], part.reactions(self.law(), &of_region, &cut)[0]]
         };
         Ok(self.solution.instants.iter().map(loads).collect())
     }

@@ -389,6 +389,25 @@ fn sums_over_regions_of_every_shape_are_right_within_round_off() {
 }
 
 #[test]
+fn images_of_more_rows_than_a_device_takes_groups_are_summed_right_within_round_off() {
+    let Some(gpu) = device() else { return };
+    // 65 535 groups along a dimension are what every device offers; both levels have more rows.
+    let (width, height) = (9, 132_000);
+    let pair = [0.0f32, 0.35].map(|moved| {
+        let grey = |at: usize| {
+            let [x, y] = [(at % width) as f32 - moved, (at / width) as f32 - 0.5 * moved];
+            (128.0 + 50.0 * ((0.9 * x + 0.4 * y).sin() + (0.8 * y - 0.3 * x).cos())) as u8
+        };
+        Arc::new(Image::new(width, height, Pixels::U8((0..width * height).map(grey).collect())).unwrap())
+    });
+    let zones = vec![zone("low", [0.0, 131_500.0, 9.0, 131_992.0])];
+    for level in [0, 1] {
+        let at = case(&format!("{height} rows, level {level}"), &pair, zones.clone(), 4);
+        assert_sums(&gpu, &Case { level, motion: [0.3, 0.2], ..at });
+    }
+}
+
+#[test]
 fn sums_over_many_elements_are_right_within_round_off() {
     let Some(gpu) = device() else { return };
     // More than a group of 256 elements, the last one not full, and a zone of one element.

@@ -9,6 +9,7 @@ mod accuracy;
 mod cold_start;
 mod crack;
 mod crack_auto;
+mod device_check;
 mod engine;
 mod gpu_frames;
 mod gpu_kernels;

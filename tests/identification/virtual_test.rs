@@ -2,9 +2,10 @@
 
 #![cfg(feature = "cli")]
 
+use quadrille::identify::law_like;
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
-use quadrille::mechanics::cohesive::CohesiveLaw;
+use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman};
 use quadrille::synth::{Depth, Motion};
 use quadrille::virtual_test::{ELEMENT_PX, PIXEL_MM, VirtualError, VirtualOptions, VirtualTest, faces_px, zones_px};
 use serde_json::Value;
@@ -220,4 +221,35 @@ fn the_truth_simulates_to_itself() {
     for row in &forces {
         assert!((row[1] - row[2]).abs() < 1e-8 * largest, "{row:?}");
     }
+}
+
+#[test]
+fn another_law_has_the_same_strengths_moves_the_joint_otherwise_and_the_case_file_does_not_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("test");
+    let done = quadrille(&["virtual", "--law", "bilinear-power", "--instants", "2", "--output", out.to_str().unwrap()]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let truth = json(&out.join("truth.json"));
+    assert_eq!(truth["law"], "bilinear-power");
+    assert_eq!(truth["instants"].as_array().unwrap().len(), 2);
+    let usual = ExtendedXuNeedleman::new(1.0, 0.005, 0.05, 4.0).unwrap();
+    for (key, want) in [("normal", usual.peak().normal), ("tangential", usual.peak().tangential)] {
+        let is = truth["peak_traction_MPa"][key].as_f64().unwrap();
+        // Corners are rounded; the strengths are those of the rounded law.
+        assert!((is / want - 1.0).abs() < 1e-9, "{key}: {is} and {want}");
+    }
+    // The path is the same whatever the number of instants: the last of two is the last of 19.
+    let other = VirtualTest::new(VirtualOptions { instants: 2, ..VirtualOptions::default() }).unwrap();
+    let law = law_like("bilinear-power", &usual).unwrap();
+    let same = VirtualTest::with_law(*other.options(), law).unwrap();
+    let apart = |k: usize| {
+        let [a, b] = [&other, &same].map(|test| &test.solution().instants[k].displacement);
+        a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) / PIXEL_MM).fold(0.0, f64::max)
+    };
+    assert!(apart(0).max(apart(1)) > 0.1, "{} {} px", apart(0), apart(1));
+    let case = std::fs::read_to_string(out.join("case.toml")).unwrap();
+    assert!(case.contains("model = \"extended-xu-needleman\"") && !case.contains("bilinear"), "{case}");
+    assert!(case.contains("\"delta_t\", \"r\"]") && !case.contains("and with this r"), "{case}");
+    let refused = quadrille(&["virtual", "--law", "linear", "--output", out.to_str().unwrap()]);
+    assert!(refused.status.code() == Some(2) && String::from_utf8_lossy(&refused.stderr).contains("trapezoidal-power"));
 }

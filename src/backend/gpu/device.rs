@@ -8,7 +8,7 @@ use crate::imaging::Interpolation;
 use bytemuck::Pod;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
@@ -82,7 +82,9 @@ pub(super) struct Gpu {
     pub(super) profile: Profile,
     faults: Arc<Faults>,
     /// Readbacks that are left before an injected failure.
-    left: Option<AtomicUsize>,
+    left: OnceLock<AtomicUsize>,
+    /// A text of the shaders that is replaced.
+    altered: Mutex<Option<[String; 2]>>,
     pub max_binding_bytes: u64,
     alignment: u64,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
@@ -195,10 +197,22 @@ impl Gpu {
             queue,
             profile: Profile::default(),
             faults,
-            left: options.fail_after.map(AtomicUsize::new),
+            left: options.fail_after.map(AtomicUsize::new).map_or_else(OnceLock::new, OnceLock::from),
+            altered: Mutex::new(options.altered.clone()),
             pipelines: Mutex::default(),
             free: Arc::default(),
         })
+    }
+
+    /// Compiles all kernels anew, with a text of them replaced.
+    pub fn alter(&self, altered: Option<[String; 2]>) {
+        *self.altered.lock().unwrap_or_else(PoisonError::into_inner) = altered;
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    /// Fails after so many readbacks more.
+    pub fn fail_after(&self, readbacks: usize) {
+        self.left.get_or_init(|| AtomicUsize::new(readbacks));
     }
 
     /// The error that the device has met, if any: it is no longer to be trusted.
@@ -230,9 +244,13 @@ impl Gpu {
 
     fn compile(&self, kernel: Kernel, interpolation: Interpolation, constants: Option<[u32; 2]>) -> Pipeline {
         let label = Some(kernel.file());
+        let mut text = source(kernel, interpolation);
+        if let Some([from, to]) = &*self.altered.lock().unwrap_or_else(PoisonError::into_inner) {
+            text = text.replace(from, to);
+        }
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl(source(kernel, interpolation).into()),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
         });
         let entries: Vec<_> = kernel
             .bindings()
@@ -294,8 +312,17 @@ impl Gpu {
         Bound { pipeline: pipeline.clone(), group }
     }
 
+    /// Bytes of a buffer that serves for so many: one of eight sizes between two powers of two, so that what differs a little from
+    /// frame to frame (elements that lost pixels) is of few sizes.
+    fn rounded(&self, bytes: u64) -> u64 {
+        let exact = bytes.next_multiple_of(16).max(16);
+        let rounded = exact.next_multiple_of((exact.next_power_of_two() / 16).max(16));
+        let limit = self.adapter.max_buffer_bytes.min(self.max_binding_bytes);
+        if rounded > limit { exact } else { rounded }
+    }
+
     pub(super) fn buffer_for(&self, bytes: u64, usage: BufferUsages, what: &str) -> Result<Buffer, BackendError> {
-        let bytes = bytes.next_multiple_of(16).max(16);
+        let bytes = self.rounded(bytes);
         if bytes > self.adapter.max_buffer_bytes {
             let what = format!("{what} ({} MB on {})", bytes / 1_000_000, self.adapter.name);
             return Err(BackendError::OutOfMemory { what });
@@ -417,7 +444,7 @@ pub(super) struct Recorder<'a> {
 }
 
 /// Workgroups along one dimension at most (what every WebGPU device offers is 65535).
-const MOST_GROUPS: u32 = 32768;
+pub(super) const MOST_GROUPS: u32 = 32768;
 
 impl<'a> Recorder<'a> {
     /// One whose kernels are not timed.
@@ -486,7 +513,7 @@ impl<'a> Recorder<'a> {
         let index = self.submit(traffic);
         traffic.readbacks += 1;
         traffic.bytes_down += bytes as usize;
-        if let Some(left) = &gpu.left
+        if let Some(left) = gpu.left.get()
             && left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_err()
         {
             gpu.failed("injected failure".into());

@@ -27,6 +27,7 @@ pub use profile::{Noted, Timing, Work};
 pub use shader::{Binding, Extent, KERNELS, Kernel, Part, source};
 pub use solver::GpuSolver;
 
+use crate::backend::check::DeviceCheck;
 use crate::backend::{
     Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums, Place,
     Step, Traffic,
@@ -37,16 +38,33 @@ use crate::mesh::PixelMesh;
 use device::Gpu;
 use std::sync::Arc;
 
-/// Does `work` on `adapter`.
+/// Does `work` on `adapter`, once that has computed the same as the CPU.
 ///
 /// # Errors
-/// See [`GpuBackend::new`].
+/// See [`GpuBackend::new`]; [`BackendError::Wrong`].
 pub(super) fn open<W: OnDevice>(
     adapter: &GpuAdapter,
     options: &GpuOptions,
     work: W,
 ) -> Result<W::Output, BackendError> {
-    Ok(work.on(GpuBackend::new(adapter, options)?))
+    let altered = options.altered.clone().filter(|_| !options.altered_later);
+    let backend = GpuBackend::new(adapter, &GpuOptions { fail_after: None, altered, ..options.clone() })?;
+    if !options.trusted {
+        DeviceCheck::of(&backend)?.right(backend.device())?;
+    }
+    if options.altered_later {
+        backend.gpu.alter(options.altered.clone());
+    }
+    options.fail_after.into_iter().for_each(|readbacks| backend.gpu.fail_after(readbacks));
+    Ok(work.on(backend))
+}
+
+/// What the comparison of `adapter` with the CPU finds.
+///
+/// # Errors
+/// See [`GpuBackend::new`].
+pub fn check(adapter: &GpuAdapter, options: &GpuOptions) -> Result<DeviceCheck, BackendError> {
+    DeviceCheck::of(&GpuBackend::new(adapter, options)?)
 }
 
 /// Frames worth correlating at the same time: while one waits for its report, others work.

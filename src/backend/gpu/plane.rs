@@ -1,6 +1,6 @@
 //! Images on the device.
 
-use super::device::{Buffer, Gpu};
+use super::device::{Buffer, Gpu, MOST_GROUPS};
 use super::layout;
 use super::shader::Kernel;
 use crate::backend::pyramid::Pyramid;
@@ -152,7 +152,7 @@ impl GpuFrame {
         // Rows of the recorded image begin anywhere: a binding begins up to `alignment` bytes before.
         let row_bytes = (width * depth) as u64;
         let most = (gpu.max_binding_bytes.saturating_sub(gpu.alignment() + 16) / row_bytes.max(1)) as usize;
-        let most = most.min(plane.rows_seen(gpu));
+        let most = most.min(plane.rows_seen(gpu)).min(MOST_GROUPS as usize);
         for rows in windows(height, 0, 0, most).ok_or_else(|| too_wide(gpu, width))? {
             let from = rows.start as u64 * row_bytes / gpu.alignment() * gpu.alignment();
             let to = (rows.end as u64 * row_bytes).next_multiple_of(16).min(raw.bytes());
@@ -181,7 +181,7 @@ impl GpuFrame {
         let plane = Plane::new(gpu, fine.width / 2, fine.height / 2)?;
         let pipeline = gpu.pipeline(Kernel::Downsample, self.options.interpolation, 0);
         let mut recorder = gpu.record();
-        let most = (fine.rows_seen(gpu) / 2).min(plane.rows_seen(gpu));
+        let most = (fine.rows_seen(gpu) / 2).min(plane.rows_seen(gpu)).min(MOST_GROUPS as usize);
         for rows in windows(plane.height, 0, 0, most).ok_or_else(|| too_wide(gpu, fine.width))? {
             let (from, from_origin) = fine.rows(2 * rows.start as isize, 2 * rows.end as isize);
             let (to, to_origin) = plane.rows(rows.start as isize, rows.end as isize);

@@ -85,12 +85,13 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "magnify",
         ],
     ),
-    ("Machine", &["device", "isa", "threads", "shard"]),
+    ("Machine", &["device", "isa", "threads", "shard", "trust_device"]),
     ("Messages", &["quiet", "verbose", "progress", "color", "help", "version"]),
 ];
 
 /// Options that few ever need: in `--help` alone, for the commands where the short help would be longer than a screen.
-const RARE: [&str; 18] = [
+const RARE: [&str; 19] = [
+    "trust_device",
     "crack_guard",
     "crack_young",
     "crack_poisson",

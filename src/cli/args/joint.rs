@@ -4,8 +4,10 @@ use super::series::ProgressKind;
 use super::shared::{FitLimits, Quiet, Results, Threads};
 use crate::backend::choice::DeviceChoice;
 use crate::mechanics::SpecimenKind;
+use crate::mechanics::cohesive::{ExtendedXuNeedleman, LAW_NAMES, USUAL_LAWS};
 use clap::Args;
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use std::path::PathBuf;
 
 /// Arguments of `quadrille run`.
@@ -31,6 +33,9 @@ pub struct RunArgs {
     /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
+    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
+    pub trust_device: bool,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
@@ -75,8 +80,9 @@ pub enum VirtualKinematics {
 
 /// Arguments of `quadrille virtual`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
+#[command(after_help = "Examples:\n  \
+    quadrille virtual --output test && quadrille run test/case.toml --output test/run\n  \
+    quadrille virtual --law trapezoidal-power --output other       a truth that the law of the case file does not know\n\n\
     Written are images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
     and truth: mesh, displacements, border and tractions of the region that is measured.")]
 pub struct VirtualArgs {
@@ -86,6 +92,12 @@ pub struct VirtualArgs {
     /// Replace a test that is there.
     #[arg(long)]
     pub overwrite: bool,
+    /// Law of the adhesive, with the strengths and works of separation of the default one.
+    #[arg(long, value_name = "NAME", default_value = ExtendedXuNeedleman::NAME, value_parser = PossibleValuesParser::new(LAW_NAMES))]
+    pub law: String,
+    /// Images after the reference; the motion ends at the same place.
+    #[arg(long, value_name = "N", default_value_t = 19, allow_negative_numbers = true)]
+    pub instants: usize,
     /// Seed of speckles and noise.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
@@ -136,7 +148,7 @@ pub struct DemoArgs {
     pub seed: u64,
     /// Fit these laws too and put them side by side in the report; one of each kind when none is named.
     #[arg(long, value_name = "LAW,LAW,...", value_delimiter = ',', num_args = 0..=1,
-        default_missing_value = "extended-xu-needleman,xu-needleman,bilinear-power,trapezoidal-power,park-paulino-roesler,smith-ferrante")]
+        default_missing_values = USUAL_LAWS)]
     pub laws: Vec<String>,
     #[command(flatten)]
     pub threads: Threads,

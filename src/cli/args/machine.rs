@@ -209,8 +209,14 @@ pub struct BenchSeriesArgs {
     What is there:\n    \
     quadrille devices\n  \
     Correlate on the second graphics adapter:\n    \
-    quadrille correlate --device 1 --output out ref.tif 'frames/*.tif'")]
+    quadrille correlate --device 1 --output out ref.tif 'frames/*.tif'\n  \
+    Whether the graphics devices compute what the CPU does (exit status 1 where one does not):\n    \
+    quadrille devices --check")]
 pub struct DevicesArgs {
+    /// Take small images through every kernel of each graphics device and compare with the CPU. The same is done by
+    /// itself whenever one is used.
+    #[arg(long)]
+    pub check: bool,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

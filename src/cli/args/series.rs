@@ -221,10 +221,13 @@ pub struct CorrelateArgs {
     /// Write no DIR/report.html at the end. `--export none` leaves it out as well.
     #[arg(long)]
     pub no_report: bool,
-    /// Where the pixel work is done: `auto` (a discrete or integrated GPU, else the CPU), `cpu`, `gpu` (also a software
-    /// one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
+    /// Where the pixel work is done: `auto` (a discrete GPU for 200 megapixels of frames or more, else the CPU), `cpu`, `gpu`
+    /// (also an integrated or a software one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
+    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
+    pub trust_device: bool,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
     /// --case, else the fastest there is. Results differ in the last bits between paths.
     #[arg(long, value_name = "NAME")]

@@ -2,6 +2,7 @@
 
 use super::super::case::Case;
 use super::super::error::{FitError, wrong};
+use super::super::far_starts::own_minima;
 use super::super::objective::Problem;
 use super::sources::{CombinedConstant, combined_constants};
 use crate::io::joint::{JointMeshFile, MeshInput, TestInput, TestsInput};
@@ -80,6 +81,11 @@ impl<'a> CombinedCase<'a> {
         for (test, joint) in tests.iter().zip(joints) {
             let named = |doubt: &String| format!("test \"{}\": {doubt}", test.name);
             doubts.extend(joint.doubts.iter().chain(&test.case.doubts).map(named));
+        }
+        if let Some(law) = joints.first().map(|joint| &joint.law)
+            && law.has_own_minima()
+        {
+            doubts.push(own_minima(law.name()));
         }
         doubts.extend(input.tests.iter().filter_map(two_scales));
         doubts.extend(between(&tests));

@@ -277,6 +277,7 @@ fn put_together(
             boundary: tests[k].problem.joint.boundary.clone(),
             largest_correction: None,
             cut_short: cut_short.clone(),
+            axes: None,
         };
         list.push(TestFit { share, fit });
     }

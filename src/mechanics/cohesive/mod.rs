@@ -216,6 +216,16 @@ pub const LAW_NAMES: [&str; 9] = [
     ExponentialDamage::NAME,
 ];
 
+/// One law of each kind: what a comparison takes when none is named.
+pub const USUAL_LAWS: [&str; 6] = [
+    ExtendedXuNeedleman::NAME,
+    XuNeedleman::NAME,
+    Bilinear::POWER,
+    Trapezoidal::POWER,
+    ParkPaulinoRoesler::NAME,
+    SmithFerrante::NAME,
+];
+
 /// The parameters of the law called `name`.
 ///
 /// # Errors

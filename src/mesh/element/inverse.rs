@@ -54,6 +54,8 @@ pub struct InverseMap(Shape);
 enum Shape {
     /// Three corners, the last two nodes being one: the corner, and the rows of the inverse of its edges.
     Triangle([f64; 2], [[f64; 2]; 2]),
+    /// Four corners whose sides are parallel: the first, and the rows of the inverse of its edges.
+    Parallelogram([f64; 2], [[f64; 2]; 2]),
     /// Four corners: `a + e xi + f eta + g xi eta`.
     Quad { a: [f64; 2], e: [f64; 2], f: [f64; 2], g: [f64; 2] },
     /// Neither: it covers nothing.
@@ -72,14 +74,19 @@ impl InverseMap {
     /// That of the element with these corners, in either sense; of a triangle the last one twice.
     pub fn new([a, b, c, d]: [[f64; 2]; 4]) -> Self {
         let (e, f) = (minus(b, a), minus(d, a));
-        if c != d {
-            return Self(Shape::Quad { a, e, f, g: minus(minus(c, b), f) });
+        let g = minus(minus(c, b), f);
+        let size = [e, f].as_flattened().iter().fold(0.0f64, |size, v| size.max(v.abs()));
+        // A regular mesh has nothing else, and its map is linear.
+        let is_parallelogram = c != d && g[0].abs().max(g[1].abs()) <= 1e-13 * size;
+        if c != d && !is_parallelogram {
+            return Self(Shape::Quad { a, e, f, g });
         }
         let area = cross(e, f);
         if area == 0.0 {
             return Self(Shape::Nothing);
         }
-        Self(Shape::Triangle(a, [[f[1] / area, -f[0] / area], [-e[1] / area, e[0] / area]]))
+        let rows = [[f[1] / area, -f[0] / area], [-e[1] / area, e[0] / area]];
+        Self(if is_parallelogram { Shape::Parallelogram(a, rows) } else { Shape::Triangle(a, rows) })
     }
 
     /// The shape functions of the four nodes at a point; `None` outside.
@@ -91,6 +98,11 @@ impl InverseMap {
                 let p = minus(point, a);
                 let [s, t] = rows.map(|row| row[0] * p[0] + row[1] * p[1]);
                 (inside(s) && inside(t) && inside(s + t)).then_some([1.0 - s - t, s, t, 0.0])
+            }
+            Shape::Parallelogram(a, rows) => {
+                let p = minus(point, a);
+                let [xi, eta] = rows.map(|row| row[0] * p[0] + row[1] * p[1]);
+                (inside(xi) && inside(eta)).then(|| shape_functions(xi, eta))
             }
             Shape::Quad { a, e, f, g } => {
                 let h = minus(point, a);

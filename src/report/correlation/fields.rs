@@ -11,6 +11,7 @@ use crate::report::scale::{LARGEST, Palette, Range, colour, percentiles};
 use crate::report::scene::{BLACK, COLOURS, Rgb, WHITE};
 use crate::report::words::significant;
 use crate::report::{Backdrop, ReportError};
+use rayon::prelude::*;
 
 /// Longer side of a map.
 const LONGER_SIDE: f64 = 640.0;
@@ -90,13 +91,14 @@ impl CorrelationReport<'_> {
              beyond has the colour of the end. Hatched: the standard uncertainty of a node is above {DOUBTFUL} times the median. \
              Displacements are positive to the right and down."
         )));
-        let mut maps = vec![self.mesh(&sheet, last)?];
+        let mut drawn = Vec::new();
         for frame in self.drawn {
             let is_last = frame.number == last.number;
-            for drawn in self.of_frame(frame, is_last)? {
-                maps.push(self.map(&sheet, frame, drawn)?);
-            }
+            drawn.extend(self.of_frame(frame, is_last)?.into_iter().map(|drawn| (frame, drawn)));
         }
+        let maps = drawn.into_par_iter().map(|(frame, drawn)| self.map(&sheet, frame, drawn));
+        let mut maps = maps.collect::<Result<Vec<_>, _>>()?;
+        maps.insert(0, self.mesh(&sheet, last)?);
         blocks.push(Block::Grid(maps));
         Ok(Section { title: "Fields".into(), blocks })
     }
