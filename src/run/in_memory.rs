@@ -79,7 +79,7 @@ impl InMemory {
             zones.iter_mut().for_each(|zone| zone.mask = Some(Arc::clone(&mask)));
         }
         cut(&mut zones, &plan.drawn.cracks)?;
-        let device = plan.device()?;
+        let device = plan.device(size[0] * size[1])?;
         notes.extend(device.remark());
         let regularised = plan.options.regularisation.cutoff_px().is_some();
         let correlator = prepare(&device, reference, &zones, plan.options)?;
