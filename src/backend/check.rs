@@ -280,8 +280,8 @@ impl Setting {
         if !self.regularised {
             return Solver::iterative(data);
         }
-        // Neighbours are drawn together by a thousandth of what the data hold them with.
-        let weight = 1e-3 * matrices.iter().map(|matrix| matrix[0]).sum::<f64>() / matrices.len().max(1) as f64;
+        // Neighbours are drawn together by a thirtieth of what the data hold them with.
+        let weight = 3e-2 * matrices.iter().map(|matrix| matrix[0]).sum::<f64>() / matrices.len().max(1) as f64;
         let together = std::array::from_fn(|a| std::array::from_fn(|b| if a == b { 0.75 } else { -0.25 }));
         let penalty = vec![crate::linalg::alike(together, weight); mesh.n_elements()];
         let penalty = Arc::new(BlockMatrix::assemble(&pattern, mesh.elements(), &penalty));
