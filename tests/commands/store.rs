@@ -764,7 +764,7 @@ fn chosen_frames_are_exported_and_those_without_a_field_are_named() {
     assert_eq!(desk.files("last"), ["csv/000004.csv"]);
     desk.run("export out --to csv --frames 2 --output no --quiet").refused(&["fields.zarr", "none of 1 frame"]);
     desk.run("export out --to csv --frames 3-9 --output no").refused(&["frame 9", "the series has 4"]);
-    desk.run("export out --to csv --frames 0 --output no").refused(&["'0' is no frame", "1,5-20"]);
+    desk.run("export out --to csv --frames 0 --output no").refused(&["'0' is not a frame", "1,5-20"]);
     desk.run("export out --to xlsx").refused(&["xlsx", "csv, vtu, npz, mat"]);
     desk.run("export nowhere --to csv").refused(&["nowhere: there is no fields.zarr here"]);
     assert!(desk.files("no").is_empty());
