@@ -569,7 +569,7 @@ fn whole_chunks_with_impossible_numbers_are_refused() {
     assert_damaged("not numbered in order", &|path| foreign_chunk(path, "node_zone", &[0], &zones));
     let zones = vec![2u32; mesh.n_elements()];
     assert_damaged("below 2", &|path| foreign_chunk(path, "element_zone", &[0], &zones));
-    assert_damaged("no status", &|path| foreign_chunk(path, "status", &[0], &[77u8]));
+    assert_damaged("not a status", &|path| foreign_chunk(path, "status", &[0], &[77u8]));
     let marks = vec![3u8; mesh.n_nodes()];
     assert_damaged("mark of node 0 is 3", &|path| foreign_chunk(path, "measured", &[0, 0], &marks));
     let mut lost = vec![f64::NAN; 2 * mesh.n_nodes()];

@@ -244,7 +244,7 @@ fn what_cannot_be_watched_is_refused_and_changes_nothing() {
         (line.clone() + " --pages all", "each file of a watched folder is one frame"),
         (line.clone() + " made", "made"),
         (line.clone() + " --pattern ../*.png", "files of other folders"),
-        (line.clone() + " --pattern [.png", "no valid pattern"),
+        (line.clone() + " --pattern [.png", "not a valid pattern"),
         (line.replace("--settle 0.1", "--settle 0"), "--settle"),
         (line.replace("--timeout 0.5", "--timeout soon"), "'soon' is not a number"),
         (line.replace("--timeout 0.5", "--timeout 0.1"), "no file can settle"),
