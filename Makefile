@@ -6,13 +6,16 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build demo paper real study fuzz soak deny licences test check bench book clean
+.PHONY: help build wheel demo paper real study fuzz soak deny licences test check bench book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
 build: ## Build target/release/quadrille
 	$(CARGO) build --release --locked
+
+wheel: ## Build the wheel of Python, try it in a fresh environment, run its tests; in out/wheel (WHEEL=--zig for glibc 2.28)
+	PROFILE=$(or $(PROFILE),release) scripts/wheel.sh $(WHEEL)
 
 demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
 	$(CARGO) run --profile $(or $(PROFILE),release) --locked -- demo --output out/demo

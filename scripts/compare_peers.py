@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs quadrille, pyxel-dic and pyvale on the same image pairs, one after the other in one run.
 
-    scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--series 20] [--json FILE]
+    scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--series 20] [--python WHEEL] [--json FILE]
 
 Installs pyxel-dic and pyvale from PyPI into .venv-peers (once), builds quadrille when it is not there, makes
 the pairs with `quadrille synth` (8 bit, exact field known), and prints a table: wall time of a cold pair, its
@@ -21,6 +21,9 @@ one grey level, from the files to the results, once: quadrille the whole command
 pyxel-dic with its matrix and factor kept and each frame started from the one before, images read by Pillow; pyvale
 with the list of files, its result files included. Both others without the start of Python and its imports. The error
 is that of the last frame.
+
+With --python WHEEL quadrille is its module of Python, from the wheel that `make wheel` has put into out/wheel: three scripts in one
+language, in one environment, each from two arrays in memory to the field.
 
 Error: root mean square over both components of measured less exact displacement, at the points of the
 element corners (quadrille, pyxel-dic) or subset centres (pyvale) 32 px and more from the border, and of the field between them (bilinear).
@@ -119,6 +122,21 @@ def run_quadrille(where, size, threads, repeat):
     points, field = np.c_[x, y], np.c_[u, v]
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     return times, points, field, memory, summary["quadrille"]
+
+
+def run_module(where, size, threads, repeat):
+    import quadrille
+
+    reference, deformed = load(where)
+    low, high = ELEMENT, size - ELEMENT
+    times = []
+    for _ in range(repeat):
+        begin = time.perf_counter()
+        correlator = quadrille.Correlator(reference, [low, low, high, high], element_size_px=ELEMENT, threads=threads, device="cpu")
+        field = correlator.correlate(deformed)
+        times.append(time.perf_counter() - begin)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return times, field.positions, field.displacement, memory, quadrille.__version__
 
 
 def load(where):
@@ -264,7 +282,7 @@ CODES = {"quadrille": run_quadrille, "pyxel-dic": run_pyxel, "pyvale": run_pyval
 SERIES = {"quadrille": series_quadrille, "pyxel-dic": series_pyxel, "pyvale": series_pyvale}
 
 
-def one(code, where, size, threads, repeat, series):
+def one(code, where, size, threads, repeat, series, module):
     """Runs one code and scores it; this is the inner process."""
     import numpy as np
     from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
@@ -274,7 +292,8 @@ def one(code, where, size, threads, repeat, series):
         seconds, points, field, memory, version = SERIES[code](where, size, threads)
         times = [None, seconds]
     else:
-        times, points, field, memory, version = CODES[code](where, size, threads, repeat + 1)
+        run = run_module if module and code == "quadrille" else CODES[code]
+        times, points, field, memory, version = run(where, size, threads, repeat + 1)
     x, y, u, v = columns(sorted((where / "exact").glob("*.csv"))[-1], "x_px", "y_px", "ux_px", "uy_px")
     at, truth = np.c_[x, y], np.c_[u, v]
     xs, ys = np.unique(at[:, 0]), np.unique(at[:, 1])
@@ -313,25 +332,31 @@ def main():
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--json", type=pathlib.Path)
     parser.add_argument("--series", type=int, default=0, metavar="N")
+    parser.add_argument("--python", metavar="WHEEL", default="")
     parser.add_argument("--one", nargs=5, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
         code, where, size, threads, repeat = arguments.one
-        return one(code, where, int(size), int(threads), int(repeat), arguments.series)
+        return one(code, where, int(size), int(threads), int(repeat), arguments.series, arguments.python)
 
-    python, quadrille = install(), program()
+    if arguments.python and arguments.series:
+        parser.error("--python is for pairs")
+    python = install()
+    if arguments.python:
+        subprocess.run([python, "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", arguments.python], check=True)
+    quadrille = VENV / "bin" / "quadrille" if arguments.python else program()
     threads = str(arguments.threads)
     environment = dict(os.environ)
     environment.update({name: threads for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")})
     results = []
-    own_times = {} if arguments.series else benched()
+    own_times = {} if arguments.series or arguments.python else benched()
     with tempfile.TemporaryDirectory() as folder:
         for size in (int(size) for size in arguments.sizes.split(",")):
             where = images_of(quadrille, pathlib.Path(folder), size, arguments.series or 1)
             for code in CODES:
                 # pyxel's time grows with the third power of the side: fewer repetitions there.
                 repeat = arguments.repeat if code != "pyxel-dic" else max(1, min(arguments.repeat, 3 * 512 // size))
-                inner = [python, __file__, "--series", str(arguments.series), "--one", code, where, str(size), threads,
+                inner = [python, __file__, "--series", str(arguments.series), "--python", arguments.python, "--one", code, where, str(size), threads,
                          str(repeat)]
                 ran = subprocess.run(inner, env=environment, capture_output=True, text=True)
                 line = next((l for l in ran.stdout.splitlines() if l.startswith("RESULT")), None)

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Writes the notices of third parties that the program prints with `quadrille licences`: of every crate in it, on any system,
-its version, its licence and who holds the copyright; and each text of a licence once.
+its version, its licence and who holds the copyright; and each text of a licence once. Those of the module of Python beside them, which
+its wheel holds with the former, are in python/THIRD_PARTY.txt.
 
-    scripts/licences.py            writes src/cli/third_party.txt
-    scripts/licences.py --check    says whether it is what it would write (CI)
+    scripts/licences.py            writes src/cli/third_party.txt and python/THIRD_PARTY.txt
+    scripts/licences.py --check    says whether they are what it would write (CI)
 """
 
 import json
@@ -16,6 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTICES = ROOT / "src/cli/third_party.txt"
+OF_PYTHON = ROOT / "python/THIRD_PARTY.txt"
 CARGO = ["cargo"]
 # Of licences to choose from the first of these is taken.
 PREFERRED = ["MIT", "Zlib", "BSD-2-Clause", "BSD-3-Clause", "ISC", "BSL-1.0", "Unlicense", "Unicode-3.0", "0BSD", "Apache-2.0"]
@@ -35,13 +37,13 @@ def command(*words: str) -> str:
     return subprocess.run([*CARGO, *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout
 
 
-def crates() -> list[dict]:
-    """The crates in the program: dependencies of any system that are neither macros nor of builds and tests."""
-    tree = command("tree", "--locked", "--all-features", "--target", "all", "--edges", "normal,no-proc-macro", "--prefix", "none",
-                   "--format", "{p}")
+def crates(package: str) -> list[dict]:
+    """The crates in a package: dependencies of any system that are neither macros nor of builds and tests."""
+    tree = command("tree", "--locked", "--package", package, "--all-features", "--target", "all", "--edges", "normal,no-proc-macro",
+                   "--prefix", "none", "--format", "{p}")
     there = {tuple(line.split()[:2]) for line in tree.splitlines() if line.strip()}
     packages = json.loads(command("metadata", "--locked", "--all-features", "--format-version", "1"))["packages"]
-    found = [p for p in packages if (p["name"], f"v{p['version']}") in there and p["name"] != "quadrille"]
+    found = [p for p in packages if (p["name"], f"v{p['version']}") in there and not p["name"].startswith("quadrille")]
     return sorted(found, key=lambda p: (p["name"], [int(n) for n in re.findall(r"\d+", p["version"])]))
 
 
@@ -102,13 +104,13 @@ def split(text: str) -> tuple[list[str], str]:
     return holders, "\n".join(rest).strip("\n")
 
 
-def notices() -> str:
+def notices(first: str, packages: list[dict]) -> str:
     bodies: dict[str, str] = {}  # normalised text -> as it stands, without who holds the copyright
     whole: dict[str, str] = {}  # the same with it
     users: dict[str, list[str]] = {}
     without: list[str] = []
     lines = []
-    for package in crates():
+    for package in packages:
         name = f"{package['name']} {package['version']}"
         expression = package["license"] or "see its text"
         holders: list[str] = []
@@ -130,7 +132,7 @@ def notices() -> str:
         lines += [f"    {holder}" for holder in dict.fromkeys(holders)]
     keys = sorted(users, key=lambda key: (-len(users[key]), users[key]))
     out = [
-        "quadrille contains the work of others, in the crates that are listed here with their licences and who holds the copyright.",
+        first,
         "Of licences to choose from, MIT is taken where it is one. The texts follow, each once, with the crates that have it.",
         "",
         *lines,
@@ -143,15 +145,24 @@ def notices() -> str:
 
 
 def main() -> int:
-    text = notices()
-    if "--check" not in sys.argv[1:]:
-        NOTICES.write_text(text, encoding="utf-8")
-        print(f"{NOTICES.relative_to(ROOT)}: {len(text) / 1e3:.0f} kB")
-        return 0
-    if NOTICES.read_text(encoding="utf-8") == text:
-        return 0
-    print(f"{NOTICES.relative_to(ROOT)} is not what it should be: run scripts/licences.py", file=sys.stderr)
-    return 1
+    of_program = crates("quadrille")
+    of_python = [package for package in crates("quadrille-python") if package not in of_program]
+    listed = "in the crates that are listed here with their licences and who holds the copyright."
+    texts_of = {
+        NOTICES: notices(f"quadrille contains the work of others, {listed}", of_program),
+        OF_PYTHON: notices(
+            "The Python module of quadrille contains the work of others, that which `quadrille licences` prints and beside it that\n"
+            f"{listed}", of_python),
+    }
+    wrong = 0
+    for path, text in texts_of.items():
+        if "--check" not in sys.argv[1:]:
+            path.write_text(text, encoding="utf-8")
+            print(f"{path.relative_to(ROOT)}: {len(text) / 1e3:.0f} kB")
+        elif not path.is_file() or path.read_text(encoding="utf-8") != text:
+            print(f"{path.relative_to(ROOT)} is not what it should be: run scripts/licences.py", file=sys.stderr)
+            wrong = 1
+    return wrong
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 22] = [
+const HOMES: [Home; 24] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home { what: "the crate nalgebra", named_by: |s, at| s.names_crate(at, "nalgebra"), places: &["mechanics/"] },
     Home {
@@ -68,6 +68,8 @@ const HOMES: [Home; 22] = [
         places: &["io/case", "field/", "imaging/"],
     },
     Home { what: "the crate clap", named_by: |s, at| s.names_crate(at, "clap"), places: &["cli/"] },
+    Home { what: "the crate clap_complete", named_by: |s, at| s.names_crate(at, "clap_complete"), places: &["cli/"] },
+    Home { what: "the crate clap_mangen", named_by: |s, at| s.names_crate(at, "clap_mangen"), places: &["cli/"] },
     Home {
         what: "the crate signal-hook",
         named_by: |s, at| s.names_crate(at, "signal_hook"),

@@ -36,6 +36,7 @@ mod progress;
 mod results;
 mod run;
 mod schema;
+mod shell;
 mod signals;
 mod simulate;
 mod slurm;
@@ -65,9 +66,14 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run,
 /// 130 stopped.
 pub fn main() -> ExitCode {
+    ExitCode::from(main_of(std::env::args_os()))
+}
+
+/// The same with these words, the first of which names the program; of a process that is another program. Help and version end it.
+pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     devices::quiet_drivers();
     signals::end_where_memory_ends();
-    let arguments = args::joined(std::env::args_os());
+    let arguments = args::joined(words);
     let command = args::grouped(args::Cli::command());
     let parsed = command.clone().try_get_matches_from(&arguments);
     let cli = match parsed.and_then(|matches| args::Cli::from_arg_matches(&matches)) {
@@ -75,7 +81,7 @@ pub fn main() -> ExitCode {
         Err(asked) if asked.kind() == ErrorKind::DisplayHelp && arguments.iter().any(|word| word == "-h") => {
             let (command, name) = wrong_words::command_of(command, &arguments);
             print!("{}", args::short_help(&command, &name));
-            return ExitCode::SUCCESS;
+            return 0;
         }
         // Help and version are what was asked for; clap prints them.
         Err(asked) if !asked.use_stderr() || asked.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
@@ -83,7 +89,7 @@ pub fn main() -> ExitCode {
         }
         Err(wrong) => {
             eprintln!("quadrille: {}", wrong_words::in_words(&wrong, &arguments));
-            return ExitCode::from(2);
+            return 2;
         }
     };
     let paint = Paint::of(cli.color);
@@ -112,15 +118,17 @@ pub fn main() -> ExitCode {
         args::Command::Run(args) => run::run(&args, paint),
         args::Command::Schema(args) => schema::run(&args),
         args::Command::Paper(args) => paper::run(&args),
+        args::Command::Completions(args) => shell::completions(&args),
+        args::Command::Manual(args) => shell::manual(&args),
         args::Command::Licences => licences::run(),
     };
     match outcome {
-        Ok(Outcome::Fine) => ExitCode::SUCCESS,
-        Ok(Outcome::Incomplete) => ExitCode::from(1),
-        Ok(Outcome::Stopped) => ExitCode::from(signals::STOPPED),
+        Ok(Outcome::Fine) => 0,
+        Ok(Outcome::Incomplete) => 1,
+        Ok(Outcome::Stopped) => signals::STOPPED,
         Err(error) => {
             eprintln!("quadrille: {}", chain(error.as_ref()));
-            ExitCode::from(2)
+            2
         }
     }
 }

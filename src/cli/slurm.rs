@@ -29,7 +29,7 @@ pub(super) fn run(args: &SlurmArgs) -> Result<Outcome> {
     fs::create_dir_all(&scripts).map_err(|error| format!("{}: cannot be made: {error}", scripts.display()))?;
     let program = match &args.program {
         Some(program) => program.clone(),
-        None => std::env::current_exe()?.to_string_lossy().into_owned(),
+        None => this_program()?,
     };
     let prologue = match &args.prologue {
         Some(path) => {
@@ -57,6 +57,14 @@ pub(super) fn run(args: &SlurmArgs) -> Result<Outcome> {
 }
 
 /// A path as one word of the shell.
+/// The path of the program on this machine: that of the script where it runs inside Python.
+fn this_program() -> Result<String> {
+    let process = std::env::current_exe()?;
+    let is_python = process.file_stem().is_some_and(|name| name.to_string_lossy().starts_with("python"));
+    let script = std::env::args_os().nth(1).filter(|script| is_python && Path::new(script).is_file());
+    Ok(script.map_or_else(|| process.to_string_lossy().into_owned(), |script| absolute(Path::new(&script))))
+}
+
 fn quoted(path: &Path) -> String {
     word(&path.display().to_string())
 }

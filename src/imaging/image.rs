@@ -132,6 +132,11 @@ impl Image {
         &self.pixels
     }
 
+    /// The grey levels, row by row, without the image.
+    pub fn into_pixels(self) -> Pixels {
+        self.pixels
+    }
+
     /// The grey level at column `x`, row `y`.
     ///
     /// # Panics

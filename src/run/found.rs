@@ -34,7 +34,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// Looks for the specimen in `reference`; its masks will lie in `folder`. A `guard` that was asked for stands for the usual one.
+    /// Looks for the specimen in `reference`; its masks will lie in `folder`, or nowhere when that is empty. A `guard` that was asked for stands for the usual one.
     pub fn on(reference: &Image, plan: &Plan, folder: &Path) -> Result<Self> {
         let Plan { options, guard_px: guard, .. } = plan;
         let (size, guard) = (options.element_size, *guard);
@@ -76,9 +76,10 @@ impl Found {
         } else {
             format!("{} zones found: {}", shares.len(), shares.join(", "))
         };
-        let picture = folder.join(FIGURES).join(PICTURE);
-        found.note =
-            format!("{which} of the image; left out: {} (drawn in {})", in_words(specimen.left_out), picture.display());
+        found.note = format!("{which} of the image; left out: {}", in_words(specimen.left_out));
+        if !folder.as_os_str().is_empty() {
+            found.note.push_str(&format!(" (drawn in {})", folder.join(FIGURES).join(PICTURE).display()));
+        }
         Ok(found)
     }
 

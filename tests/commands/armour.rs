@@ -447,6 +447,26 @@ fn frames_that_a_camera_dropped_doubled_swapped_or_tore_are_named_and_pull_no_ot
 }
 
 #[test]
+fn shells_and_man_are_told_of_every_command() {
+    let desk = Desk::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let text = desk.run(&format!("completions {shell}")).printed();
+        for there in ["correlate", "max-image-mpx", "tournament"] {
+            assert!(text.contains(there), "{shell}: {there}");
+        }
+    }
+    desk.run("manual --output man");
+    let page = String::from_utf8(desk.bytes("man/quadrille-correlate.1")).unwrap();
+    assert!(page.starts_with(".ie") && page.contains("reference"), "{page}");
+    let whole = String::from_utf8(desk.bytes("man/quadrille.1")).unwrap();
+    for page in desk.all_files("man").iter().filter(|name| name.len() > "quadrille.1".len()) {
+        let command = page.trim_start_matches("quadrille-").trim_end_matches(".1");
+        assert!(whole.contains(command), "{command}");
+    }
+    assert!(desk.all_files("man").len() > 20);
+}
+
+#[test]
 fn the_licences_of_others_are_in_the_program() {
     let desk = Desk::new();
     for word in ["licences", "licenses"] {

@@ -5,9 +5,17 @@
 
 use crate::program;
 use program::{Desk, INSIDE, moved};
-use quadrille::io::case::CaseFile;
-use quadrille::run::{Event, Existing, Outcome, Overlay, Plan, Ran, RunError, RunFolder, Session, Stop, run_series};
+use quadrille::correlate::Tracker;
+use quadrille::imaging::{Image, Pixels};
+use quadrille::io::case::{CaseFile, CrackPath};
+use quadrille::io::images::read_image;
+use quadrille::io::store::Store;
+use quadrille::mesh::Mask;
+use quadrille::run::{
+    Event, Existing, InMemory, Outcome, Overlay, Plan, Ran, RunError, RunFolder, Session, Stop, run_series,
+};
 use rayon::ThreadPool;
+use std::sync::Arc;
 
 /// What `quadrille correlate --roi 16,16,112,80 --reference ref.png a.png b.png c.png` is given.
 fn asked(desk: &Desk) -> Overlay {
@@ -116,4 +124,41 @@ fn what_is_wrong_is_told_by_its_kind() {
     let folder = RunFolder::writable(&desk.path("lost")).unwrap();
     let lost = run_series(&plan, &folder, &pool(), Session::new(Existing::Continue), &mut |_| ());
     assert!(matches!(lost, Err(RunError::Image(_))), "{lost:?}");
+}
+
+#[test]
+fn images_in_memory_give_the_fields_that_a_run_stores() {
+    let desk = Desk::with_series();
+    run(&desk, "out", Session::new(Existing::Continue), &mut |_| ()).unwrap();
+    let store = Store::open(desk.path("out")).unwrap();
+    let image = |name: &str| Arc::new(read_image(&desk.path(name), 0).unwrap().image);
+    let prepared = InMemory::new(&asked(&desk), &CaseFile::default(), image("ref.png"), None).unwrap();
+    let mut tracker = Tracker::new(&*prepared.correlator);
+    for (at, name) in ["a.png", "b.png", "c.png"].into_iter().enumerate() {
+        let field = tracker.correlate(at + 1, image(name)).unwrap().measurement;
+        let stored = store.frame(at + 1).unwrap().unwrap().measurement;
+        assert_eq!(field.displacement, stored.displacement, "{name}");
+        let as_stored: Vec<[f64; 2]> = field.sigma.iter().map(|pair| pair.map(|v| f64::from(v as f32))).collect();
+        assert_eq!(as_stored, stored.sigma, "{name}");
+        assert!(prepared.strains(&field).elements.iter().all(Option::is_some));
+    }
+}
+
+#[test]
+fn what_single_images_cannot_have_is_refused() {
+    let desk = Desk::with_series();
+    let reference = Arc::new(read_image(&desk.path("ref.png"), 0).unwrap().image);
+    let refused = |asked: &Overlay, mask| {
+        let made = InMemory::new(asked, &CaseFile::default(), Arc::clone(&reference), mask);
+        made.err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let update = Overlay { update_reference: Some("residual".parse().unwrap()), ..asked(&desk) };
+    assert!(refused(&update, None).contains("for a series"));
+    let crack = Overlay { crack: vec![CrackPath::Auto], ..asked(&desk) };
+    assert!(refused(&crack, None).contains("in a series alone"));
+    assert!(refused(&asked(&desk), Mask::new(3, 2, vec![true; 6])).contains("the mask is 3 x 2 px"));
+    let flat = Arc::new(Image::new(64, 64, Pixels::U8(vec![9; 64 * 64])).unwrap());
+    let device = "cpu".parse().unwrap();
+    let found = InMemory::new(&Overlay { device, ..Overlay::default() }, &CaseFile::default(), flat, None);
+    assert!(matches!(found, Err(RunError::Reference(_))));
 }

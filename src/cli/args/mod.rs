@@ -8,6 +8,7 @@ mod reference;
 mod schema;
 mod series;
 mod shared;
+mod shell;
 mod words;
 
 pub use fields::*;
@@ -18,6 +19,7 @@ pub use reference::command_reference;
 pub use schema::*;
 pub use series::*;
 pub use shared::*;
+pub use shell::*;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -96,6 +98,10 @@ pub enum Command {
     Schema(SchemaArgs),
     /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
     Paper(PaperArgs),
+    /// Write what a shell needs to complete commands and options.
+    Completions(CompletionsArgs),
+    /// Write the pages of `man`, one for each command.
+    Manual(ManualArgs),
     /// The licences of quadrille and of the work of others that it contains.
     #[command(visible_alias = "licenses")]
     Licences,

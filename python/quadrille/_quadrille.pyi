@@ -1,0 +1,104 @@
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Path = str | os.PathLike[str]
+_Watcher = Callable[[dict[str, Any]], object] | None
+
+VERSION: str
+
+@final
+class Correlator:
+    def __new__(
+        cls,
+        reference: Any,
+        case: str,
+        mask: Any | None = None,
+        device: str = "auto",
+        isa: str | None = None,
+        threads: int | None = None,
+    ) -> Correlator: ...
+    def correlate(self, /, image: Any) -> dict[str, Any]: ...
+    def positions(self, /) -> NDArray[np.float64]: ...
+    def elements(self, /) -> NDArray[np.uint32]: ...
+    def node_zone(self, /) -> NDArray[np.uint32]: ...
+    def zones(self, /) -> list[str]: ...
+    def device(self, /) -> str: ...
+    def notes(self, /) -> list[str]: ...
+    def shape(self, /) -> tuple[int, int]: ...
+    def strain(self, /) -> str: ...
+
+@final
+class Tracker:
+    def __new__(cls, correlator: Correlator) -> Tracker: ...
+    def correlate(self, /, image: Any, number: int | None = None) -> dict[str, Any]: ...
+
+def read_image(path: _Path, page: int = 0) -> tuple[Any, list[str]]: ...
+def run_series(
+    case: _Path | None,
+    json: str | None,
+    output: _Path,
+    *,
+    reference: Sequence[str],
+    deformed: Sequence[str],
+    overwrite: bool,
+    shard: str | None,
+    export: Sequence[str] | None,
+    report: bool,
+    device: str,
+    isa: str | None,
+    threads: int | None,
+    on_event: _Watcher,
+) -> tuple[str, dict[str, Any]]: ...
+def run_case(
+    case: Any,
+    output: _Path,
+    *,
+    overwrite: bool,
+    max_seconds: float | None,
+    max_evaluations: int | None,
+    device: str,
+    threads: int | None,
+    on_event: _Watcher,
+) -> str: ...
+def simulate(
+    case: _Path, output: _Path, *, overwrite: bool, threads: int | None, on_event: _Watcher
+) -> tuple[str, dict[str, Any]]: ...
+def identify(
+    case: _Path,
+    output: _Path,
+    *,
+    overwrite: bool,
+    max_seconds: float | None,
+    max_evaluations: int | None,
+    threads: int | None,
+    on_event: _Watcher,
+) -> tuple[str, dict[str, Any]]: ...
+def tournament(
+    case: _Path,
+    output: _Path,
+    *,
+    laws: Sequence[str],
+    overwrite: bool,
+    max_seconds: float | None,
+    max_evaluations: int | None,
+    threads: int | None,
+    on_event: _Watcher,
+) -> tuple[str, dict[str, Any]]: ...
+def metrology(
+    reference: Any,
+    stills: Sequence[Any],
+    *,
+    element_sizes: Sequence[int] | None,
+    roi: Sequence[float] | None,
+    noise: float | None,
+    target_sigma_px: float,
+    resolve_period_px: float | None,
+    seed: int,
+    threads: int | None,
+) -> dict[str, Any]: ...
+def devices() -> list[tuple[str, str, str | None]]: ...
+def command(words: Sequence[str]) -> int: ...

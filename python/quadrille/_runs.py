@@ -1,0 +1,220 @@
+"""Whole runs, into a folder: what the commands of the program do, to the same bits."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from . import _quadrille
+from ._correlator import case_text
+from ._errors import CaseError, OptionError, StoreError
+
+if TYPE_CHECKING:
+    import zarr
+
+    from ._correlator import Zone
+    from ._images import Image
+
+#: What happens in a run: a dict whose key ``event`` is begun (total, before), note (text), frame (the record of summary.json),
+#: finished (frames, seconds), fitting (doing, evaluation, omega, parameters, ...), identified, simulated, compared (folder),
+#: reported (page).
+Event: TypeAlias = dict[str, Any]
+Path_: TypeAlias = "str | os.PathLike[str]"
+Watcher: TypeAlias = "Callable[[Event], object] | None"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of a run."""
+
+    #: ``fine``; ``incomplete``: it ran, but a frame or a fit did not converge, or the data reject the model; ``stopped``.
+    outcome: str
+    #: Where the results are.
+    folder: Path
+    #: The record of the run: what summary.json, fit.json or tournament.json holds.
+    record: dict[str, Any]
+
+    def open_store(self) -> zarr.Group:
+        """The fields of the run: see :func:`open_store`."""
+        return open_store(self.folder)
+
+
+def _names(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None) -> list[str]:
+    if files is None:
+        return []
+    if isinstance(files, (str, os.PathLike)):
+        return [os.fspath(files)]
+    return [os.fspath(file) for file in files]
+
+
+def _text_of(case: str | os.PathLike[str]) -> dict[str, Any]:
+    try:
+        return tomllib.loads(Path(case).read_text(encoding="utf8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return {}  # the engine says what is wrong, with the place
+
+
+def run(
+    case: Path_ | Mapping[str, Any] | None,
+    output: Path_,
+    *,
+    images: Path_ | Sequence[Path_] | None = None,
+    reference: Path_ | Sequence[Path_] | None = None,
+    zones: Zone | Sequence[Zone] | None = None,
+    overwrite: bool = False,
+    shard: str | None = None,
+    export: Sequence[str] | None = None,
+    report: bool = True,
+    max_seconds: float | None = None,
+    max_evaluations: int | None = None,
+    device: str = "auto",
+    isa: str | None = None,
+    threads: int | None = None,
+    on_event: Watcher = None,
+    **options: Any,
+) -> Result:
+    """A series of image files into the folder ``output``, as ``quadrille correlate``; a case with ``[interface]`` and ``[cohesive]`` on to
+    the law and its report, as ``quadrille run``.
+
+    The same call goes on where an earlier one was stopped, to the same bits. Ctrl-C, or an exception of ``on_event``, stops it: what is
+    on its way is finished, nothing else begun, and the exception comes out.
+
+    case: a case file; its sections as a mapping; or None, with ``images``.
+    images: names or patterns of the deformed images, over those of the case; the first is the reference unless one is named.
+    zones, options: as of :class:`quadrille.Correlator`, over those of the case.
+    shard: ``"2/4"``: every fourth frame from the second on, for one of several processes; with ``start="independent"``.
+    export: tables per frame beside the store: csv, vtu, or none.
+    max_seconds, max_evaluations: limits of the fit.
+
+    Raises CaseError, OptionError, ImageError, ZoneError, TextureError, DeviceError, FolderError, StoreError, ModelError, FitError.
+    A frame that cannot be read or does not converge is a result.
+    """
+    output = Path(output)
+    is_file = case is not None and not isinstance(case, Mapping)
+    sections = _text_of(case) if is_file else dict(case or {})  # type: ignore[arg-type]
+    if "interface" in sections and "cohesive" in sections:
+        given = [
+            name
+            for name, value in [("images", images), ("reference", reference), ("zones", zones), ("shard", shard),
+                                ("export", export), ("isa", isa), *options.items()]
+            if value is not None
+        ]
+        if not is_file:
+            raise OptionError("a case with a joint is to be a file: its tables have names that are relative to it")
+        if given:
+            raise OptionError(f"{', '.join(given)}: the case file of a joint says it all; write it there")
+        outcome = _quadrille.run_case(
+            case, output, overwrite=overwrite, max_seconds=max_seconds, max_evaluations=max_evaluations, device=device,
+            threads=threads, on_event=on_event,
+        )
+        fit = output / "fit.json"
+        return Result(outcome, output, json.loads(fit.read_text(encoding="utf8")) if fit.exists() else {})
+    if is_file and zones is None and not options:
+        path, text = os.fspath(case), None  # type: ignore[arg-type]
+    else:
+        path, text = os.fspath(case) if is_file else None, case_text(options, zones, case=sections)  # type: ignore[arg-type]
+        if is_file and not sections:
+            raise CaseError(f"{path}: cannot be read, or is empty; name a case file")
+    outcome, record = _quadrille.run_series(
+        path, text, output, reference=_names(reference), deformed=_names(images), overwrite=overwrite, shard=shard,
+        export=None if export is None else _names(export), report=report, device=device, isa=isa, threads=threads, on_event=on_event,
+    )
+    return Result(outcome, output, record)
+
+
+def identify(
+    case: Path_, output: Path_, *, overwrite: bool = False, max_seconds: float | None = None, max_evaluations: int | None = None,
+    threads: int | None = None, on_event: Watcher = None,
+) -> Result:
+    """The parameters of the adhesive's law from measured displacements, as ``quadrille identify``; the record is fit.json.
+
+    Raises CaseError, ModelError, FitError, FolderError. A fit that does not converge is a result.
+    """
+    outcome, record = _quadrille.identify(
+        case, output, overwrite=overwrite, max_seconds=max_seconds, max_evaluations=max_evaluations, threads=threads, on_event=on_event
+    )
+    return Result(outcome, Path(output), record)
+
+
+def simulate(
+    case: Path_, output: Path_, *, overwrite: bool = False, threads: int | None = None, on_event: Watcher = None
+) -> Result:
+    """The forward model of a joint whose border moves as measured, as ``quadrille simulate``; the record is summary.json.
+
+    Raises CaseError, ModelError, FolderError. An instant without a solution is a result.
+    """
+    outcome, record = _quadrille.simulate(case, output, overwrite=overwrite, threads=threads, on_event=on_event)
+    return Result(outcome, Path(output), record)
+
+
+def tournament(
+    case: Path_, output: Path_, laws: Sequence[str] = (), *, overwrite: bool = False, max_seconds: float | None = None,
+    max_evaluations: int | None = None, threads: int | None = None, on_event: Watcher = None,
+) -> Result:
+    """Several laws on the same data, as ``quadrille tournament``; the record is tournament.json.
+
+    laws: names of laws; by default those of ``[fit]``.
+
+    Raises CaseError, OptionError, ModelError, FitError, FolderError. A law that the data reject is a result.
+    """
+    outcome, record = _quadrille.tournament(
+        case, output, laws=list(laws), overwrite=overwrite, max_seconds=max_seconds, max_evaluations=max_evaluations, threads=threads,
+        on_event=on_event,
+    )
+    return Result(outcome, Path(output), record)
+
+
+def metrology(
+    reference: Image,
+    stills: Sequence[Image] = (),
+    *,
+    element_sizes: Sequence[int] | None = None,
+    roi: Sequence[float] | None = None,
+    noise: float | None = None,
+    target_sigma_px: float = 0.02,
+    resolve_period_px: float | None = None,
+    seed: int = 1,
+    threads: int | None = None,
+) -> dict[str, Any]:
+    """Noise, texture, uncertainty and resolution that images allow, as ``quadrille metrology``: what metrology.json holds.
+
+    stills: further images of the specimen at rest, for the noise.
+    noise: standard deviation of the noise of one image, grey levels, where it is known.
+
+    Raises ImageError for images without texture, of different sizes, or too small.
+    """
+    found = _quadrille.metrology(
+        reference, list(stills), element_sizes=None if element_sizes is None else list(element_sizes),
+        roi=None if roi is None else list(roi), noise=noise, target_sigma_px=target_sigma_px, resolve_period_px=resolve_period_px,
+        seed=seed, threads=threads,
+    )
+    return found
+
+
+def devices() -> list[dict[str, str | None]]:
+    """Graphics devices of this machine: name, kind (discrete, integrated, software, ...), and why one cannot be used."""
+    return [{"name": name, "kind": kind, "unusable": unusable} for name, kind, unusable in _quadrille.devices()]
+
+
+def open_store(path: Path_) -> zarr.Group:
+    """The fields of a run, read when they are asked for, also while the run goes on (zarr: ``pip install quadrille[store]``).
+
+    path: the folder of a run, or its ``fields.zarr``. For example ``open_store("out")["displacement_px"][3]`` is frame 4, (n, 2), px.
+
+    Raises StoreError when there is none.
+    """
+    try:
+        import zarr
+    except ImportError as error:
+        raise StoreError("to read a store zarr 3 is needed: pip install 'quadrille[store]'") from error
+    folder = Path(path)
+    inside = folder / "fields.zarr"
+    folder = inside if inside.is_dir() else folder
+    if not (folder / "zarr.json").is_file():
+        raise StoreError(f"{path}: there is no store; name the folder of a run, or its fields.zarr")
+    return zarr.open_group(str(folder), mode="r")

@@ -1,0 +1,63 @@
+"""A field in other packages, where they are installed."""
+
+import numpy as np
+import pytest
+
+import quadrille
+
+ZONE = [16, 16, 112, 80]
+
+
+@pytest.fixture(scope="module")
+def field(reference, deformed):
+    return quadrille.Correlator(reference, ZONE, device="cpu").correlate(deformed)
+
+
+def test_pandas(field):
+    pytest.importorskip("pandas")
+    table = field.to_pandas()
+    assert len(table) == len(field.positions) and np.array_equal(table["ux_px"], field.displacement[:, 0])
+
+
+def test_xarray(field):
+    pytest.importorskip("xarray")
+    data = field.to_xarray()
+    assert data.displacement.attrs["units"] == "px" and data.sizes == {
+        "node": 35, "component": 2, "strain_component": 3, "element": 24, "corner": 4,
+    }
+    assert np.array_equal(data.displacement.sel(component="y"), field.displacement[:, 1])
+
+
+def test_matplotlib(field, reference, tmp_path):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    for quantity in ("u", "uy", "exx", "residual"):
+        axes = field.plot(quantity, image=reference)
+        drawn = axes.collections[0]
+        assert len(drawn.get_paths()) == 24
+        axes.get_figure().savefig(tmp_path / "map.png")
+        pyplot.close("all")
+    with pytest.raises(KeyError, match="no quantity"):
+        field.plot("speed")
+
+
+def test_pyvista(field):
+    pytest.importorskip("pyvista")
+    grid = field.to_pyvista(scale=1.0)
+    assert (grid.n_points, grid.n_cells) == (35, 24)
+    assert np.allclose(grid.points[:, :2], field.positions + field.displacement, atol=1e-4)  # float32 of VTK
+
+
+def test_opencv_and_scikit_image(reference, deformed, field):
+    skimage = pytest.importorskip("skimage")
+    floats = [skimage.img_as_float(image) for image in (reference, deformed)]
+    other = quadrille.Correlator(floats[0], ZONE, device="cpu").correlate(floats[1])
+    assert np.abs(other.displacement - field.displacement).max() < 2e-3
+
+
+def test_progress_says_how_far_it_is(series, tmp_path, capsys):
+    quadrille.run(None, tmp_path / "out", images=series / "*.tif", zones=[16, 16, 144, 112], device="cpu", on_event=quadrille.Progress())
+    said = capsys.readouterr().err
+    assert "5 of 5 frames" in said or "5/5" in said
