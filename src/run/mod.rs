@@ -8,6 +8,7 @@
 mod busy;
 mod camera;
 mod case;
+mod check;
 mod crack_auto;
 mod cracks;
 mod doubts;
@@ -21,6 +22,7 @@ mod heard;
 mod identification;
 mod kept;
 mod lock;
+mod look;
 mod output;
 mod overlay;
 mod page;
@@ -52,10 +54,12 @@ mod zones;
 
 pub use busy::Busy;
 pub use case::{CaseRun, run_case};
+pub use check::{Checked, CheckedZone, check, keeps_to};
 pub use error::{Result, RunError};
 pub use event::{Event, Watcher};
 pub use folder::{RunFolder, correlation_in};
 pub use identification::identify;
+pub use look::{FitOfRun, model_less_measured};
 pub use overlay::{Export, Overlay};
 pub use plan::{Images, Plan, strain_window};
 pub use series::run_series;

@@ -8,6 +8,7 @@ mod reference;
 mod schema;
 mod series;
 mod shared;
+mod studio;
 mod words;
 
 pub use fields::*;
@@ -18,6 +19,7 @@ pub use reference::command_reference;
 pub use schema::*;
 pub use series::*;
 pub use shared::*;
+pub use studio::*;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -66,6 +68,8 @@ pub enum Command {
     Figures(FiguresArgs),
     /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
     Draw(DrawArgs),
+    /// From a folder of images to results in a browser: draw, check, run, look; what it does is a case file.
+    Studio(StudioArgs),
     /// Make a page on which one looks around in the fields of a run, in any browser.
     View(ViewArgs),
     /// Make speckle images whose displacement is known exactly.
