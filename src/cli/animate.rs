@@ -84,9 +84,9 @@ impl Moving<'_> {
     fn animation(&self, path: &Path, kind: Animated, pictures: &[Picture], size: [u16; 2], ms: u16) -> Result<()> {
         let mut animation = Animation::create(path, kind, size, pictures.len(), ms)?;
         for some in pictures.chunks(AT_A_TIME) {
-            let made: Vec<Moved> = self
-                .pool
-                .install(|| some.par_iter().map(|picture| Moved::new(kind, on_sheet(picture, size), size, ms)).collect());
+            let made: Vec<Moved> = self.pool.install(|| {
+                some.par_iter().map(|picture| Moved::new(kind, on_sheet(picture, size), size, ms)).collect()
+            });
             for frame in made {
                 animation.add(frame)?;
             }
@@ -109,7 +109,9 @@ fn on_sheet(picture: &Picture, [width, height]: [u16; 2]) -> Vec<u8> {
 /// A video, by the program ffmpeg.
 fn video(path: &Path, pictures: &[Picture], size: [u16; 2], ms: u16) -> Result<()> {
     let missing = |error: std::io::Error| {
-        format!("--format mp4 needs the program ffmpeg, which does not start ({error}); install it, or take gif or apng")
+        format!(
+            "--format mp4 needs the program ffmpeg, which does not start ({error}); install it, or take gif or apng"
+        )
     };
     let mut ffmpeg = Command::new("ffmpeg")
         .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])

@@ -31,7 +31,8 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     if !series.options.formats.is_empty() {
         series.draw(&numbers, &folder, args.threads.threads)?;
     }
-    let moving: Vec<FileKind> = without_doubles(&args.format).into_iter().filter(|kind| kind.still().is_none()).collect();
+    let moving: Vec<FileKind> =
+        without_doubles(&args.format).into_iter().filter(|kind| kind.still().is_none()).collect();
     if !moving.is_empty() {
         series.animate(&numbers, &folder, args.threads.threads, &moving)?;
     }
@@ -161,7 +162,8 @@ impl<'a> RunFigures<'a> {
             let Some(frame) = measured(number)? else { return Ok(None) };
             let options = FigureOptions { range: range.or(self.options.range), ..self.noted(&frame, number)? };
             let deformed = if figure == Figure::Deformed { self.deformed(&frame.file) } else { None };
-            let picture = draw_figure(number, &frame.measurement, &self.reference, deformed.as_ref(), figure, &options)?;
+            let picture =
+                draw_figure(number, &frame.measurement, &self.reference, deformed.as_ref(), figure, &options)?;
             Ok(Some(picture.with_ratio(self.ratio)))
         };
         let ends = |number: usize, figure: Figure| -> Result<Option<[f64; 2]>> {

@@ -36,8 +36,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     let path = args.output.clone().unwrap_or_else(|| args.run.join(PAGE));
     std::fs::write(&path, &html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
     if !args.talk.quiet {
-        let left =
-            if n_shown < n_with { format!(" of {n_with}, evenly (--max-mb for more)") } else { String::new() };
+        let left = if n_shown < n_with { format!(" of {n_with}, evenly (--max-mb for more)") } else { String::new() };
         let mb = html.len() as f64 / 1e6;
         eprintln!("{} with {}{left}, {mb:.1} MB: open it in a browser", path.display(), plural(n_shown, "frame"));
     }
@@ -58,7 +57,8 @@ pub(super) fn made(args: &ViewArgs) -> Result<Made> {
     let mut sources = sources(&store);
     // What is wrong with the files of a fit keeps no field from being looked at.
     let (fit, model) = (FitOfRun::read(&args.run), model_less_measured(&args.run));
-    let faults: Vec<String> = [fit.as_ref().err(), model.as_ref().err()].into_iter().flatten().map(|e| chain(e)).collect();
+    let faults: Vec<String> =
+        [fit.as_ref().err(), model.as_ref().err()].into_iter().flatten().map(|e| chain(e)).collect();
     let (fit, model) = (fit.ok().flatten(), model.ok().flatten());
     if model.is_some() {
         of_model(&mut sources);

@@ -122,7 +122,7 @@ impl Animation {
     pub fn finish(self) -> Result<(), ReportError> {
         let Self { path, unfinished, out } = self;
         let ended = match out {
-            Out::Gif(encoder) => encoder.into_inner().and_then(|mut file| file.flush()),
+            Out::Gif(encoder) => encoder.into_inner().map_err(io::Error::other).and_then(|mut file| file.flush()),
             Out::Apng(writer) => writer.finish().map_err(io::Error::other),
         };
         let ended = ended.and_then(|()| std::fs::rename(&unfinished, &path));

@@ -79,7 +79,8 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
         let roi = Roi { x0, y0, x1, y1 };
         let look = pool.install(|| look(&image, Some(roi), plan.options.noise.constant())).map_err(|e| e.to_string());
         let median = |component: usize| {
-            let mut all: Vec<f64> = nodes.clone().filter(|&node| kept[node]).map(|node| unit[node][component]).collect();
+            let mut all: Vec<f64> =
+                nodes.clone().filter(|&node| kept[node]).map(|node| unit[node][component]).collect();
             all.sort_by(f64::total_cmp);
             all.get(all.len() / 2).copied()
         };
@@ -102,7 +103,13 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
         zones: (0..mesh.zones().len()).map(of_zone).collect(),
         nodes: mesh.nodes().to_vec(),
         elements: mesh.elements().to_vec(),
-        notes: [notes, grey].concat().into_iter().chain(of_zones).chain(about_nodes(reference)).chain(borders).collect(),
+        notes: [notes, grey]
+            .concat()
+            .into_iter()
+            .chain(of_zones)
+            .chain(about_nodes(reference))
+            .chain(borders)
+            .collect(),
         without_texture,
     })
 }
@@ -114,7 +121,10 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
 /// The first such name.
 pub fn keeps_to(folder: &Path, text: &str, plan: Option<&Plan>) -> Result<()> {
     let beyond = |name: &str| -> Result<()> {
-        Err(RunError::from(format!("{name}: this lies outside of the folder {}; only files in it are read", absolute(folder))))
+        Err(RunError::from(format!(
+            "{name}: this lies outside of the folder {}; only files in it are read",
+            absolute(folder)
+        )))
     };
     let inside = |path: &Path| path.canonicalize().map_or(true, |real| real.starts_with(folder));
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
@@ -163,7 +173,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path().canonicalize().unwrap();
         let keeps = |text: &str| keeps_to(&folder, text, None);
-        keeps("[images]\nreference = 'a.png'\ndeformed = ['frames/*.png']\n[[zone]]\nname = '/ ..'\nmask = 'm.png'").unwrap();
+        keeps("[images]\nreference = 'a.png'\ndeformed = ['frames/*.png']\n[[zone]]\nname = '/ ..'\nmask = 'm.png'")
+            .unwrap();
         keeps("[report]\ncamera = '/dev/video'").unwrap();
         for wrong in [
             "[images]\nreference = '/etc/passwd'",

@@ -45,12 +45,15 @@ impl FitOfRun {
             return Ok(None);
         }
         let fit: FitRecord = read_json(&folder.join(FIT))?;
-        let unit = |unit: &str| if unit == "1" { String::new() } else { format!("_{}", unit.replace('/', "_per_").replace('^', "")) };
+        let unit = |unit: &str| {
+            if unit == "1" { String::new() } else { format!("_{}", unit.replace('/', "_per_").replace('^', "")) }
+        };
         let key = |name: &crate::report::Name| Some(format!("{name}{}", unit(&fit.parameters.get(name)?.unit)));
         let keys: Vec<String> = fit.parameter_order.iter().filter_map(key).collect();
         let (by_law, by_joint) = (folder.join(LAW_SENSITIVITIES), folder.join(JOINT_SENSITIVITIES));
         let law_by = by_law.is_file().then(|| read_law_sensitivities(&by_law, &keys)).transpose()?;
-        let joint = by_joint.is_file().then(|| read_joint_sensitivities(&by_joint, &keys)).transpose()?.unwrap_or_default();
+        let joint =
+            by_joint.is_file().then(|| read_joint_sensitivities(&by_joint, &keys)).transpose()?.unwrap_or_default();
         let freedom = keys.len().max(1) as f64;
         Ok(Some(Self {
             law: read_law(&folder.join("law.csv"))?,

@@ -3,12 +3,14 @@
 #![cfg(feature = "cli")]
 
 use crate::program;
-use program::browser::seen_at;
+use program::browser::opened;
 use program::{Desk, moved, speckle};
 use quadrille::synth::{Depth, Translation};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 
 /// A studio that runs, and ends with its test.
 struct Studio {
@@ -23,6 +25,25 @@ impl Drop for Studio {
         let _ = self.child.wait();
     }
 }
+
+/// A browser that ends with its test.
+struct Ended(Child);
+
+impl Ended {
+    fn end(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// How long the whole way may take; some seconds.
+const PATIENCE: Duration = Duration::from_secs(180);
 
 /// What was answered.
 #[derive(Debug)]
@@ -71,7 +92,8 @@ impl Studio {
 
     fn post(&self, path: &str, wish: &serde_json::Value) -> Answered {
         let Self { token, port, .. } = self;
-        let head = format!("POST /{token}/{path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}");
+        let head =
+            format!("POST /{token}/{path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}");
         self.raw(&head, &wish.to_string())
     }
 }
@@ -87,7 +109,12 @@ fn only_who_has_the_address_is_answered_and_no_page_from_elsewhere() {
     assert_eq!(token.len(), 32);
     let page = studio.get("");
     assert!(page.status == 200 && page.body.contains("quadrille studio") && page.body.contains(r#""name":"ref.png""#));
-    for header in ["cache-control: no-store", "referrer-policy: no-referrer", "x-content-type-options: nosniff", "x-frame-options: sameorigin"] {
+    for header in [
+        "cache-control: no-store",
+        "referrer-policy: no-referrer",
+        "x-content-type-options: nosniff",
+        "x-frame-options: sameorigin",
+    ] {
         assert!(page.head.contains(header), "{}", page.head);
     }
     assert!(!page.head.contains("access-control"), "{}", page.head);
@@ -131,8 +158,19 @@ fn no_file_outside_of_the_folder_is_read_or_written() {
     }
     let studio = Studio::of(&desk, &["images"]);
     let page = studio.get("").body;
-    assert!(page.contains(r#""name":"a.png""#) && !page.contains("linked.png") && !page.contains("way/"), "what is only linked is listed");
-    for path in ["../ref.png", "..%2fref.png", "a.png", "%2e%2e/%2e%2e/etc/passwd", "/etc/passwd", "view/../../ref.png", "image?name=../ref.png"] {
+    assert!(
+        page.contains(r#""name":"a.png""#) && !page.contains("linked.png") && !page.contains("way/"),
+        "what is only linked is listed"
+    );
+    for path in [
+        "../ref.png",
+        "..%2fref.png",
+        "a.png",
+        "%2e%2e/%2e%2e/etc/passwd",
+        "/etc/passwd",
+        "view/../../ref.png",
+        "image?name=../ref.png",
+    ] {
         let answered = studio.get(path);
         assert!(answered.status == 404 || answered.status == 400, "{path}: {answered:?}");
     }
@@ -147,12 +185,16 @@ fn no_file_outside_of_the_folder_is_read_or_written() {
     for images in &outside {
         for path in ["check", "run"] {
             let answered = studio.post(path, &wish(images));
-            assert!(answered.status == 422 && answered.body.contains("outside of the folder"), "{images}: {answered:?}");
+            assert!(
+                answered.status == 422 && answered.body.contains("outside of the folder"),
+                "{images}: {answered:?}"
+            );
         }
     }
     assert!(!desk.path("images/case.toml").exists() && !desk.path("images/out").exists());
     // A case file of somebody else stays, and a link is not written through.
-    let fine = serde_json::json!({ "case": "# Drawn with quadrille\n[images]\nreference = 'ref.png'\ndeformed = 'a.png'\n" });
+    let fine =
+        serde_json::json!({ "case": "# Drawn with quadrille\n[images]\nreference = 'ref.png'\ndeformed = 'a.png'\n" });
     desk.write("images/case.toml", "# mine\n");
     let answered = studio.post("case", &fine);
     assert!(answered.status == 422 && answered.body.contains("not drawn here"), "{answered:?}");
@@ -182,7 +224,11 @@ fn checks_say_what_a_run_says_of_the_same_case() {
     assert_eq!(checked.status, 200, "{checked:?}");
     let said: serde_json::Value = serde_json::from_str(&checked.body).unwrap();
     let zone = &said["zones"][0];
-    assert_eq!((zone["elements"].as_u64(), zone["nodes"].as_u64(), zone["without_texture"].as_u64()), (Some(24), Some(35), Some(0)), "{said}");
+    assert_eq!(
+        (zone["elements"].as_u64(), zone["nodes"].as_u64(), zone["without_texture"].as_u64()),
+        (Some(24), Some(35), Some(0)),
+        "{said}"
+    );
     assert_eq!(said["mesh"]["nodes"].as_array().unwrap().len(), 2 * program::N_INSIDE);
     // The same noise and texture as `quadrille metrology` finds in that rectangle.
     desk.run("metrology ref.png --roi 16,16,112,80 --element-sizes 16 --output m").fine();
@@ -194,7 +240,8 @@ fn checks_say_what_a_run_says_of_the_same_case() {
     near(&zone["look"]["noise_grey"], &metrology["noise"]["sigma_grey"]);
     near(&zone["look"]["speckle_px"][0], &metrology["texture"]["speckle_px"][0]);
     // Of all nodes here, of the inner ones there: within a factor.
-    let ratio = zone["sigma_px"][0].as_f64().unwrap() / metrology["sizes"][0]["sigma_predicted_px"][0].as_f64().unwrap();
+    let ratio =
+        zone["sigma_px"][0].as_f64().unwrap() / metrology["sizes"][0]["sigma_predicted_px"][0].as_f64().unwrap();
     assert!((0.7..2.5).contains(&ratio), "{ratio}");
     for (wrong, why) in [
         (CASE.replace("ref.png", "no.png"), "no.png"),
@@ -209,9 +256,9 @@ fn checks_say_what_a_run_says_of_the_same_case() {
 
 /// Goes the whole way on the page: answers as lines of JSON.
 const WAY: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="/TOKEN/" style="width:WIDTHpx;height:900px;border:0">
-</iframe><pre id="r">waiting</pre><script>
+</iframe><script>
 const until = async (what, test) => {
-  for (let k = 0; k < 2000; k++) { if (test()) return; await fetch('/rest'); }
+  for (let k = 0; k < 3000; k++) { if (test()) return; await new Promise(done => setTimeout(done, 10)); }
   throw new Error('waited in vain: ' + what);
 };
 let loads = 0;
@@ -236,7 +283,7 @@ f.onload = async () => {
     said.checked = [...at('zones').tBodies[0].rows[0].cells].map(cell => cell.textContent);
     said.case = at('case').textContent;
     at('run').click();
-    await until('two frames', () => at('done').tBodies[0].rows.length >= 2);
+    await until('a frame', () => at('done').tBodies[0].rows.length);
     at('stop-run').click();
     await until('the end', () => at('run-state').textContent.startsWith('stopped') || at('run-state').textContent.startsWith('done'));
     said.stopped = at('run-state').textContent;
@@ -247,7 +294,7 @@ f.onload = async () => {
     await until('all', () => at('run-state').textContent.startsWith('done'));
     said.done = at('run-state').textContent;
     said.notes = at('run-notes').textContent;
-    await until('the results', () => { const v = at('results').contentDocument; return v && v.getElementById('frame-name') && v.getElementById('frame-name').textContent.includes('frame 80 of 80'); });
+    await until('the results', () => { const v = at('results').contentDocument; return v && v.getElementById('frame-name') && v.getElementById('frame-name').textContent.includes('frame 300 of 300'); });
     const v = at('results').contentDocument, vw = at('results').contentWindow, vmap = v.getElementById('map');
     v.getElementById('quantity').value = [...v.getElementById('quantity').options].find(o => o.textContent === 'u_x (px)').value;
     v.getElementById('quantity').dispatchEvent(new vw.Event('change'));
@@ -258,18 +305,19 @@ f.onload = async () => {
     said.ran = Boolean(w.ran || vw.ran);
     said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
   } catch (error) { said.error = String(error); said.state = at('run-state').textContent + at('run-notes').textContent + at('check-notes').textContent; }
-  r.textContent = JSON.stringify(said);
+  await fetch('/said', { method: 'POST', body: JSON.stringify(said) });
 };
 </script>"#;
 
-/// Serves `look` under `/look.html`, and hands everything else to the studio: the page that drives and the one that is driven come
-/// from one place.
-fn before(studio: &Studio, look: String) -> u16 {
+/// Serves `look` under `/look.html`, hears what it has to say, and hands everything else to the studio: the page that drives and the
+/// one that is driven come from one place.
+fn before(studio: &Studio, look: String) -> (u16, Receiver<String>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let (tell, said) = channel();
     let (own, theirs) = (listener.local_addr().unwrap().port(), studio.port);
     std::thread::spawn(move || {
         for stream in listener.incoming() {
-            let (Ok(mut stream), look) = (stream, look.clone()) else { return };
+            let (Ok(mut stream), look, tell) = (stream, look.clone(), tell.clone()) else { return };
             std::thread::spawn(move || {
                 let mut reader = BufReader::new(stream.try_clone().unwrap());
                 let (mut head, mut n) = (String::new(), 0);
@@ -285,12 +333,16 @@ fn before(studio: &Studio, look: String) -> u16 {
                 }
                 let mut body = vec![0; n];
                 reader.read_exact(&mut body).unwrap();
-                let page = |text: &str| format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{text}", text.len());
+                let page = |text: &str| {
+                    format!(
+                        "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{text}",
+                        text.len()
+                    )
+                };
                 if head.starts_with("GET /look.html") {
                     let _ = stream.write_all(page(&look).as_bytes());
-                } else if head.starts_with("GET /rest") {
-                    // Real time goes on while the browser's stands still.
-                    std::thread::sleep(std::time::Duration::from_millis(10));
+                } else if head.starts_with("POST /said") {
+                    let _ = tell.send(String::from_utf8(body).unwrap());
                     let _ = stream.write_all(page("").as_bytes());
                 } else if let Ok(mut there) = TcpStream::connect(("127.0.0.1", theirs)) {
                     let _ = write!(there, "{head}\r\n").and_then(|()| there.write_all(&body));
@@ -299,7 +351,7 @@ fn before(studio: &Studio, look: String) -> u16 {
             });
         }
     });
-    own
+    (own, said)
 }
 
 #[test]
@@ -308,36 +360,50 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
     let hostile = "<b><img src=x onerror='window.ran=1'>&amp;.png";
     desk.image("ref.png", &speckle(&Translation([0.0; 2]), Depth::U8));
     desk.image(hostile, &moved([0.5, -0.25]));
-    for k in 1..80 {
-        desk.image(&format!("{k}.png"), &moved([0.5 * f64::from(k) / 79.0, 0.0]));
+    for k in 1..300 {
+        desk.image(&format!("{k}.png"), &moved([0.5 * f64::from(k) / 299.0, 0.0]));
     }
     for (width, kind) in [("1280", "mouse"), ("400", "touch")] {
         let _ = std::fs::remove_dir_all(desk.path("out"));
         let studio = Studio::of(&desk, &["--threads", "1"]);
         let look = WAY.replace("WIDTH", width).replace("KIND", kind).replace("TOKEN", &studio.token);
-        let port = before(&studio, look);
+        let (port, heard) = before(&studio, look);
         let profile = tempfile::tempdir().unwrap();
-        let Some(said) = seen_at(profile.path(), &format!("http://127.0.0.1:{port}/look.html")) else { return };
-        let said = said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+        let Some(browser) = opened(profile.path(), &format!("http://127.0.0.1:{port}/look.html")) else { return };
+        let mut browser = Ended(browser);
+        let said = heard.recv_timeout(PATIENCE);
+        browser.end();
+        let said = said.expect("the page says how it went");
         println!("{width} px: {said}");
         let said: serde_json::Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
         assert!(said.get("error").is_none(), "{said}");
         let text = |key: &str| said[key].as_str().unwrap().to_owned();
         let files: Vec<&str> = said["files"].as_array().unwrap().iter().filter_map(serde_json::Value::as_str).collect();
-        assert!(files.contains(&hostile) && files.contains(&"ref.png") && files.iter().position(|f| *f == "2.png") < files.iter().position(|f| *f == "10.png"), "{files:?}");
-        assert!(text("subtitle").starts_with("ref.png, 128 x 96 px") && text("note").starts_with("80 deformed images"), "{said}");
+        assert!(
+            files.contains(&hostile)
+                && files.contains(&"ref.png")
+                && files.iter().position(|f| *f == "2.png") < files.iter().position(|f| *f == "10.png"),
+            "{files:?}"
+        );
+        assert!(
+            text("subtitle").starts_with("ref.png, 128 x 96 px") && text("note").starts_with("300 deformed images"),
+            "{said}"
+        );
         assert_eq!(said["checked"][1], "24", "{said}");
         assert!(said["checked"][4].as_str().unwrap().ends_with("px (x, y)"), "{said}");
         let case = text("case");
-        assert!(case.contains("reference = \"ref.png\"\ndeformed = \"*.png\"") && case.contains("roi = [16, 16, 112, 80]"), "{case}");
+        assert!(
+            case.contains("reference = \"ref.png\"\ndeformed = \"*.png\"") && case.contains("roi = [16, 16, 112, 80]"),
+            "{case}"
+        );
         assert_eq!(desk.read("case.toml"), case, "what is run is what is shown");
-        assert!(text("stopped").starts_with("stopped") && !text("stopped").contains("80 of 80"), "{said}");
+        assert!(text("stopped").starts_with("stopped") && !text("stopped").contains("300 of 300"), "{said}");
         assert!(text("live").contains("frame ") && text("live").contains("u_y"), "{said}");
-        assert!(text("done").ends_with("80 of 80 frames") && text("notes").contains("done before"), "{said}");
+        assert!(text("done").ends_with("300 of 300 frames") && text("notes").contains("done before"), "{said}");
         assert!(text("probe").contains("u_x = 0.") && text("probe").contains("±"), "{said}");
         assert!(said["foreign"] == 0 && said["ran"] == false && said["wide"] == 0, "{said}");
         // What was done is a case file that the command does again: nothing is missing for it.
         let again = desk.run("correlate --case case.toml --output out").fine();
-        assert!(again.stderr.contains("80 frames done before"), "{again}");
+        assert!(again.stderr.contains("300 frames done before"), "{again}");
     }
 }

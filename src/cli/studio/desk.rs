@@ -135,7 +135,9 @@ impl Studied {
         let path = &self.case;
         let about = std::fs::symlink_metadata(path);
         if about.is_ok_and(|about| !about.is_file()) {
-            return Err(format!("{}: this is a link or a folder; name another case file with --case", path.display()).into());
+            return Err(
+                format!("{}: this is a link or a folder; name another case file with --case", path.display()).into()
+            );
         }
         if std::fs::read_to_string(path).is_ok_and(|there| !there.starts_with(DRAWN)) {
             let words = "this was not drawn here and is not replaced; name another case file with --case";

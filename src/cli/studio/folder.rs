@@ -43,7 +43,8 @@ pub(super) fn images(folder: &Path, output: &Path) -> Vec<Listed> {
 /// What is in a folder and not hidden.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let shown = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(|name| !name.starts_with('.'));
+    let shown =
+        |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(|name| !name.starts_with('.'));
     let mut entries: Vec<PathBuf> = entries.filter(shown).collect();
     entries.sort_by(|a, b| natural_order(a, b));
     entries

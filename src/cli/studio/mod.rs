@@ -37,8 +37,9 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
         folder: folder.clone(),
     };
     let port = args.port;
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
-        .map_err(|error| format!("port {port} of this machine cannot be opened: {error}; choose another with --port"))?;
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| {
+        format!("port {port} of this machine cannot be opened: {error}; choose another with --port")
+    })?;
     let port = listener.local_addr()?.port();
     let token = format!("{:032x}", rand::random::<u128>());
     let address = format!("http://127.0.0.1:{port}/{token}/");

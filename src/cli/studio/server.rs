@@ -79,7 +79,12 @@ pub(super) trait Desk: Send + Sync + 'static {
 }
 
 /// Answers until `on` says no.
-pub(super) fn serve(listener: &TcpListener, token: &str, desk: &Arc<impl Desk>, on: impl Fn() -> bool) -> io::Result<()> {
+pub(super) fn serve(
+    listener: &TcpListener,
+    token: &str,
+    desk: &Arc<impl Desk>,
+    on: impl Fn() -> bool,
+) -> io::Result<()> {
     listener.set_nonblocking(true)?;
     let token: Arc<str> = token.into();
     let at_once = Arc::new(AtomicUsize::new(0));
@@ -113,7 +118,8 @@ fn one(stream: TcpStream, token: &str, desk: &impl Desk) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let service = service_fn(|request| async { Ok::<_, Infallible>(response(answer(request, token, desk).await)) });
     // With half closed connections allowed nothing is read while an answer is made: reading waits here.
-    let connection = http1::Builder::new().keep_alive(false).half_close(true).serve_connection(Blocking(stream), service);
+    let connection =
+        http1::Builder::new().keep_alive(false).half_close(true).serve_connection(Blocking(stream), service);
     pollster::block_on(connection).map_err(io::Error::other)
 }
 

@@ -58,7 +58,8 @@ impl FitReport<'_> {
                 rows.push((vec![mode, point], values));
             }
         }
-        let about = "derivatives of the traction of the fitted law in pure opening (1) and pure sliding (2) by each parameter";
+        let about =
+            "derivatives of the traction of the fitted law in pure opening (1) and pure sliding (2) by each parameter";
         write_table(out, &notes(about), &columns, rows.into_iter())
     }
 
@@ -80,7 +81,9 @@ impl FitReport<'_> {
             let jumps = model.jumps(&instant.displacement);
             let changes: Option<Vec<_>> = unknowns
                 .iter()
-                .map(|unknown| Some(model.jump_changes(&instant.displacement, instant.sensitivities.get(unknown.index)?)))
+                .map(|unknown| {
+                    Some(model.jump_changes(&instant.displacement, instant.sensitivities.get(unknown.index)?))
+                })
                 .collect();
             // An instant without a solution has none.
             let Some(changes) = changes else { continue };

@@ -1,18 +1,24 @@
 //! Measured against computed, and the tractions of the law.
 
 use super::{IdentificationReport, chosen};
+use crate::field::Measurement;
+use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Jump;
 use crate::report::fit::{Banded, LawRows};
 use crate::report::page::{Block, Curves, Section};
 use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
-use crate::field::Measurement;
-use crate::mechanics::Joint;
 use crate::units::{PixelSize, Px, Vector};
 
 /// Measured displacement of a node at instant `at` (from 0) of `joint`, mm with y up, less the rigid motion where that was removed; `None`
 /// where none was measured.
-pub fn measured_mm(field: &Measurement<Px>, scale: PixelSize, joint: &Joint, at: usize, node: usize) -> Option<[f64; 2]> {
+pub fn measured_mm(
+    field: &Measurement<Px>,
+    scale: PixelSize,
+    joint: &Joint,
+    at: usize,
+    node: usize,
+) -> Option<[f64; 2]> {
     let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
     let u = measured.then(|| scale.to_mm(Vector::new(u)).components())?;
     let Some(motion) = joint.removed.get(at) else { return Some(u) };
