@@ -9,6 +9,7 @@ mod schema;
 mod series;
 mod shared;
 mod shell;
+mod studio;
 mod words;
 
 pub use fields::*;
@@ -20,6 +21,7 @@ pub use schema::*;
 pub use series::*;
 pub use shared::*;
 pub use shell::*;
+pub use studio::*;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -68,6 +70,8 @@ pub enum Command {
     Figures(FiguresArgs),
     /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
     Draw(DrawArgs),
+    /// From a folder of images to results in a browser: draw, check, run, look; what it does is a case file.
+    Studio(StudioArgs),
     /// Make a page on which one looks around in the fields of a run, in any browser.
     View(ViewArgs),
     /// Make speckle images whose displacement is known exactly.
