@@ -24,8 +24,9 @@ impl FromStr for Frames {
             "last" => return Ok(Self::Last),
             _ => {}
         }
-        let wrong =
-            |part: &str| format!("'{part}' is not a frame; give numbers from 1 and ranges such as 1,5-20, last, or all");
+        let wrong = |part: &str| {
+            format!("'{part}' is not a frame; give numbers from 1 and ranges such as 1,5-20, last, or all")
+        };
         let number = |part: &str| part.trim().parse::<usize>().ok().filter(|&number| number > 0);
         let range = |part: &str| match part.split_once('-') {
             Some((first, last)) => number(first).zip(number(last)).ok_or_else(|| wrong(part)),
