@@ -61,7 +61,7 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     let Zones { mut zones, notes: of_zones, .. } = pool.install(|| Zones::of(&mut plan, &image, Path::new("")))?;
     let image = Arc::new(image);
     pool.install(|| crack_auto::cut(&mut plan, None, &image, &mut zones))?;
-    let cpu = Device::new(&DeviceChoice::Cpu, plan.isa, plan.gpu.clone())?;
+    let cpu = Device::new(&DeviceChoice::Cpu, plan.isa, plan.gpu.clone(), 0)?;
     let prepared = pool.install(|| prepare(&cpu, Arc::clone(&image), &zones, plan.options.clone()));
     let correlator = prepared.map_err(|error| about_reference(&plan, &error))?;
     let reference = correlator.reference();

@@ -138,7 +138,10 @@ mod tests {
                 let product: f64 = (0..2).map(|k| covariance[r][k] * inverse[k][c]).sum();
                 let one = f64::from(u8::from(r == c));
                 // Of terms as large as the ratio of the standard uncertainties.
-                assert!((product - one).abs() < 1e-9 * [[1.0, 1e-6], [1e6, 1.0]][r][c].max(1.0), "{r} {c} {product}");
+                assert!(
+                    (product - one).abs() < 1e-9 * f64::max([[1.0, 1e-6], [1e6, 1.0]][r][c], 1.0),
+                    "{r} {c} {product}"
+                );
             }
         }
         assert!(super::inverse(&[vec![0.0]]).is_none() && super::inverse(&[]).is_none());

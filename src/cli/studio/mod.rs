@@ -30,7 +30,7 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     let studied = Studied {
         case: within(&args.case, "--case")?,
         output: within(&args.output, "--output")?,
-        asked: Overlay { device: args.device.clone(), gpu: devices::options(), ..Overlay::default() },
+        asked: Overlay { device: args.device.clone(), gpu: devices::options(false), ..Overlay::default() },
         threads: args.threads,
         pool: Arc::new(args.threads.pool()?),
         job: Arc::new(Job::default()),
