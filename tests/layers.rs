@@ -39,7 +39,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 24] = [
+const HOMES: [Home; 28] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home { what: "the crate nalgebra", named_by: |s, at| s.names_crate(at, "nalgebra"), places: &["mechanics/"] },
     Home {
@@ -77,7 +77,19 @@ const HOMES: [Home; 24] = [
     },
     Home { what: "the crate memmap2", named_by: |s, at| s.names_crate(at, "memmap2"), places: &["backend/cpu/"] },
     Home { what: "the crate wgpu", named_by: |s, at| s.names_crate(at, "wgpu"), places: &["backend/gpu/"] },
-    Home { what: "the crate pollster", named_by: |s, at| s.names_crate(at, "pollster"), places: &["backend/gpu/"] },
+    Home {
+        what: "the crate pollster",
+        named_by: |s, at| s.names_crate(at, "pollster"),
+        places: &["backend/gpu/", "cli/studio/server.rs"],
+    },
+    Home { what: "the crate gif", named_by: |s, at| s.names_crate(at, "gif"), places: &["report/animation.rs"] },
+    Home { what: "the crate png", named_by: |s, at| s.names_crate(at, "png"), places: &["report/animation.rs"] },
+    Home { what: "the crate hyper", named_by: |s, at| s.names_crate(at, "hyper"), places: &["cli/studio/"] },
+    Home {
+        what: "the crate http-body-util",
+        named_by: |s, at| s.names_crate(at, "http_body_util"),
+        places: &["cli/studio/server.rs"],
+    },
     Home { what: "printing", named_by: Source::prints, places: &["cli/"] },
     Home { what: "opening files", named_by: Source::opens_files, places: &["io/", "report/", "run/", "cli/"] },
 ];

@@ -60,7 +60,7 @@ struct Measured {
 pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
     bench::check_element_size(args.element_size)?;
     if args.frames < 3 {
-        return Err(format!("--frames {} is no series: 3 at least", args.frames).into());
+        return Err(format!("--frames {} is not a series: give 3 or more", args.frames).into());
     }
     let sizes = without_doubles(&args.size);
     sizes.iter().try_for_each(|&size| bench::check_size(size, args.element_size, 2 * usize::from(args.margin) + 2))?;

@@ -1,14 +1,15 @@
 //! `quadrille figures`.
 
-use super::args::{FiguresArgs, StrainPlace};
+use super::animate::{self, Moving};
+use super::args::{FiguresArgs, FileKind, StrainPlace};
 use super::frames::Frames;
 use super::{Outcome, Result, chain, plural, pool, without_doubles};
 use crate::field::StrainWindow;
 use crate::imaging::Image;
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
-use crate::io::store::{Store, StoreHeader};
-use crate::report::{Backdrop, Figure, FigureOptions, draw_frame};
+use crate::io::store::{Store, StoreHeader, StoredFrame};
+use crate::report::{Backdrop, Figure, FigureOptions, Picture, draw_figure, draw_frame, ends_of};
 use crate::run::{FIGURES, Record, frame_in_words, strain_window};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,14 @@ pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
     }
     let folder = args.output.clone().unwrap_or_else(|| args.run.join(FIGURES));
     let series = RunFigures::new(&store, options(args, store.header())?, args.scale, args.talk.quiet);
-    series.draw(&numbers, &folder, args.threads.threads)?;
+    if !series.options.formats.is_empty() {
+        series.draw(&numbers, &folder, args.threads.threads)?;
+    }
+    let moving: Vec<FileKind> =
+        without_doubles(&args.format).into_iter().filter(|kind| kind.still().is_none()).collect();
+    if !moving.is_empty() {
+        series.animate(&numbers, &folder, args.threads.threads, &moving)?;
+    }
     let complete = n_without == 0 || !args.frames.are_named();
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
 }
@@ -63,7 +71,7 @@ fn options(args: &FiguresArgs, header: &StoreHeader) -> Result<FigureOptions> {
     let window = asked.unwrap_or(header.strain_window);
     let options = FigureOptions {
         figures: if args.quantity.is_empty() { usual(window) } else { without_doubles(&args.quantity) },
-        formats: without_doubles(&args.format),
+        formats: without_doubles(&args.format).into_iter().filter_map(FileKind::still).collect(),
         line: args.line,
         magnify: args.magnify,
         range: args.range.map(|[low, high]| (low, high)),
@@ -144,6 +152,50 @@ impl<'a> RunFigures<'a> {
         Ok(())
     }
 
+    /// Draws them as files that move.
+    fn animate(&self, numbers: &[usize], folder: &Path, threads: Option<usize>, kinds: &[FileKind]) -> Result<()> {
+        let pool = pool(threads)?;
+        let measured = |number: usize| -> Result<Option<StoredFrame>> {
+            Ok(self.store.frame(number)?.filter(|frame| frame.measurement.status.has_field()))
+        };
+        let draw = |number: usize, figure: Figure, range: Option<(f64, f64)>| -> Result<Option<Picture>> {
+            let Some(frame) = measured(number)? else { return Ok(None) };
+            let options = FigureOptions { range: range.or(self.options.range), ..self.noted(&frame, number)? };
+            let deformed = if figure == Figure::Deformed { self.deformed(&frame.file) } else { None };
+            let picture =
+                draw_figure(number, &frame.measurement, &self.reference, deformed.as_ref(), figure, &options)?;
+            Ok(Some(picture.with_ratio(self.ratio)))
+        };
+        let ends = |number: usize, figure: Figure| -> Result<Option<[f64; 2]>> {
+            let Some(frame) = measured(number)? else { return Ok(None) };
+            Ok(ends_of(&frame.measurement, &self.reference, figure, &self.options)?)
+        };
+        let moving = Moving { numbers, folder, pool: &pool, range: self.options.range, draw: &draw, ends: &ends };
+        let mut files = Vec::new();
+        for &figure in &self.options.figures {
+            files.extend(moving.write(figure, kinds)?);
+        }
+        if !self.quiet {
+            eprintln!("{}", animate::said(&files, numbers.len()));
+        }
+        Ok(())
+    }
+
+    /// The options with what is noted below the figures of a frame.
+    fn noted(&self, frame: &StoredFrame, number: usize) -> Result<FigureOptions> {
+        let mut options = self.options.clone();
+        let name =
+            |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
+        let header = self.store.header();
+        let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
+        options.notes.push(format!(
+            "reference {reference}; image {}; quadrille {}",
+            frame_in_words(&name(&frame.file), self.store.reference_frame(number)?.unwrap_or(0)),
+            header.quadrille
+        ));
+        Ok(options)
+    }
+
     fn draw_one(&self, number: usize, folder: &Path) -> Result<Vec<PathBuf>> {
         let mut options = self.options.clone();
         let frame = match self.store.frame(number)? {
@@ -158,15 +210,7 @@ impl<'a> RunFigures<'a> {
                 }
             }
         };
-        let name =
-            |path: &str| Path::new(path).file_name().map_or(path.to_owned(), |n| n.to_string_lossy().into_owned());
-        let header = self.store.header();
-        let reference = header.reference.first().map(|path| name(path)).unwrap_or_default();
-        options.notes.push(format!(
-            "reference {reference}; image {}; quadrille {}",
-            frame_in_words(&name(&frame.file), self.store.reference_frame(number)?.unwrap_or(0)),
-            header.quadrille
-        ));
+        options.notes = self.noted(&frame, number)?.notes;
         let on_image = options.magnify.is_none_or(|factor| factor == 1.0);
         let deformed = (on_image && options.figures.contains(&Figure::Deformed)).then(|| self.deformed(&frame.file));
         let deformed = deformed.flatten();

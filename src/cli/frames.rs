@@ -24,8 +24,9 @@ impl FromStr for Frames {
             "last" => return Ok(Self::Last),
             _ => {}
         }
-        let wrong =
-            |part: &str| format!("'{part}' is no frame; give numbers from 1 and ranges such as 1,5-20, last, or all");
+        let wrong = |part: &str| {
+            format!("'{part}' is not a frame; give numbers from 1 and ranges such as 1,5-20, last, or all")
+        };
         let number = |part: &str| part.trim().parse::<usize>().ok().filter(|&number| number > 0);
         let range = |part: &str| match part.split_once('-') {
             Some((first, last)) => number(first).zip(number(last)).ok_or_else(|| wrong(part)),
@@ -114,7 +115,7 @@ mod tests {
     #[test]
     fn what_names_no_frame_is_refused_in_words() {
         for text in ["", "0", "1,,2", "-3", "2-", "x", "1.5", "3-0", "99999999999999999999999"] {
-            assert!(text.parse::<Frames>().unwrap_err().contains("is no frame"), "{text}");
+            assert!(text.parse::<Frames>().unwrap_err().contains("is not a frame"), "{text}");
         }
         assert!("7-3".parse::<Frames>().unwrap_err().contains("3-7"));
         let error = "1,4-10".parse::<Frames>().unwrap().numbers(9).unwrap_err();

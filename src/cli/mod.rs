@@ -12,6 +12,7 @@ macro_rules! print {
     ($($text:tt)*) => { $crate::cli::voice::result(format_args!($($text)*)) };
 }
 
+mod animate;
 mod args;
 mod bench;
 mod bench_series;
@@ -42,6 +43,7 @@ mod simulate;
 mod slurm;
 mod specimen;
 mod status;
+mod studio;
 mod synth;
 mod talk;
 mod tournament;
@@ -103,6 +105,7 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
         args::Command::Figures(args) => figures::run(&args),
         args::Command::View(args) => view::run(&args),
         args::Command::Draw(args) => draw::run(&args),
+        args::Command::Studio(args) => studio::run(&args),
         args::Command::Synth(args) => synth::run(&args),
         args::Command::Demo(args) => demo::run(&args, paint),
         args::Command::Metrology(args) => metrology::run(&args),

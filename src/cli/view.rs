@@ -2,14 +2,14 @@
 
 use super::args::ViewArgs;
 use super::figures::reference;
-use super::{Outcome, Result, plural, pool};
+use super::{Outcome, Result, chain, plural, pool};
 use crate::field::Status;
 use crate::io::arrays::Values;
 use crate::io::quantities::QUANTITY_TABLES;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::view::{Column, Layer, On, Packed, View, ViewFrame};
 use crate::report::{Backdrop, Palette};
-use crate::run::{Record, correlation_in};
+use crate::run::{FitOfRun, Record, correlation_in, model_less_measured};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,8 +19,33 @@ const PAGE: &str = "view.html";
 /// What a page has beside its frames, bytes: pictures, script, palettes.
 const REST: usize = 2_000_000;
 
+/// A page that is made.
+pub(super) struct Made {
+    /// The page.
+    pub html: String,
+    /// Frames in it, and those with a field.
+    n_shown: usize,
+    n_with: usize,
+    /// Frames that were asked for and have no field.
+    n_without: usize,
+}
+
 /// Runs the command.
 pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
+    let Made { html, n_shown, n_with, n_without } = made(args)?;
+    let path = args.output.clone().unwrap_or_else(|| args.run.join(PAGE));
+    std::fs::write(&path, &html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
+    if !args.talk.quiet {
+        let left = if n_shown < n_with { format!(" of {n_with}, evenly (--max-mb for more)") } else { String::new() };
+        let mb = html.len() as f64 / 1e6;
+        eprintln!("{} with {}{left}, {mb:.1} MB: open it in a browser", path.display(), plural(n_shown, "frame"));
+    }
+    let complete = n_without == 0 || !args.frames.are_named();
+    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+}
+
+/// The page that the arguments ask for.
+pub(super) fn made(args: &ViewArgs) -> Result<Made> {
     let inner = correlation_in(&args.run);
     let folder = if inner.is_dir() { inner } else { args.run.clone() };
     let store = Store::open(&folder)?;
@@ -29,9 +54,17 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
         let path = store.path().display();
         return Err(format!("{path}: no frame asked for has a field; `quadrille status` says why").into());
     }
-    let sources = sources(&store);
+    let mut sources = sources(&store);
+    // What is wrong with the files of a fit keeps no field from being looked at.
+    let (fit, model) = (FitOfRun::read(&args.run), model_less_measured(&args.run));
+    let faults: Vec<String> =
+        [fit.as_ref().err(), model.as_ref().err()].into_iter().flatten().map(|e| chain(e)).collect();
+    let (fit, model) = (fit.ok().flatten(), model.ok().flatten());
+    if model.is_some() {
+        of_model(&mut sources);
+    }
     let pool = pool(args.threads.threads)?;
-    let packed = |number: usize| -> Result<Packed> { Ok(Packed::new(&numbers_of(&store, number, &sources)?)) };
+    let packed = |number: usize| -> Result<Packed> { Ok(Packed::new(&numbers_of(&store, number, &sources, &model)?)) };
     let pack = |numbers: &[usize]| -> Result<BTreeMap<usize, Packed>> {
         let one = |&number: &usize| Ok((number, packed(number)?));
         pool.install(|| numbers.par_iter().map(one).collect::<Result<_>>())
@@ -39,20 +72,9 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     let room = ((args.max_mb * 1e6) as usize).saturating_sub(REST);
     let chosen = thinned(&numbers, room / packed(numbers[numbers.len() - 1])?.size().max(1));
     let mut shown = pack(&chosen)?;
-    let html = page(&store, &folder, args, &sources, numbers.len(), &mut shown);
-    let path = args.output.clone().unwrap_or_else(|| args.run.join(PAGE));
-    std::fs::write(&path, &html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
-    if !args.talk.quiet {
-        let left = if chosen.len() < numbers.len() {
-            format!(" of {}, evenly (--max-mb for more)", numbers.len())
-        } else {
-            String::new()
-        };
-        let mb = html.len() as f64 / 1e6;
-        eprintln!("{} with {}{left}, {mb:.1} MB: open it in a browser", path.display(), plural(chosen.len(), "frame"));
-    }
-    let complete = n_without == 0 || !args.frames.are_named();
-    Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
+    let about = AboutRun { folder: &folder, n_with: numbers.len(), fit: fit.as_ref(), faults };
+    let html = page(&store, &about, args, &sources, &mut shown);
+    Ok(Made { html, n_shown: chosen.len(), n_with: numbers.len(), n_without })
 }
 
 /// As many of `numbers` as there is room for, evenly, the first and the last among them.
@@ -67,8 +89,31 @@ fn thinned(numbers: &[usize], room: usize) -> Vec<usize> {
     (0..room).map(|k| numbers[k * (n - 1) / (room - 1)]).collect()
 }
 
+/// Where the numbers of a quantity come from.
+#[derive(Debug, Clone, Copy)]
+enum Source {
+    /// A component of what the store has.
+    Store(Variable, usize),
+    /// A component of what the model of the joint is off by.
+    Model(usize),
+}
+
+/// What the model of the joint is off by, px, by the number of the frame.
+type ModelLess = Option<BTreeMap<usize, Vec<[f64; 2]>>>;
+
+/// Its quantities, with the standard uncertainty of what was measured.
+fn of_model(sources: &mut Vec<(Layer, Source)>) {
+    let sigma = |sources: &[(Layer, Source)], key: &str| sources.iter().position(|(layer, _)| layer.key == key);
+    for (component, (key, name, of)) in [("mx", "u_x", "sx"), ("my", "u_y", "sy")].into_iter().enumerate() {
+        let label = format!("{name} of the model less that measured");
+        let sigma = sigma(sources, of);
+        let layer = Layer { key, label, unit: "px", on: On::Nodes, sigma, palette: Palette::BlueRed, choice: true };
+        sources.push((layer, Source::Model(component)));
+    }
+}
+
 /// The quantities of the page, each with its place in the store.
-fn sources(store: &Store) -> Vec<(Layer, Variable, usize)> {
+fn sources(store: &Store) -> Vec<(Layer, Source)> {
     type Row = (&'static str, &'static str, Variable, usize, Option<&'static str>, Palette);
     let window = store.header().strain_window.map_or(0, |window| window.nodes());
     let strain = ["e_xx", "e_yy", "e_xy"];
@@ -111,16 +156,25 @@ fn sources(store: &Store) -> Vec<(Layer, Variable, usize)> {
         };
         let unit = variable.unit();
         let layer = Layer { key, label, unit, on, sigma: place(sigma), palette, choice: true };
-        (layer, variable, component)
+        (layer, Source::Store(variable, component))
     };
     rows.iter().map(layer).collect()
 }
 
 /// The numbers of a frame, of each quantity a list.
-fn numbers_of(store: &Store, number: usize, sources: &[(Layer, Variable, usize)]) -> Result<Vec<Vec<f64>>> {
+fn numbers_of(store: &Store, number: usize, sources: &[(Layer, Source)], model: &ModelLess) -> Result<Vec<Vec<f64>>> {
     let mut read: Vec<(Variable, Vec<f64>)> = Vec::new();
     let mut lists = Vec::with_capacity(sources.len());
-    for &(_, variable, component) in sources {
+    for &(_, source) in sources {
+        let (variable, component) = match source {
+            Source::Store(variable, component) => (variable, component),
+            Source::Model(component) => {
+                let off = model.as_ref().and_then(|model| model.get(&number));
+                let none = || vec![f64::NAN; store.mesh().n_nodes()];
+                lists.push(off.map_or_else(none, |off| off.iter().map(|off| off[component]).collect()));
+                continue;
+            }
+        };
         if read.iter().all(|(there, _)| *there != variable) {
             let values = match store.values(number, variable)? {
                 Some(Values::F64(values)) => values,
@@ -137,16 +191,26 @@ fn numbers_of(store: &Store, number: usize, sources: &[(Layer, Variable, usize)]
     Ok(lists)
 }
 
+/// What is known of the run beside its store.
+struct AboutRun<'a> {
+    folder: &'a Path,
+    /// Frames with a field.
+    n_with: usize,
+    fit: Option<&'a FitOfRun>,
+    /// Why there is no fit, where there should be.
+    faults: Vec<String>,
+}
+
 fn page(
     store: &Store,
-    folder: &Path,
+    about_run: &AboutRun<'_>,
     args: &ViewArgs,
-    sources: &[(Layer, Variable, usize)],
-    n_with: usize,
+    sources: &[(Layer, Source)],
     shown: &mut BTreeMap<usize, Packed>,
 ) -> String {
     let header = store.header();
-    let mut lead = Vec::new();
+    let AboutRun { folder, n_with, fit, faults } = about_run;
+    let mut lead: Vec<(String, bool)> = faults.iter().map(|fault| (fault.clone(), true)).collect();
     let statuses: Vec<Option<Status>> = (1..=store.n_frames()).map(|n| store.status(n).ok().flatten()).collect();
     let count = |status: Status| statuses.iter().filter(|&&s| s == Some(status)).count();
     let mut counts: Vec<String> = Status::ALL
@@ -159,7 +223,7 @@ fn page(
     counts.extend((not_done > 0).then(|| format!("{not_done} not done")));
     let fine = count(Status::Converged) == statuses.len();
     lead.push((format!("{}: {}.", plural(statuses.len(), "frame"), counts.join(", ")), !fine));
-    if shown.len() < n_with {
+    if shown.len() < *n_with {
         let text = format!(
             "{} of {n_with} frames with a field are in this page, evenly chosen, to keep it below {} MB; `quadrille view --max-mb` or \
              --frames has others.",
@@ -210,6 +274,7 @@ fn page(
         columns: columns(folder, frames.len()),
         frames,
         about,
+        law: fit.map(FitOfRun::view),
     }
     .html()
 }

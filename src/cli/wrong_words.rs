@@ -56,8 +56,8 @@ fn of_value(error: &clap::Error, arguments: &[OsString]) -> Option<String> {
             format!("{begin}: give a whole number, such as {}", number.round())
         }
         (Some(_), Some(number)) if number < 0.0 => format!("{begin}: give a whole number, 0 or larger"),
-        (Some(_), _) => format!("{begin}: this is no whole number"),
-        (None, _) => format!("{begin}: this is no number"),
+        (Some(_), _) => format!("{begin}: this is not a whole number"),
+        (None, _) => format!("{begin}: this is not a number"),
     })
 }
 

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 /// A word that is none of the choices of an option.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("`{given}` is no choice of {option}; expected {expected}")]
+#[error("`{given}` is not a choice for {option}; expected {expected}")]
 pub struct UnknownChoice {
     /// The option.
     pub option: &'static str,

@@ -105,7 +105,7 @@ impl Budget {
 }
 
 /// Ends of the 95 % interval about `value`: `noise` is how far that of the noise alone reaches below and above it, `None`
-/// without an end; `bias` is what noise shifts the value by on the average (found less true); `others` is the standard
+/// without an end; `bias` is what noise shifts the value by on average (found less true); `others` is the standard
 /// uncertainty of all else, which adds up with the noise as squares. The value is never moved: the interval is extended to
 /// where the bias says that the truth is.
 ///

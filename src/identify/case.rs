@@ -341,7 +341,7 @@ fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError
                 ));
             }
             if value.is_nan() || (key == "start" && value.is_infinite()) {
-                return Err(wrong("fit", key, format!("{key}: {name} = {value} is no finite number")));
+                return Err(wrong("fit", key, format!("{key}: {name} = {value} is not a finite number")));
             }
         }
     }

@@ -133,7 +133,7 @@ pub enum FitError {
         error: Box<FitError>,
     },
     /// Tests of different laws.
-    #[error("tests \"{first}\" and \"{second}\" have not the same law: {what}; one law is fitted to all tests: give it in [cohesive] of {}, or the same in both", path.display())]
+    #[error("tests \"{first}\" and \"{second}\" do not have the same law: {what}; one law is fitted to all tests: give it in [cohesive] of {}, or the same in both", path.display())]
     LawsDiffer {
         /// The case that names the tests.
         path: PathBuf,

@@ -23,7 +23,7 @@ pub struct FittedParameter {
     pub interval95: Option<[f64; 2]>,
     /// Its ends, each for itself: `None` where the data do not bound the parameter on that side.
     pub ends95: [Option<f64>; 2],
-    /// What noise shifts the value by on the average (found less true), through kinks and plasticity; the interval is extended
+    /// What noise shifts the value by on average (found less true), through kinks and plasticity; the interval is extended
     /// by it, the value is not moved. `None` where it was not looked for.
     pub bias: Option<f64>,
     /// Standard uncertainty of the bias; `None` where one pair of draws told it.
@@ -53,7 +53,7 @@ pub struct FittedQuantity {
     pub interval95: Option<[f64; 2]>,
     /// Its ends, each for itself.
     pub ends95: [Option<f64>; 2],
-    /// What noise shifts it by on the average, as of a parameter.
+    /// What noise shifts it by on average, as of a parameter.
     pub bias: Option<f64>,
 }
 

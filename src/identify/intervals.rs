@@ -64,7 +64,7 @@ pub struct IntervalBasis {
     pub draws: usize,
     /// The bootstrap, which counts the draws that failed; `None` where none was to be made, or no pair of draws gave two fits.
     pub bootstrap: Option<Bootstrap>,
-    /// What noise shifts each scaled unknown by on the average (found less true), by bootstrap or probe.
+    /// What noise shifts each scaled unknown by on average (found less true), by bootstrap or probe.
     pub bias: Option<Vec<f64>>,
 }
 

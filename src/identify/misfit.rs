@@ -29,11 +29,11 @@ const PERIODS: usize = 4;
 pub struct Misfit {
     /// The sum of the squares of the whitened residual at the best parameters: the objective under the inverse covariance.
     pub omega: f64,
-    /// What noise alone leaves of it on the average: numbers compared less parameters.
+    /// What noise alone leaves of it on average: numbers compared less parameters.
     pub freedom: f64,
     /// What the size of the elements, of model and correlation, adds (`lambda_h`); `None` where it could not be computed.
     pub floor: Option<f64>,
-    /// What the constants of the error budget add on the average, each off by its standard uncertainty.
+    /// What the constants of the error budget add on average, each off by its standard uncertainty.
     pub constants: f64,
     /// Standard deviation of `omega`, with the noise's own uncertainty of [`NOISE_LEVEL_STD`].
     pub std: f64,
@@ -106,7 +106,7 @@ impl Misfit {
 pub(super) struct Unexplained {
     /// The objective under the inverse covariance.
     pub omega: f64,
-    /// What noise alone leaves of it on the average.
+    /// What noise alone leaves of it on average.
     pub freedom: f64,
     /// What the size of the elements adds, and the change of the rows that is left of it.
     pub floor: Option<(f64, Vec<Dense>)>,
@@ -242,7 +242,7 @@ impl Problem<'_> {
     }
 }
 
-/// The plain squares of the residual, row by row, and what noise and element size leave of them on the average.
+/// The plain squares of the residual, row by row, and what noise and element size leave of them on average.
 struct Groups {
     /// Of each instant: squares of the residual, and their expectation, row by row.
     squares: Vec<Vec<f64>>,

@@ -24,7 +24,7 @@ pub struct Statistics {
     pub sigma: f64,
     /// Whether it was estimated.
     pub sigma_estimated: bool,
-    /// The objective that such noise leaves on the average; where sigma is estimated, the objective itself.
+    /// The objective that such noise leaves on average; where sigma is estimated, the objective itself.
     pub expected_omega: f64,
 }
 

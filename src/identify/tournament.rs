@@ -530,7 +530,7 @@ impl Tournament<'_> {
                     ));
                 }
                 Ok(_) if law.score.is_none() => said.push(format!(
-                    "{} is not compared: the data say nothing of some combination of its parameters, or time was over",
+                    "{} is not compared: the data say nothing of some combination of its parameters, or the time limit was reached",
                     law.name()
                 )),
                 Ok(_) => {}

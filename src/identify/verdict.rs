@@ -296,7 +296,7 @@ pub(super) fn undetermined(parameters: &[FittedParameter], grounds: &Grounds<'_>
         }
         if let Some((bias, half)) = bias_beyond_interval(p) {
             sentences.push(format!(
-                "{name} is not determined: noise shifts it by {:+.1} % on the average, more than the {:.1} % that its interval \
+                "{name} is not determined: noise shifts it by {:+.1} % on average, more than the {:.1} % that its interval \
                  reaches without that",
                 100.0 * bias / p.value,
                 100.0 * half / p.value.abs()

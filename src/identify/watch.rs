@@ -50,7 +50,7 @@ impl Ended {
     /// In words.
     pub fn reason(self) -> String {
         match self {
-            Self::Time(seconds) => format!("the limit of {seconds} s (max_seconds) was over"),
+            Self::Time(seconds) => format!("the limit of {seconds} s (max_seconds) was reached"),
             Self::Stopped => "it was asked to stop".to_owned(),
         }
     }

@@ -34,8 +34,8 @@ pub enum CsvError {
         /// What stands there.
         text: String,
     },
-    /// The line is no row of the table: too short, too long, or not UTF-8.
-    #[error("line {line} is no row of the table")]
+    /// The line is not a row of the table: too short, too long, or not UTF-8.
+    #[error("line {line} is not a row of the table")]
     Row {
         /// Line of the file, from 1.
         line: u64,

@@ -26,7 +26,7 @@ pub enum SeriesError {
         entry: String,
     },
     /// A glob that cannot be understood.
-    #[error("`{pattern}` is no valid pattern: {reason}")]
+    #[error("`{pattern}` is not a valid pattern: {reason}")]
     Pattern {
         /// The glob as given.
         pattern: String,
@@ -34,7 +34,7 @@ pub enum SeriesError {
         reason: glob::PatternError,
     },
     /// A name that records in text could not hold.
-    #[error("{path:?}: the name is no UTF-8 text, which tables and records need; rename the file or folder")]
+    #[error("{path:?}: the name is not UTF-8 text, which tables and records need; rename the file or folder")]
     Name {
         /// The file.
         path: PathBuf,

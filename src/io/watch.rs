@@ -31,7 +31,7 @@ pub enum WatchError {
         path: PathBuf,
     },
     /// A pattern that cannot be understood.
-    #[error("`{pattern}` is no valid pattern: {reason}")]
+    #[error("`{pattern}` is not a valid pattern: {reason}")]
     Pattern {
         /// The pattern as given.
         pattern: String,

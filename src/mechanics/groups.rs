@@ -74,7 +74,7 @@ impl Condition {
         let part = part.trim();
         let wrong = || {
             format!(
-                "\"{part}\" is no condition; write such as \"y = max\", \"x = 0\" or \"x >= 1.5 and y < 0\" (mm, =, <, <=, >, \
+                "\"{part}\" is not a condition; write such as \"y = max\", \"x = 0\" or \"x >= 1.5 and y < 0\" (mm, =, <, <=, >, \
                  >=, min, max)"
             )
         };

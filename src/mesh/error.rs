@@ -19,7 +19,7 @@ pub enum MeshError {
         share: f64,
     },
     /// The rectangle is not one (swapped corners, NaN).
-    #[error("zone '{zone}': ({x0}, {y0}) to ({x1}, {y1}) px is no rectangle; give x0 < x1 and y0 < y1")]
+    #[error("zone '{zone}': ({x0}, {y0}) to ({x1}, {y1}) px is not a rectangle; give x0 < x1 and y0 < y1")]
     NotARectangle {
         /// Zone's name.
         zone: String,
@@ -113,8 +113,8 @@ pub enum MeshError {
         /// Where they meet, px.
         y: f64,
     },
-    /// A corner that is no finite number.
-    #[error("zone '{zone}': corner {corner} of the polygon (counted from 0) is no pair of finite numbers")]
+    /// A corner that is not a finite number.
+    #[error("zone '{zone}': corner {corner} of the polygon (counted from 0) is not a pair of finite numbers")]
     NotFinite {
         /// Zone's name.
         zone: String,
@@ -234,7 +234,7 @@ pub enum MeshError {
         y: f64,
     },
     /// A node that no element uses, or that is no position.
-    #[error("zone '{zone}': node {node} at ({x}, {y}) px belongs to no element or is no position in the image")]
+    #[error("zone '{zone}': node {node} at ({x}, {y}) px belongs to no element or is not a position in the image")]
     BadNode {
         /// Zone's name.
         zone: String,

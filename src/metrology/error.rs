@@ -41,8 +41,8 @@ pub enum MetrologyError {
         /// Height of the zone, px.
         height: usize,
     },
-    /// The region is no rectangle.
-    #[error("the region ({x0}, {y0}) to ({x1}, {y1}) px is no rectangle; give x0 < x1 and y0 < y1")]
+    /// The region is not a rectangle.
+    #[error("the region ({x0}, {y0}) to ({x1}, {y1}) px is not a rectangle; give x0 < x1 and y0 < y1")]
     NotARectangle {
         /// Left edge, px.
         x0: f64,
@@ -120,7 +120,7 @@ pub enum MetrologyError {
         name: String,
     },
     /// A static image without contrast.
-    #[error("{name}: every pixel of the region has the grey level {grey}: this is no image of the specimen")]
+    #[error("{name}: every pixel of the region has the grey level {grey}: this is not an image of the specimen")]
     StaticConstant {
         /// The image.
         name: String,

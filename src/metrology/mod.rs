@@ -149,6 +149,30 @@ pub struct Metrology {
     pub advice: Advice,
 }
 
+/// What one image alone shows, in a moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look {
+    /// Its noise: assumed, unless it is given.
+    pub noise: Noise,
+    /// Its texture.
+    pub texture: TextureFigures,
+}
+
+/// Noise and texture of `reference` within `roi` (the whole image if `None`), as [`measure`] finds them without static images.
+///
+/// # Errors
+/// A region that does not fit the image, or without texture.
+pub fn look(reference: &Arc<Image>, roi: Option<Roi>, noise: Option<f64>) -> Result<Look, MetrologyError> {
+    let region = Region::new(reference, roi)?;
+    let part = region.cut(reference);
+    if part.is_constant() {
+        return Err(MetrologyError::Constant { grey: part.grey(0, 0) });
+    }
+    let noise = noise::noise(reference, &[], noise, &region)?;
+    let texture = TextureFigures::new(&part, &region, noise.in_reference());
+    Ok(Look { noise, texture })
+}
+
 /// Measures what can be measured on `reference`, with the noise of `stills` where there are any.
 ///
 /// # Errors

@@ -115,6 +115,11 @@ impl Figure {
     /// The strains over a window of nodes.
     pub const OF_WINDOW: [Figure; 3] = [Figure::ExxWindow, Figure::EyyWindow, Figure::ExyWindow];
 
+    /// Whether it shows a strain.
+    pub fn is_strain(self) -> bool {
+        self.strain().is_some()
+    }
+
     /// Whether it shows a strain over a window of nodes.
     pub fn is_of_window(self) -> bool {
         Self::OF_WINDOW.contains(&self)

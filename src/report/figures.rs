@@ -51,6 +51,49 @@ pub fn draw_frame(
     Ok(files)
 }
 
+/// One of the figures of frame `number`, as a picture. `reference` and `deformed` as in [`draw_frame`].
+///
+/// # Errors
+/// As [`draw_frame`].
+pub fn draw_figure(
+    number: usize,
+    measurement: &Measurement<Px>,
+    reference: &Backdrop,
+    deformed: Option<&Backdrop>,
+    figure: Figure,
+    options: &FigureOptions,
+) -> Result<Picture, ReportError> {
+    let options = FigureOptions { figures: vec![figure], ..options.clone() };
+    Frame::new(number, measurement, reference, deformed, &options)?.draw(figure)
+}
+
+/// Share of the values at either end that the colours of an animation leave out.
+const ENDS: f64 = 0.005;
+
+/// Between which ends the values of a figure of a frame lie, but for the outermost few; `None` of one without values. For colours that
+/// mean the same in all frames of a series.
+///
+/// # Errors
+/// As [`draw_frame`].
+pub fn ends_of(
+    measurement: &Measurement<Px>,
+    reference: &Backdrop,
+    figure: Figure,
+    options: &FigureOptions,
+) -> Result<Option<[f64; 2]>, ReportError> {
+    if figure.quantity().is_none() {
+        return Ok(None);
+    }
+    let options = FigureOptions { figures: vec![figure], ..options.clone() };
+    let values = match Frame::new(0, measurement, reference, None, &options)?.values(figure)? {
+        Values::Nodes(values) | Values::Elements(values) => values,
+    };
+    let mut values: Vec<f64> = values.into_iter().filter(|v| v.abs() <= LARGEST).collect();
+    values.sort_by(f64::total_cmp);
+    let cut = (ENDS * values.len() as f64) as usize;
+    Ok(values.get(cut).map(|&low| [low, values[values.len() - 1 - cut]]))
+}
+
 /// One frame with what its figures share.
 struct Frame<'a> {
     number: usize,

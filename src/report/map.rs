@@ -149,9 +149,9 @@ pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String
     match measurement.status {
         Status::Converged => {}
         Status::IterationLimit => warnings.push("not converged: iteration limit reached"),
-        Status::Diverged => warnings.push("diverged: this is no measurement"),
+        Status::Diverged => warnings.push("diverged: this is not a measurement"),
         Status::LeftImage => warnings.push("not converged: too much of a zone has left the image"),
-        Status::Unreadable => warnings.push("unreadable: this is no measurement"),
+        Status::Unreadable => warnings.push("unreadable: this is not a measurement"),
         Status::Ambiguous => warnings.push("ambiguous: the texture repeats, displacements may be off by periods of it"),
     }
     if !drawn {

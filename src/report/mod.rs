@@ -1,5 +1,6 @@
 //! What people look at: summaries and pictures of measured fields.
 
+mod animation;
 mod axes;
 mod backdrop;
 pub mod correlation;
@@ -28,10 +29,11 @@ pub mod tournament;
 pub mod view;
 mod words;
 
+pub use animation::{Animated, Animation, Moved};
 pub use backdrop::Backdrop;
 pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures};
 pub use figure::{Figure, FigureOptions, Format};
-pub use figures::draw_frame;
+pub use figures::{draw_figure, draw_frame, ends_of};
 pub use force::{ForcePoint, ForceRecord};
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};

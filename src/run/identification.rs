@@ -20,6 +20,9 @@ use std::time::Instant;
 
 /// What was found, in the folder of the results.
 pub(super) const FIT: &str = "fit.json";
+/// What a change of each parameter does to the law, and along the joint.
+pub(super) const LAW_SENSITIVITIES: &str = "law-sensitivities.csv";
+pub(super) const JOINT_SENSITIVITIES: &str = "joint-sensitivities.csv";
 
 /// Fits the case `input` of the file `case` and writes everything into `output`: what `fit.json` holds, and whether the fit
 /// converged. When `stop` is asked, the fit ends at the best point so far.
@@ -68,6 +71,8 @@ pub fn identify(
     folder.write("fit-history.csv", |out| report.write_history(out))?;
     folder.write("traction-bands.csv", |out| report.write_bands(out))?;
     folder.write("law.csv", |out| report.write_law(out))?;
+    folder.write(LAW_SENSITIVITIES, |out| report.write_law_sensitivities(out))?;
+    folder.write(JOINT_SENSITIVITIES, |out| report.write_joint_sensitivities(out))?;
     folder.write("budget.csv", |out| report.write_budget(out))?;
     if let Some(force) = &report.force {
         folder.write(FORCE, |out| force.write(out))?;

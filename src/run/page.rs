@@ -128,10 +128,10 @@ fn identified(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn 
 }
 
 /// Displacements by instant and node.
-type Fields = Vec<Vec<[f64; 2]>>;
+pub(super) type Fields = Vec<Vec<[f64; 2]>>;
 
 /// The computed displacements, from `solution.csv`.
-fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
+pub(super) fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
     let n_nodes = joint.model.mesh().nodes().len();
     let n_instants = n.max(joint.boundary.instants().len());
     let path = folder.join("solution.csv");

@@ -38,7 +38,7 @@ impl Shard {
         let (min, step) = (number("SLURM_ARRAY_TASK_MIN", Some(1))?, number("SLURM_ARRAY_TASK_STEP", Some(1))?.max(1));
         let past = id.checked_sub(min).filter(|past| past % step == 0 && past / step < count);
         past.map(|past| Self { i: past / step + 1, n: count }).ok_or_else(|| {
-            format!("SLURM_ARRAY_TASK_ID {id} is none of {count} tasks from {min} in steps of {step}; give --shard I/N")
+            format!("SLURM_ARRAY_TASK_ID {id} is not one of the {count} tasks from {min} in steps of {step}; give --shard I/N")
         })
     }
 }
@@ -58,7 +58,7 @@ impl FromStr for Shard {
         }
         let parts = text.split_once('/').and_then(|(i, n)| Some(Self { i: i.parse().ok()?, n: n.parse().ok()? }));
         parts.filter(|shard| (1..=shard.n).contains(&shard.i)).ok_or_else(|| {
-            format!("'{text}' is no share of a series; give I/N with I from 1 to N, such as 2/4, or slurm")
+            format!("'{text}' is not a share of a series; give I/N with I from 1 to N, such as 2/4, or slurm")
         })
     }
 }

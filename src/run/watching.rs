@@ -45,7 +45,7 @@ pub fn watch(
 ) -> Result<Option<Ran>> {
     let Watching { pattern, settle, timeout } = watching;
     if asked.shard.is_some() {
-        return Err("--shard cannot be given: a camera has no end, of which to take a share".into());
+        return Err("--shard cannot be given: the images of a camera have no known number to share".into());
     }
     if asked.pages.or(case.images.pages).is_some() {
         return Err("pages = \"all\" cannot be: each file of a watched folder is one frame".into());

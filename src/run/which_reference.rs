@@ -66,7 +66,7 @@ pub(super) fn about_texts(texts: &[PathBuf]) -> Option<String> {
     if texts.len() > NAMED {
         names.push(format!("{} more", texts.len() - NAMED));
     }
-    let are = if texts.len() == 1 { "is no image and is" } else { "are no images and are" };
+    let are = if texts.len() == 1 { "is not an image and is" } else { "are not images and are" };
     Some(format!("{} {are} left out", names.join(", ")))
 }
 

@@ -128,15 +128,15 @@ fn a_region_that_does_not_fit_is_refused_with_its_numbers() {
         ("--roi 0,0,128,96.5", &["(128, 96.5)", image]),
         ("--roi 16,16,31.9,80", &["zone 'zone1' is 15.", "x 64 px", "no element of 16 px fits", "enlarge the zone"]),
         ("--roi 16,16,112,20 --element-size 5", &["96 x 4 px", "no element of 5 px fits"]),
-        ("--roi 112,80,16,16", &["(112, 80) to (16, 16) px is no rectangle", "x0 < x1 and y0 < y1"]),
-        ("--roi 16,80,112,16", &["is no rectangle"]),
-        ("--roi 16,16,16,80", &["is no rectangle"]),
+        ("--roi 112,80,16,16", &["(112, 80) to (16, 16) px is not a rectangle", "x0 < x1 and y0 < y1"]),
+        ("--roi 16,80,112,16", &["is not a rectangle"]),
+        ("--roi 16,16,16,80", &["is not a rectangle"]),
         ("--roi 1e300,0,1e301,50", &[image]),
         ("--roi 16,16,64,64 --roi 60,60,120,90", &["'zone1' and 'zone2' overlap", "one zone only"]),
         ("--roi 16,16,64,64 --roi 16,16,64,64", &["overlap"]),
         ("--roi 1,2,3", &["--roi", "3 numbers instead of 4"]),
         ("--roi 1,2,3,4,5", &["--roi", "5 numbers instead of 4"]),
-        ("--roi a,b,c,d", &["--roi", "'a,b,c,d' is no list of 4 numbers"]),
+        ("--roi a,b,c,d", &["--roi", "'a,b,c,d' is not a list of 4 numbers"]),
         ("--roi 0,0,nan,50", &["--roi", "not finite"]),
         ("--roi 0,0,inf,50", &["--roi", "not finite"]),
     ] {
@@ -240,7 +240,7 @@ fn a_case_file_with_a_fault_is_refused_with_key_and_line() {
     assert_case_refused(same, &["two zones are named 'a'", "names must differ"]);
     let over = "[[zone]]\nname = 'a'\nroi = [16, 16, 48, 48]\n[[zone]]\nname = 'b'\nroi = [47, 16, 96, 48]\n";
     assert_case_refused(over, &["'a' and 'b' overlap"]);
-    assert_case_refused("[[zone]]\nroi = [nan, 0, 50, 50]\n", &["is no rectangle"]);
+    assert_case_refused("[[zone]]\nroi = [nan, 0, 50, 50]\n", &["is not a rectangle"]);
     assert_case_refused("[correlation]\ntolerance_px = nan\n", &["tolerance is NaN", "positive"]);
     assert_case_refused("[correlation]\nnoise = -inf\n", &["noise is -inf", "positive"]);
     assert_case_refused("[images]\npixel_size_mm = 0\n", &["pixel size is 0 mm"]);
@@ -357,8 +357,8 @@ fn images_that_are_not_there_are_refused_with_the_pattern() {
         ("--reference ref.png", &["ref.png", "no deformed image"]),
         ("ref.png shots/*.tif", &["`shots/*.tif` matches no file", "check the pattern"]),
         ("--reference ref.png *.tiff", &["`*.tiff` matches no file"]),
-        ("ref.png a[.png", &["`a[.png` is no valid pattern"]),
-        ("ref.png ***", &["`***` is no valid pattern"]),
+        ("ref.png a[.png", &["`a[.png` is not a valid pattern"]),
+        ("ref.png ***", &["`***` is not a valid pattern"]),
     ] {
         desk.correlate(&format!("--output out {images}")).refused(wanted);
     }

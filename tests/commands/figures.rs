@@ -913,6 +913,30 @@ fn without_its_reference_a_run_is_drawn_on_white() {
 }
 
 #[test]
+fn a_series_is_an_animation_with_the_same_colours_in_all_frames() {
+    let desk = Desk::with_series();
+    desk.correlate("--roi 16,16,112,80 --no-report --export none --output out ref.png a.png b.png c.png").fine();
+    let ran = desk.run("figures out --frames all --quantity uy --format gif,apng").fine();
+    assert!(ran.stderr.contains("2 animations of 3 frames: out/figures/uy.gif"), "{ran}");
+    assert_eq!(desk.files("out/figures"), ["uy.apng", "uy.gif"]);
+    let apng = desk.bytes("out/figures/uy.apng");
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&apng)).read_info().unwrap();
+    assert_eq!(reader.info().animation_control().unwrap().num_frames, 3);
+    // Motions of -0.25, -0.5 and -0.75 px: along the colours from end to end, and never the same picture.
+    let mut frames = Vec::new();
+    for _ in 0..3 {
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        frames.push(pixels);
+    }
+    assert!(frames[0] != frames[1] && frames[1] != frames[2]);
+    // The colour of most pixels of the zone: dark violet at the low end of viridis, yellow at the high end.
+    let mean = |frame: &Vec<u8>, c: usize| frame.chunks(3).map(|p| f64::from(p[c]) - f64::from(p[2])).sum::<f64>();
+    assert!(mean(&frames[0], 0) > mean(&frames[1], 0) && mean(&frames[1], 1) > mean(&frames[2], 1));
+    assert!(desk.bytes("out/figures/uy.gif").starts_with(b"GIF89a"));
+}
+
+#[test]
 fn frames_without_a_field_are_named_and_wrong_words_refused() {
     let desk = Desk::with_series();
     desk.write("b.png", "no image");

@@ -224,7 +224,7 @@ fn polygons_are_measured_and_repeat_from_the_record() {
     for (polygon, says) in [
         ("1,2 3,4", "fewer than three corners"),
         ("1,2 3,4 5", "instead of 2"),
-        ("1,2 3,4 a,b", "no list of 2 numbers"),
+        ("1,2 3,4 a,b", "not a list of 2 numbers"),
         ("1,2 3,4 nan,5", "not finite"),
     ] {
         desk.run_words(&["correlate", "--polygon", polygon, "--output", "no", "ref.png", "a.png"]).refused(&[says]);

@@ -24,6 +24,7 @@ mod restart;
 mod run;
 mod run_library;
 mod store;
+mod studio;
 mod update_cli;
 mod view;
 mod watch;

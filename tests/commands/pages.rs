@@ -88,7 +88,7 @@ fn defines(text: &str, name: &str) -> bool {
 }
 
 /// The files under `folder` with one of the `endings`.
-fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
+pub fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
         let wanted = |path: &Path| path.extension().is_some_and(|end| endings.iter().any(|ending| end == *ending));
         match entry.is_dir() {

@@ -166,7 +166,7 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
     desk.write("load.txt", "load_N\n1\n");
     refused("--point 60,60 --load load.txt", &["load.txt", "1 rows for 2 deformed images"]);
     desk.write("load.txt", "load_N\n1\nx\n");
-    refused("--point 60,60 --load load.txt", &["load.txt, line 3", "'x' is no finite number"]);
+    refused("--point 60,60 --load load.txt", &["load.txt, line 3", "'x' is not a finite number"]);
     desk.write("same.toml", "[[probe]]\nname = 'a'\npoint = [1, 2]\n[[probe]]\nname = 'a'\npoint = [3, 4]\n");
     refused("--case same.toml", &["two points are named 'a'"]);
     desk.write("inf.toml", "[[probe]]\npoint = [inf, 2]\n");

@@ -493,7 +493,7 @@ fn shards_that_cannot_be_are_refused() {
     let desk = Desk::with_series();
     let line = |flags: &str| format!("{INSIDE} --output out {flags} ref.png a.png b.png c.png");
     for (flags, wanted) in [
-        ("--shard 3/2", "'3/2' is no share"),
+        ("--shard 3/2", "'3/2' is not a share"),
         ("--shard x", "such as 2/4"),
         ("--shard slurm", "SLURM_ARRAY_TASK_ID is not set"),
         ("--shard 1/2 --start previous", "--start independent"),

@@ -3,6 +3,7 @@
 #![cfg(feature = "cli")]
 
 use crate::program::browser::seen;
+use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman, Jump};
 use quadrille::report::fit::FitRecord;
 use quadrille::report::summary::Summary;
 use quadrille::run::{CaseRun, Event, Outcome, run_case};
@@ -509,4 +510,105 @@ fn instants_that_were_measured_from_a_later_reference_are_named_in_the_fit() {
         // What the elements change (0.5 %, above) and four standard uncertainties of 0.7 % at most.
         assert!((value - truth).abs() < 0.033 * truth, "{name}: {value}");
     }
+}
+
+/// Drags a parameter on the page of a run and reads what it says.
+const DRAG: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="view.html" style="width:400px;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = async () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id);
+    for (let k = 0; k < 400 && !at('frame-name').textContent; k++) await new Promise(done => setTimeout(done, 25));
+    const drag = (id, value) => { at(id).value = value; at(id).dispatchEvent(new w.Event('input')); };
+    const path = k => at('law-charts').children[k].querySelectorAll('path')[1].getAttribute('d');
+    said.verdict = at('law-verdict').textContent;
+    said.rest = at('law-distance').textContent;
+    const law = path(0);
+    drag('law-0', 1);
+    said.far = at('law-distance').textContent;
+    said.value = at('law-sliders').querySelector('output').textContent;
+    said.followed = path(0) !== law;
+    at('law-back').click();
+    said.back = at('law-distance').textContent;
+    said.same = path(0) === law;
+    said.charts = at('law-charts').children.length;
+    said.bands = at('law-charts').querySelectorAll('polygon').length;
+    said.bars = at('budget').querySelectorAll('rect').length;
+    at('quantity').value = [...at('quantity').options].find(o => o.textContent.startsWith('u_y of the model less')).value;
+    at('quantity').dispatchEvent(new w.Event('change'));
+    const map = at('map'), b = map.getBoundingClientRect();
+    map.dispatchEvent(new w.PointerEvent('pointermove', { bubbles: true, pointerId: 7, pointerType: 'mouse', clientX: b.left + .5 * b.width, clientY: b.top + .3 * b.height }));
+    said.off = at('readout').textContent;
+    said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+#[test]
+fn a_parameter_is_dragged_on_the_page_of_a_run_and_everything_follows_by_the_sensitivities() {
+    let folder = made().join("run");
+    // Derivatives of the law by its parameters: central differences of the law itself.
+    let (law, by) = (table(&folder.join("law.csv")), table(&folder.join("law-sensitivities.csv")));
+    let fit = json(folder.join("fit.json"));
+    let value = |name: &str| {
+        let fitted = fit["parameters"].get(name).map(|p| p["value"].as_f64().unwrap());
+        fitted.unwrap_or_else(|| fit["prescribed"][name].as_f64().unwrap())
+    };
+    let names = ["phi_n", "delta_n", "delta_t", "r"];
+    let keys = ["phi_n_N_per_mm", "delta_n_mm", "delta_t_mm"];
+    let at: Vec<f64> = names.iter().map(|name| value(name)).collect();
+    let traction = |values: &[f64], mode: f64, jump: f64| {
+        let law = ExtendedXuNeedleman::new(values[0], values[1], values[2], values[3]).unwrap();
+        let opens = mode == 1.0;
+        let jump = if opens { Jump { normal: jump, tangential: 0.0 } } else { Jump { normal: 0.0, tangential: jump } };
+        let t = law.response(jump).traction;
+        if opens { t.normal } else { t.tangential }
+    };
+    for (k, key) in keys.iter().enumerate() {
+        let found = &by[&format!("traction_MPa_by_{key}")];
+        assert_eq!(found.len(), law["jump_mm"].len());
+        for (row, found) in found.iter().enumerate() {
+            let h = 1e-6 * at[k]; // truncation and round-off below 1e-8 of the traction by the parameter
+            let moved = |by: f64| {
+                let mut values = at.clone();
+                values[k] += by;
+                traction(&values, law["mode"][row], law["jump_mm"][row])
+            };
+            let wanted = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!((found - wanted).abs() < 1e-7 * 100.0 / at[k], "{key}, row {row}: {found} {wanted}");
+        }
+    }
+    // The tractions of the joint are those of the table of bands, and follow the parameters and the jumps.
+    let (bands, joint) = (table(&folder.join("traction-bands.csv")), table(&folder.join("joint-sensitivities.csv")));
+    for (a, b) in bands["Tn_MPa"].iter().zip(&joint["Tn_MPa"]) {
+        assert!((a - b).abs() <= 1e-9 * a.abs().max(1.0), "{a} {b}");
+    }
+    assert_eq!(bands["Tn_MPa"].len(), joint["Tn_MPa_by_delta_n_mm"].len());
+    let moved: f64 = joint["Dn_mm_by_phi_n_N_per_mm"].iter().map(|v| v.abs()).fold(0.0, f64::max);
+    assert!(moved > 0.0 && moved.is_finite());
+    // The page.
+    let place = tempfile::tempdir().unwrap();
+    let page = place.path().join("view.html");
+    let done = quadrille(&["view", folder.to_str().unwrap(), "--output", page.to_str().unwrap()]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let Some(said) = seen(place.path(), DRAG) else { return };
+    let said = said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    println!("{said}");
+    let said: Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
+    assert!(said.get("error").is_none(), "{said}");
+    let text = |key: &str| said[key].as_str().unwrap().to_owned();
+    assert!(text("verdict").contains(fit["verdict"]["sentences"][0].as_str().unwrap()), "{said}");
+    assert!(text("rest").contains("higher by 0: inside") && text("back") == text("rest"), "{said}");
+    // Three standard uncertainties of one parameter alone are as many or more of all together.
+    let higher: f64 = text("far").split("higher by ").nth(1).unwrap().split(':').next().unwrap().parse().unwrap();
+    assert!(higher >= 9.0 - 1e-2 && text("far").contains("outside of the 95 % region"), "{said}");
+    for key in ["followed", "same"] {
+        assert_eq!(said[key], true, "{key}: {said}");
+    }
+    assert!(said["charts"] == 4 && said["bands"].as_u64() >= Some(4) && said["bars"].as_u64() > Some(5), "{said}");
+    // What the model is off by is small beside the displacements, and has an uncertainty.
+    assert!(text("off").contains("u_y of the model less that measured =") && text("off").contains('±'), "{said}");
+    assert_eq!(said["wide"], 0, "{said}");
 }

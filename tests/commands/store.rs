@@ -569,7 +569,7 @@ fn whole_chunks_with_impossible_numbers_are_refused() {
     assert_damaged("not numbered in order", &|path| foreign_chunk(path, "node_zone", &[0], &zones));
     let zones = vec![2u32; mesh.n_elements()];
     assert_damaged("below 2", &|path| foreign_chunk(path, "element_zone", &[0], &zones));
-    assert_damaged("no status", &|path| foreign_chunk(path, "status", &[0], &[77u8]));
+    assert_damaged("not a status", &|path| foreign_chunk(path, "status", &[0], &[77u8]));
     let marks = vec![3u8; mesh.n_nodes()];
     assert_damaged("mark of node 0 is 3", &|path| foreign_chunk(path, "measured", &[0, 0], &marks));
     let mut lost = vec![f64::NAN; 2 * mesh.n_nodes()];
@@ -764,7 +764,7 @@ fn chosen_frames_are_exported_and_those_without_a_field_are_named() {
     assert_eq!(desk.files("last"), ["csv/000004.csv"]);
     desk.run("export out --to csv --frames 2 --output no --quiet").refused(&["fields.zarr", "none of 1 frame"]);
     desk.run("export out --to csv --frames 3-9 --output no").refused(&["frame 9", "the series has 4"]);
-    desk.run("export out --to csv --frames 0 --output no").refused(&["'0' is no frame", "1,5-20"]);
+    desk.run("export out --to csv --frames 0 --output no").refused(&["'0' is not a frame", "1,5-20"]);
     desk.run("export out --to xlsx").refused(&["xlsx", "csv, vtu, npz, mat"]);
     desk.run("export nowhere --to csv").refused(&["nowhere: there is no fields.zarr here"]);
     assert!(desk.files("no").is_empty());

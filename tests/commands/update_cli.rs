@@ -183,10 +183,10 @@ fn what_cannot_go_with_it_is_refused() {
     for (flags, wanted) in [
         ("--start independent --update-reference residual", "--update-reference residual does not go with --start"),
         ("--update-reference every 3 --shard 1/2", "--update-reference every 3 does not go with --shard"),
-        ("--update-reference every 0", "`every 0` is no choice of update-reference; expected never, residual"),
-        ("--update-reference often", "`often` is no choice"),
+        ("--update-reference every 0", "`every 0` is not a choice for update-reference; expected never, residual"),
+        ("--update-reference often", "`often` is not a choice"),
         ("--update-reference every", "`every ref.png`"),
-        ("--update-reference -3", "`-3` is no choice"),
+        ("--update-reference -3", "`-3` is not a choice"),
     ] {
         desk.correlate(&line(flags)).refused(&[wanted]);
         assert!(!desk.path("out/run.toml").exists());

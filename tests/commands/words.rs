@@ -30,7 +30,7 @@ fn a_number_that_is_none_is_told_with_the_number_to_write() {
     let correlate = |rest: &str| format!("correlate --output out {rest} ref.png a.png");
     refused(&desk, &correlate("--element-size 16.5"), &["--element-size '16.5': give a whole number, such as 17"]);
     refused(&desk, &correlate("--pixel-size 0,05"), &["--pixel-size '0,05'", "decimal point, no comma: 0.05"]);
-    refused(&desk, &correlate("--tolerance small"), &["--tolerance 'small': this is no number"]);
+    refused(&desk, &correlate("--tolerance small"), &["--tolerance 'small': this is not a number"]);
     refused(&desk, &correlate("--roi 60 60 340 400"), &["as one word", "--roi 60,60,340,400"]);
     refused(&desk, &correlate("--roi 60, 60, 340, 400"), &["as one word", "--roi 60,60,340,400"]);
     refused(&desk, "probe out --point 10 20", &["--point 10,20"]);
@@ -82,7 +82,7 @@ fn what_takes_the_texture_away_is_named_and_a_text_among_the_images_is_left_out(
     desk.image("all/a.png", &moved([0.0, 0.0]));
     desk.image("all/b.png", &moved([0.25, 0.0]));
     let ran = desk.run("correlate --output out all/*").fine();
-    assert!(ran.stderr.contains("all/Notes.txt is no image and is left out"), "{ran}");
+    assert!(ran.stderr.contains("all/Notes.txt is not an image and is left out"), "{ran}");
     // One that was named is not guessed at.
     let ran = desk.run("correlate --output out --reference all/Notes.txt all/b.png");
     assert!(ran.code == Some(2) && !ran.stderr.contains("taken for"), "{ran}");
@@ -180,4 +180,59 @@ fn the_short_help_of_every_command_is_one_screen_in_groups_and_the_long_one_has_
         assert!(help.contains(group), "{group}: {help}");
     }
     assert!(desk.run("correlate --help").stdout.contains("--isa"), "what few need is in the long help");
+}
+
+/// Words that users stumble over, with what to write instead.
+const STUMBLED_OVER: [(&str, &str); 19] = [
+    ("foretold", "predicted"),
+    ("foretell", "predict"),
+    ("by turns", "alternately"),
+    ("for the time being", "meanwhile"),
+    ("on the average", "on average"),
+    ("have not the same", "do not have the same"),
+    ("its zone has not", "does not have"),
+    ("is no finite", "is not a finite"),
+    ("is no number", "is not a number"),
+    ("is no whole", "is not a whole"),
+    ("is no UTF-8", "is not UTF-8"),
+    ("is no valid", "is not a valid"),
+    ("is no rectangle", "is not a rectangle"),
+    ("is no list", "is not a list"),
+    ("is no choice", "is not a choice"),
+    ("is no measurement", "is not a measurement"),
+    ("which is none", "which is not one"),
+    ("is said on stderr", "is written to stderr"),
+    ("was over", "was reached"),
+];
+
+#[test]
+fn help_messages_and_pages_have_plain_words() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut sources = Vec::new();
+    crate::pages::files(&root.join("src"), &["rs"], &mut sources);
+    let mut said: Vec<(String, String)> = crate::pages::pages()
+        .into_iter()
+        .map(|(path, text)| (path.strip_prefix(root).unwrap().display().to_string(), text))
+        .collect();
+    assert!(sources.len() > 300 && said.len() > 30, "{} sources, {} pages", sources.len(), said.len());
+    for path in sources {
+        let name = path.strip_prefix(root).unwrap().display().to_string();
+        // Comments are for those who read the code, but for those that are the help of a command.
+        let help = name.replace('\\', "/").contains("cli/args/");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines = text.lines().filter(|line| help || !line.trim_start().starts_with("//"));
+        said.push((name, lines.collect::<Vec<_>>().join("\n")));
+    }
+    let mut wrong = Vec::new();
+    for (name, text) in &said {
+        // A sentence may go on in the next line, behind the backslash of a string or the slashes of a comment.
+        let flat: Vec<&str> = text.split_whitespace().filter(|word| !["\\", "///"].contains(word)).collect();
+        let flat = flat.join(" ");
+        for (word, better) in STUMBLED_OVER {
+            if flat.contains(word) {
+                wrong.push(format!("{name}: '{word}': write '{better}'"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }

@@ -566,7 +566,7 @@ fn damage_is_named_with_its_line() {
         (text.replace("$Nodes\n8", "$Nodes\nmany"), "line 10: 'many' where the number of nodes"),
         (text.replace("$EndMeshFormat\n", "$EndMeshFormat\nwhat\n"), "line 4: 'what' where a section should begin"),
         (text.replace("2 6 \"B\"", "2 6 B"), "line 7: the name of a group is not in quotes"),
-        (text.replace("2.2 0 8", "2.2 3 8"), "line 2: '3' is no kind"),
+        (text.replace("2.2 0 8", "2.2 3 8"), "line 2: '3' is not a kind"),
         (text.replace("2.2 0 8", "4.1 1 7"), "line 2: numbers of 7 bytes"),
         (text.replace("2.2 0 8", "4.1 1 8"), "line 3: the order of bytes is not given"),
     ] {
@@ -588,7 +588,7 @@ fn damage_is_named_with_its_line() {
         ("NumberOfComponents=\"3\"", "NumberOfComponents=\"2\"", "points of 2 components"),
         ("2 6 10 13", "2 6 10 14", "cell 3 ends at 14: there are 13 node numbers"),
         ("2 6 10 13", "2 5 10 13", "cell 1 has 3 nodes instead of 4"),
-        ("2 6 10 13", "2 6 ten 13", "'ten' is no number"),
+        ("2 6 10 13", "2 6 ten 13", "'ten' is not a number"),
         ("<DataArray type=\"Int64\"", "<DataArray type=\"Text\"", "is of the type 'Text'"),
         ("format=\"ascii\"", "format=\"morse\"", "an array of the format 'morse'"),
         ("<CellData>", "<CellData", "no XML"),

@@ -156,7 +156,7 @@ fn a_band_narrower_than_an_element_is_named_with_its_place() {
     // One column of sixteen; its neighbours bend with it.
     assert!((4.0..20.0).contains(&misfit.percent), "{misfit:?}");
     assert!((misfit.at[0] - BAND_AT).abs() <= ELEMENT, "{misfit:?}");
-    // Within its element the band leaves up to half the jump to follow, on the average some 0.2 of it.
+    // Within its element the band leaves up to half the jump to follow, on average some 0.2 of it.
     assert!((0.1..0.8).contains(&misfit.displacement), "{misfit:?}");
     let of = field.model_error.as_ref().unwrap();
     for (element, &px) in of.misfit.iter().enumerate().filter(|(_, px)| **px > 0.0) {

@@ -52,7 +52,7 @@ fn a_text_beside_the_images_is_not_taken_for_the_reference_and_is_named() {
     let desk = desk(&[("s/shot_1.png", 0.0), ("s/shot_2.png", 0.5)]);
     desk.write("s/notes.txt", "Monday, dry run");
     let ran = desk.correlate(&format!("--output out {ROI} s/notes.txt s/shot_1.png s/shot_2.png")).fine();
-    assert!(ran.stderr.contains("s/notes.txt is no image and is left out"), "{ran}");
+    assert!(ran.stderr.contains("s/notes.txt is not an image and is left out"), "{ran}");
     let ran = desk.run_words(&["correlate", "--output", "out", "--overwrite", "--roi", "32,32,128,96", "s/*"]).fine();
     assert!(ran.stderr.contains("reference s/shot_1.png"), "{ran}");
     assert!(messages(&desk).iter().any(|message| message.contains("s/notes.txt")), "{:?}", messages(&desk));

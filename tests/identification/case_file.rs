@@ -246,8 +246,8 @@ fn a_value_of_the_wrong_kind_is_named_with_what_is_expected() {
         ("regularisation = 'laplace'", "`none`, `tikhonov`, `equilibrium-gap`"),
         ("strain = 'true'", "`infinitesimal`, `green-lagrange`, `hencky`"),
         ("start = 'warm'", "`previous`"),
-        ("update_reference = 'often'", "`often` is no choice of update-reference; expected never, residual or"),
-        ("update_reference = 0", "`0` is no choice of update-reference"),
+        ("update_reference = 'often'", "`often` is not a choice for update-reference; expected never, residual or"),
+        ("update_reference = 0", "`0` is not a choice for update-reference"),
         ("update_reference = true", "\"residual\" or \"every N\""),
         ("start = warm", "a text without quotes"),
         ("noise =", "no value"),
@@ -308,7 +308,7 @@ fn choices_have_the_same_words_in_files_and_options() {
         assert_eq!(case.correlation.start, Some(choice));
     }
     let error: UnknownChoice = "dark".parse::<Brightness>().unwrap_err();
-    assert_eq!(error.to_string(), "`dark` is no choice of brightness; expected auto, zone, smooth, element or off");
+    assert_eq!(error.to_string(), "`dark` is not a choice for brightness; expected auto, zone, smooth, element or off");
     assert!("warm".parse::<StartFrom>().unwrap_err().to_string().contains("previous or independent"));
 }
 

@@ -231,7 +231,7 @@ fn records_that_cannot_be_joined_say_why_and_where() {
     };
     let wrong = error("t_s,load_N\n0,1\n1,2\n", "time", &["no column 'time'", "t_s, load_N"]);
     assert!(matches!(wrong, LoadError::NoTime { .. }));
-    assert!(matches!(error("t_1,load_N\n0,1\n1,2\n", "t", &["are no seconds", "[min]"]), LoadError::TimeUnit { .. }));
+    assert!(matches!(error("t_1,load_N\n0,1\n1,2\n", "t", &["are not seconds", "[min]"]), LoadError::TimeUnit { .. }));
     let wrong = error("t_s,load_N\n0,1\n2,2\n1,3\n", "t", &["line 4", "column 't_s'", "must not fall"]);
     assert!(matches!(wrong, LoadError::TimeOrder { line: 4, .. }));
     assert!(matches!(error("t_s,load_N\n0,1\n,2\n", "t", &["line 3"]), LoadError::TimeOrder { .. }));

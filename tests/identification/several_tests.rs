@@ -379,7 +379,7 @@ fn tests_of_different_adhesives_contradict_each_other_and_the_verdict_says_which
     let verdict = &fit.fit().verdict;
     assert!(consistency.contradicted() && verdict.outcome == Outcome::Rejected, "{consistency:?}");
     let text = verdict.sentences.join(". ");
-    assert!(text.contains("the tests contradict each other") && text.contains("\"other\" wants"), "{text}");
+    assert!(text.contains("the tests contradict each other") && text.contains("\"other\" asks for"), "{text}");
 }
 
 #[test]

@@ -86,7 +86,7 @@ fn the_program_writes_what_the_limit_left_time_for_and_exits_1() {
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
     let (status, said) = run(folder.path(), &["--max-seconds", "3", "--threads", "1"]);
     assert_eq!(status, Some(1), "{said}");
-    assert!(said.contains("the limit of 3 s (max_seconds) was over") && said.contains("not fitted: r = "), "{said}");
+    assert!(said.contains("the limit of 3 s (max_seconds) was reached") && said.contains("not fitted: r = "), "{said}");
     let sweep: Value =
         serde_json::from_str(&std::fs::read_to_string(folder.path().join("out/sweep.json")).unwrap()).unwrap();
     let [rows, missing] = ["rows", "not_fitted"].map(|key| sweep[key].as_array().unwrap().len());

@@ -10,6 +10,7 @@ use crate::cli::frames::Frames;
 use crate::field::RemoveRigid;
 use crate::field::StrainDefinition;
 use crate::imaging::Interpolation;
+use crate::report::Animated;
 use crate::report::Figure;
 use crate::report::Format;
 use clap::Args;
@@ -151,6 +152,55 @@ pub enum StrainPlace {
     Nodes,
 }
 
+/// A kind of file that `quadrille figures` writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// One picture a frame.
+    Still(Format),
+    /// All frames, one after the other.
+    Moving(Animated),
+    /// The same as a video.
+    Video,
+}
+
+impl FileKind {
+    const ALL: [Self; 5] = [
+        Self::Still(Format::Png),
+        Self::Still(Format::Svg),
+        Self::Moving(Animated::Gif),
+        Self::Moving(Animated::Apng),
+        Self::Video,
+    ];
+
+    /// Ending of the file's name, also the name used in options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Still(format) => format.name(),
+            Self::Moving(kind) => kind.name(),
+            Self::Video => "mp4",
+        }
+    }
+
+    /// The kind of picture; `None` of what moves.
+    pub fn still(self) -> Option<Format> {
+        if let Self::Still(format) = self { Some(format) } else { None }
+    }
+
+    /// The kind of animation; `None` of a picture and of a video.
+    pub fn animated(self) -> Option<Animated> {
+        if let Self::Moving(kind) = self { Some(kind) } else { None }
+    }
+}
+
+impl std::str::FromStr for FileKind {
+    type Err = String;
+
+    fn from_str(word: &str) -> std::result::Result<Self, String> {
+        let named = Self::ALL.into_iter().find(|kind| kind.name() == word);
+        named.ok_or_else(|| format!("unknown format '{word}'; expected png or svg, of a series gif, apng or mp4"))
+    }
+}
+
 /// Arguments of `quadrille figures`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
@@ -158,6 +208,8 @@ pub enum StrainPlace {
     quadrille figures out\n  \
     Two strains of three frames for a paper, with one colour bar:\n    \
     quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --format svg\n  \
+    The whole series as an animation for slides, out/figures/eyy.gif:\n    \
+    quadrille figures out --frames all --quantity eyy --format gif\n  \
     The opening along a line across two strips, and both strips brought into register:\n    \
     quadrille figures out --quantity uy,register --line 600,20,600,780\n\n\
     Exit status: 0 everything asked for is there; 1 some frame named by --frames has no field; 2 nothing could \
@@ -174,9 +226,9 @@ pub struct FiguresArgs {
     /// Default ux,uy,exx,eyy,exy,residual, with a strain window those over it as well.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub quantity: Vec<Figure>,
-    /// Kinds of file.
-    #[arg(long, value_name = "png,svg", value_delimiter = ',', default_value = "png")]
-    pub format: Vec<Format>,
+    /// Kinds of file: png, svg; of a whole series gif, apng, mp4 (by the program ffmpeg), with the same colours in all frames.
+    #[arg(long, value_name = "png,svg,gif,apng,mp4", value_delimiter = ',', default_value = "png")]
+    pub format: Vec<FileKind>,
     /// A line, px: shown in the maps, and each quantity drawn along it with a band of 2 standard uncertainties.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = rectangle, allow_hyphen_values = true)]
     pub line: Option<[f64; 4]>,

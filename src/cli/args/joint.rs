@@ -14,9 +14,9 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille virtual --output test && quadrille run test/case.toml --output test/run\n\n\
-    Steps already done with the same images and options are not done again. DIR/report.html tells all; the measured\n\
+    Steps already done with the same images and options are not done again. DIR/report.html shows everything; the measured\n\
     fields are in DIR/correlation.\n\n\
-    Exit status: 0 all is there; 1 a frame or the fit did not converge, or --max-seconds was over; 2 nothing could be
+    Exit status: 0 all is there; 1 a frame or the fit did not converge, or --max-seconds was reached; 2 nothing could be
 \
     run; 130 Ctrl-C or SIGTERM: what is done is kept, the best point of the fit too.")]
 pub struct RunArgs {
@@ -42,7 +42,7 @@ pub struct RunArgs {
     pub limits: FitLimits,
     #[command(flatten)]
     pub talk: Quiet,
-    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
 }
@@ -186,7 +186,7 @@ impl SpecimenName {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
-    Written are mesh.json and case.toml, whose comments tell what stands there.")]
+    Written are mesh.json and case.toml, whose comments explain every line.")]
 pub struct SpecimenArgs {
     /// The test.
     #[arg(value_enum)]
@@ -266,7 +266,7 @@ pub struct IdentifyArgs {
     pub limits: FitLimits,
     #[command(flatten)]
     pub talk: Quiet,
-    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
 }
@@ -293,7 +293,7 @@ pub struct TournamentArgs {
     pub limits: FitLimits,
     #[command(flatten)]
     pub talk: Quiet,
-    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
 }

@@ -180,7 +180,7 @@ pub struct BenchSeriesArgs {
     /// Frames of the series.
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub frames: usize,
-    /// Repetitions of each measurement, by turns.
+    /// Repetitions of each measurement, alternately.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub runs: usize,
     /// Side of the square elements, px (4 to 128).
@@ -197,7 +197,7 @@ pub struct BenchSeriesArgs {
     /// Print the figures as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Where images and results go for the time being: say a folder of the disk to be measured. Default: the system's
+    /// Where images and results are kept while it runs, such as a folder on the disk to be measured. Default: the system's
     /// folder for temporary files.
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,

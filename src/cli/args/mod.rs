@@ -9,6 +9,7 @@ mod schema;
 mod series;
 mod shared;
 mod shell;
+mod studio;
 mod words;
 
 pub use fields::*;
@@ -20,6 +21,7 @@ pub use schema::*;
 pub use series::*;
 pub use shared::*;
 pub use shell::*;
+pub use studio::*;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
@@ -56,18 +58,20 @@ pub enum Command {
     Correlate(Box<CorrelateArgs>),
     /// Measure while the test runs: correlate images as a camera writes them into a folder.
     Watch(Box<WatchArgs>),
-    /// Tell how far a run is: frames done, failed and missing, its rate, and who works on it.
+    /// Show how far a run is: frames done, failed and missing, its rate, and who works on it.
     Status(StatusArgs),
     /// Write the scripts that spread a series over a Slurm cluster.
     Slurm(SlurmArgs),
     /// Make tables, ParaView, NumPy or MATLAB files of the fields of a run.
     Export(ExportArgs),
-    /// Draw numbers from the fields of a run: points, lines, extensometers, openings.
+    /// Read numbers from the fields of a run: points, lines, extensometers, openings.
     Probe(ProbeArgs),
     /// Draw the fields of a run as PNG or SVG: maps over the image, meshes, profiles along a line.
     Figures(FiguresArgs),
     /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
     Draw(DrawArgs),
+    /// From a folder of images to results in a browser: draw, check, run, look; what it does is a case file.
+    Studio(StudioArgs),
     /// Make a page on which one looks around in the fields of a run, in any browser.
     View(ViewArgs),
     /// Make speckle images whose displacement is known exactly.
@@ -84,9 +88,9 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Find the parameters of the adhesive's law from measured displacements, with their uncertainty.
     Identify(IdentifyArgs),
-    /// The same with one parameter prescribed at several values.
+    /// Fit with one parameter prescribed at several values.
     Sweep(SweepArgs),
-    /// The same with several laws: which of them the data choose, and what they have in common.
+    /// Fit several laws and compare them: which of them the data choose, and what they have in common.
     Tournament(TournamentArgs),
     /// Make the virtual test: a computed joint that is pulled apart, its images, and the truth about it.
     Virtual(VirtualArgs),

@@ -240,7 +240,7 @@ pub struct CorrelateArgs {
     /// One line for every frame.
     #[arg(long, short)]
     pub verbose: bool,
-    /// How progress is said on stderr: for people, or as one JSON object a line for other programs.
+    /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// A time above zero.
 pub(super) fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("'{text}' is no number of seconds"))?;
+    let seconds: f64 = text.parse().map_err(|_| format!("'{text}' is not a number of seconds"))?;
     // Below a millisecond nothing settles, above a year nothing ends.
     let fine = (1e-3..=3.2e7).contains(&seconds);
     if fine { Ok(Duration::from_secs_f64(seconds)) } else { Err("give seconds from 0.001 to a year".into()) }
@@ -65,7 +65,7 @@ pub(super) fn sbatch_option(text: &str) -> Result<String, String> {
 
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse::<f64>()).collect();
-    let values = values.map_err(|_| format!("'{text}' is no list of {N} numbers separated by commas"))?;
+    let values = values.map_err(|_| format!("'{text}' is not a list of {N} numbers separated by commas"))?;
     let n = values.len();
     if values.iter().any(|v| !v.is_finite()) {
         return Err(format!("'{text}' holds a number that is not finite"));
@@ -125,7 +125,7 @@ pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
     let parse = |v: &str| v.trim().parse::<usize>().ok().filter(|v| (1..=32_768).contains(v));
     text.split_once(['x', 'X'])
         .and_then(|(w, h)| Some([parse(w)?, parse(h)?]))
-        .ok_or_else(|| format!("'{text}' is no image size such as 1024x768"))
+        .ok_or_else(|| format!("'{text}' is not an image size such as 1024x768"))
 }
 
 pub(super) fn interpolation(name: &str) -> Result<Interpolation, String> {

@@ -19,7 +19,7 @@ pub(super) struct Pull {
 pub struct Consistency {
     /// The fall of the objective, to first order, in units of the noise's variance.
     pub gain: f64,
-    /// What noise, constants and element size make of it on the average.
+    /// What noise, constants and element size make of it on average.
     pub expected: f64,
     /// Its normal deviate.
     pub z: f64,

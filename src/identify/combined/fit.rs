@@ -42,7 +42,7 @@ pub struct CombinedFit {
     pub omega: f64,
     /// Whether the data of all tests contradict the model; `None` without covariance.
     pub misfit: Option<Misfit>,
-    /// Whether the tests want the same parameters; `None` where two of them do not tell the same, or their noise is not known.
+    /// Whether the tests agree on the parameters; `None` where two of them do not tell the same, or their noise is not known.
     pub consistency: Option<Consistency>,
 }
 

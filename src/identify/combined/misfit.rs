@@ -98,7 +98,7 @@ fn left(tests: &[White<'_>], a: &Dense, changes: &[&[Dense]]) -> Vec<Left> {
     tests.iter().zip(changes).map(of_test).collect()
 }
 
-/// The misfit of each test, of all together, and whether the tests want the same parameters.
+/// The misfit of each test, of all together, and whether the tests agree on the parameters.
 ///
 /// # Errors
 /// A tangent or a covariance without inverse.

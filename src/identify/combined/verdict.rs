@@ -79,7 +79,7 @@ fn worst_moves(of: &OfTests<'_>, consistency: &Consistency) -> String {
         let (k, by) = told.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
         let name = of.parameters.get(k)?.parameter.name;
         let side = if by > 0.0 { "higher" } else { "lower" };
-        Some(format!("\"{}\" wants {name} {side}, by {:.1} of its standard uncertainties", share.name, by.abs()))
+        Some(format!("\"{}\" asks for {name} {side}, by {:.1} of its standard uncertainties", share.name, by.abs()))
     };
     let said: Vec<String> = of.shares.iter().zip(&consistency.moves).filter_map(of_test).collect();
     if said.is_empty() { String::new() } else { format!("; {}", said.join(", ")) }

@@ -26,7 +26,7 @@ pub enum CaseError {
         reason: io::Error,
     },
     /// The file is not UTF-8 text.
-    #[error("{}, line {line}: the case file is no UTF-8 text; save it as UTF-8", path.display())]
+    #[error("{}, line {line}: the case file is not UTF-8 text; save it as UTF-8", path.display())]
     NotText {
         /// The file.
         path: PathBuf,

@@ -26,7 +26,7 @@ pub enum LoadError {
         reason: io::Error,
     },
     /// The file is not UTF-8 text.
-    #[error("{}, line {line}: the load file is no UTF-8 text; save it as CSV (UTF-8)", path.display())]
+    #[error("{}, line {line}: the load file is not UTF-8 text; save it as CSV (UTF-8)", path.display())]
     NotText {
         /// The file.
         path: PathBuf,
@@ -79,7 +79,7 @@ pub enum LoadError {
         decimal_commas: bool,
     },
     /// A cell holds no finite number.
-    #[error("{}, line {line}, column '{column}': '{text}' is no finite number; leave cells empty that are not known", path.display())]
+    #[error("{}, line {line}, column '{column}': '{text}' is not a finite number; leave cells empty that are not known", path.display())]
     Number {
         /// The file.
         path: PathBuf,
@@ -124,7 +124,7 @@ pub enum LoadError {
     },
     /// The column of times is in another unit.
     #[error(
-        "{}: the times in column '{column}' are no seconds; write the unit as [s], [ms], [min] or [h], or give clock times such \
+        "{}: the times in column '{column}' are not seconds; write the unit as [s], [ms], [min] or [h], or give clock times such \
          as 10:31:05.20",
         path.display()
     )]

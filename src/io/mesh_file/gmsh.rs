@@ -170,7 +170,7 @@ impl<'a> Msh<'a> {
                 self.numbers = Numbers::Binary { little, word };
                 return Ok(read);
             }
-            other => return Err(self.invalid(kind_at, format!("'{}' is no kind of .msh file", shortened(other)))),
+            other => return Err(self.invalid(kind_at, format!("'{}' is not a kind of .msh file", shortened(other)))),
         }
         self.end("MeshFormat")?;
         Ok(read)

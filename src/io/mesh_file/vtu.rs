@@ -348,7 +348,7 @@ impl Vtu<'_> {
         let bytes = match &array.content {
             Stored::Text(text) => {
                 let parse =
-                    |word: &str| word.parse().map_err(|_| wrong(format!("'{}' is no number", word.escape_debug())));
+                    |word: &str| word.parse().map_err(|_| wrong(format!("'{}' is not a number", word.escape_debug())));
                 return text.split_ascii_whitespace().map(parse).collect();
             }
             Stored::Base64(text) => decoder.base64(text.as_bytes().trim_ascii()).map_err(wrong)?,
@@ -361,7 +361,7 @@ impl Vtu<'_> {
             }
         };
         if bytes.len() % N != 0 {
-            return Err(wrong(format!("{} bytes are no whole number of values", bytes.len())));
+            return Err(wrong(format!("{} bytes are not a whole number of values", bytes.len())));
         }
         let read = |bytes: &[u8]| {
             let mut number = [0; N];

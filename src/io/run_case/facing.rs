@@ -149,7 +149,7 @@ fn shape(zone: &CaseZone, elements: Option<&ZoneElements>) -> Result<Shape, Stri
         (None, Some(corners)) => {
             if !(corners.iter().all(|v| v.is_finite()) && corners[0] < corners[2] && corners[1] < corners[3]) {
                 return Err(format!(
-                    "zone \"{name}\": roi = {corners:?} is no rectangle; give x0, y0, x1, y1 with x0 < x1 and y0 < y1"
+                    "zone \"{name}\": roi = {corners:?} is not a rectangle; give x0, y0, x1, y1 with x0 < x1 and y0 < y1"
                 ));
             }
             return Ok(Shape::Rectangle(corners));

@@ -130,7 +130,7 @@ impl Attributes {
         let file = path.join("zarr.json");
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };
         let mut group: Value =
-            serde_json::from_slice(text).map_err(|error| damaged(format!("it is no JSON ({error})")))?;
+            serde_json::from_slice(text).map_err(|error| damaged(format!("it is not JSON ({error})")))?;
         let foreign = |reason: &str| StoreError::NotAStore { path: path.to_owned(), reason: reason.to_owned() };
         if group["zarr_format"] != 3 || group["node_type"] != "group" {
             return Err(foreign("its zarr.json describes no Zarr V3 group"));

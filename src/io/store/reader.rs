@@ -152,7 +152,7 @@ impl Store {
         match chunk::<u8>(&self.folder, &self.status, &at, Some(number))?.as_deref() {
             None | Some([NOT_DONE]) => Ok(None),
             Some(&[code]) if Status::from_code(code).is_some() => Ok(Status::from_code(code)),
-            Some(codes) => Err(self.damaged(&self.status, &at, number, format!("{codes:?} is no status"))),
+            Some(codes) => Err(self.damaged(&self.status, &at, number, format!("{codes:?} is not a status"))),
         }
     }
 
@@ -234,7 +234,7 @@ impl Store {
             }
         }
         if let Some(element) = element_residual.iter().position(|residual| !residual.is_finite()) {
-            let reason = format!("the residual of element {element} is no finite number");
+            let reason = format!("the residual of element {element} is not a finite number");
             return Err(self.damaged_variable(number, Variable::Residual, reason));
         }
         let model_error = self.model_error(number, &measured)?;
@@ -280,7 +280,7 @@ impl Store {
             return Ok(None);
         }
         let mark = |(element, &code): (usize, &u8)| {
-            let reason = || format!("the mark of element {element} is {code}, which is none");
+            let reason = || format!("the mark of element {element} is {code}, which is not a mark");
             ElementMark::from_code(code).ok_or_else(|| self.damaged_variable(number, Variable::Mark, reason()))
         };
         codes.iter().enumerate().map(mark).collect::<Result<_, _>>().map(Some)
@@ -298,7 +298,7 @@ impl Store {
             return Ok(None);
         }
         if let Some(element) = misfit.iter().position(|v| !v.is_finite()) {
-            let reason = format!("the misfit of element {element} is no finite number");
+            let reason = format!("the misfit of element {element} is not a finite number");
             return Err(self.damaged_variable(number, Variable::Misfit, reason));
         }
         for (node, (error, &measured)) in nodes.iter_mut().zip(measured).enumerate() {
@@ -453,7 +453,7 @@ fn mesh(folder: &Arc<Folder>, attributes: &Attributes) -> Result<Mesh<Px>, Store
     let (node_file, node_zone) = constant::<u32>(folder, &Form::node_zone(n_nodes))?;
     let (element_file, element_zone) = constant::<u32>(folder, &Form::element_zone(n_elements))?;
     if let Some(at) = positions.iter().position(|x| !x.is_finite()) {
-        return Err(damaged(&position_file, format!("the position of node {} is no finite number", at / 2)));
+        return Err(damaged(&position_file, format!("the position of node {} is not a finite number", at / 2)));
     }
     let n_zones = attributes.zones().len();
     for (file, zones) in [(&node_file, &node_zone), (&element_file, &element_zone)] {
@@ -478,7 +478,7 @@ fn mesh(folder: &Arc<Folder>, attributes: &Attributes) -> Result<Mesh<Px>, Store
         if let Some(node) = corners.iter().find(|node| !own.contains(node)) {
             return Err(damaged(
                 &corner_file,
-                format!("element {element} has the node {node}, which its zone has not"),
+                format!("element {element} has the node {node}, which its zone does not have"),
             ));
         }
         zones[zone].elements.push([0, 1, 2, 3].map(|k| corners[k] - first[zone]));

@@ -176,7 +176,7 @@ fn rest_of(rows: &[Row], number: usize) -> Option<String> {
     (short > AT_REST || long > AT_REST).then(|| {
         format!(
             "The strain of frame {number} scatters {} times as much as its noise (element), {} times over {} nodes: the specimen was \
-             strained already, or the frame holds errors that are no noise. For a noise floor take a frame at rest.",
+             strained already, or the frame holds errors that are not noise. For a noise floor take a frame at rest.",
             significant(short, 2),
             significant(long, 2),
             longest.nodes

@@ -57,7 +57,7 @@ pub struct FitRecord {
     /// The objective: the weighted sum of squares.
     #[serde(deserialize_with = "number")]
     pub omega: f64,
-    /// What noise of the stated size leaves of it on the average.
+    /// What noise of the stated size leaves of it on average.
     pub omega_expected: Option<f64>,
     /// Standard deviation of the noise of one displacement, in the mean, mm.
     pub noise_mm: Option<f64>,
@@ -174,7 +174,7 @@ pub struct ConsistencyRecord {
     pub contradicted: bool,
     /// What omega would fall by with parameters of its own in each test, to first order.
     pub omega_falls_by: f64,
-    /// What noise, constants and element size make of that on the average.
+    /// What noise, constants and element size make of that on average.
     pub expected: f64,
     /// Its normal deviate.
     pub z: f64,
@@ -201,7 +201,7 @@ pub struct ParameterRecord {
     pub interval95: Option<[f64; 2]>,
     /// Its ends, each for itself; null where the data do not bound the parameter on that side.
     pub ends95: [Option<f64>; 2],
-    /// What noise shifts the value by on the average (found less true); the interval holds it, the value is not moved.
+    /// What noise shifts the value by on average (found less true); the interval holds it, the value is not moved.
     pub bias: Option<f64>,
     /// Standard uncertainty of the bias; null where one pair of draws told it.
     pub bias_std: Option<f64>,
@@ -234,7 +234,7 @@ pub struct QuantityRecord {
     pub interval95: Option<[f64; 2]>,
     /// Its ends, each for itself.
     pub ends95: [Option<f64>; 2],
-    /// What noise shifts it by on the average.
+    /// What noise shifts it by on average.
     pub bias: Option<f64>,
 }
 
@@ -323,11 +323,11 @@ pub struct MisfitRecord {
     /// Sum of squares of the whitened residual.
     #[serde(deserialize_with = "number")]
     pub omega: f64,
-    /// What noise alone leaves of it on the average.
+    /// What noise alone leaves of it on average.
     pub freedom: f64,
     /// What the element size adds; null where it could not be computed.
     pub floor: Option<f64>,
-    /// What the constants of the error budget add on the average.
+    /// What the constants of the error budget add on average.
     pub constants: f64,
     /// The excess over all of them in standard deviations of omega, the noise's own uncertainty counted in.
     pub z: f64,
@@ -590,7 +590,7 @@ fn of_intervals(fit: &Fit) -> Vec<String> {
             && bias.abs() > 0.25 * std
         {
             said.push(format!(
-                "noise shifts {name} by {:+.1} % on the average ({bias:+.3e} {unit}); the value is as fitted, its interval holds \
+                "noise shifts {name} by {:+.1} % on average ({bias:+.3e} {unit}); the value is as fitted, its interval holds \
                  the shift",
                 100.0 * bias / p.value
             ));

@@ -3,6 +3,7 @@
 mod budget;
 mod figures;
 mod json;
+mod sensitivity;
 mod several;
 mod several_page;
 mod tables;
@@ -12,6 +13,7 @@ pub use json::{
     BudgetRecord, ConsistencyRecord, FitRecord, GroupRecord, IterationRecord, MisfitRecord, ParameterRecord,
     QuantityRecord, StartRecord, SweepRecord, TestParameterRecord, TestRecord, VerdictRecord,
 };
+pub use sensitivity::{JointSensitivity, LawSensitivity, read_joint_sensitivities, read_law_sensitivities};
 pub use several::{several_json, write_tests};
 pub use several_page::several_page;
 pub(super) use tables::rows_of;

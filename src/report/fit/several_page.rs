@@ -71,7 +71,7 @@ fn unit(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
-/// What each test tells.
+/// What each test determines.
 fn tests(record: &FitRecord) -> Result<Section, ReportError> {
     let mut blocks = vec![Block::Text(
         "Standard uncertainty of each parameter by the noise: of each test if it were alone, from its own information at the \
@@ -138,11 +138,11 @@ fn tests(record: &FitRecord) -> Result<Section, ReportError> {
              {:.1}, contradiction above {:.1}).",
             c.omega_falls_by, c.expected, c.z, c.z_limit
         ),
-        None => "Whether the tests want the same parameters is not tested: the noise of one is not known beside its residual, or no \
+        None => "Whether the tests agree on the parameters is not tested: the noise of one is not known beside its residual, or no \
                  two tests tell the same."
             .into(),
     }));
-    Ok(Section { title: "What each test tells".into(), blocks })
+    Ok(Section { title: "What each test determines".into(), blocks })
 }
 
 /// The law with its band, in both modes.

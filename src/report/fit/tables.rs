@@ -12,12 +12,12 @@ const TRACTIONS: [&str; 8] =
 /// Columns of the law's traction.
 const LAW: [&str; 4] = ["traction_MPa", "std_MPa", "low95_MPa", "high95_MPa"];
 
-fn notes(what: &str) -> [String; 2] {
+pub(super) fn notes(what: &str) -> [String; 2] {
     let version = format!("quadrille {}", env!("CARGO_PKG_VERSION"));
     [version, format!("{what}; mm, MPa; y up; nodes from 0, instants from 1")]
 }
 
-fn names(columns: &[&str]) -> Vec<String> {
+pub(super) fn names(columns: &[&str]) -> Vec<String> {
     columns.iter().map(|&name| name.to_owned()).collect()
 }
 

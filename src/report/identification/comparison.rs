@@ -1,12 +1,32 @@
 //! Measured against computed, and the tractions of the law.
 
 use super::{IdentificationReport, chosen};
+use crate::field::Measurement;
+use crate::mechanics::Joint;
 use crate::mechanics::cohesive::Jump;
 use crate::report::fit::{Banded, LawRows};
 use crate::report::page::{Block, Curves, Section};
 use crate::report::words::significant;
 use crate::report::{Axis, Plot, PlotSeries, ReportError, Style};
-use crate::units::Vector;
+use crate::units::{PixelSize, Px, Vector};
+
+/// Measured displacement of a node at instant `at` (from 0) of `joint`, mm with y up, less the rigid motion where that was removed; `None`
+/// where none was measured.
+pub fn measured_mm(
+    field: &Measurement<Px>,
+    scale: PixelSize,
+    joint: &Joint,
+    at: usize,
+    node: usize,
+) -> Option<[f64; 2]> {
+    let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
+    let u = measured.then(|| scale.to_mm(Vector::new(u)).components())?;
+    let Some(motion) = joint.removed.get(at) else { return Some(u) };
+    let rigid = motion.displacement(joint.model.mesh().nodes()[node]);
+    let (sin, cos) = motion.rotation_rad.sin_cos();
+    let rest = [u[0] - rigid[0], u[1] - rigid[1]];
+    Some([cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]])
+}
 
 impl IdentificationReport<'_> {
     /// Instants that have a solution, of those to be drawn.
@@ -26,13 +46,7 @@ impl IdentificationReport<'_> {
     /// Measured displacement of a node at an instant, mm with y up, less the rigid motion where that was removed.
     fn measured(&self, at: usize, node: usize) -> Option<[f64; 2]> {
         let (_, field) = self.frames.get(at)?;
-        let (&measured, &u) = (field.measured.get(node)?, field.displacement.get(node)?);
-        let u = measured.then(|| self.pixel_size.to_mm(Vector::new(u)).components())?;
-        let Some(motion) = self.joint.removed.get(at) else { return Some(u) };
-        let rigid = motion.displacement(self.joint.model.mesh().nodes()[node]);
-        let (sin, cos) = motion.rotation_rad.sin_cos();
-        let rest = [u[0] - rigid[0], u[1] - rigid[1]];
-        Some([cos * rest[0] + sin * rest[1], -sin * rest[0] + cos * rest[1]])
+        measured_mm(field, self.pixel_size, self.joint, at, node)
     }
 
     pub(super) fn comparison(&self) -> Result<Section, ReportError> {

@@ -5,6 +5,8 @@ mod history;
 mod measurement;
 mod result;
 
+pub use comparison::measured_mm;
+
 use super::fit::{FitRecord, LawRows, TractionRows};
 use super::page::{Block, Page, Section};
 use super::summary::Summary;

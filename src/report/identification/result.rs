@@ -195,7 +195,7 @@ fn about_intervals(fit: &FitRecord) -> Vec<Block> {
     match &fit.intervals {
         Some(intervals) if intervals.kind == "profile" => blocks.push(Block::Text(format!(
             "The intervals are those of the profile likelihood, because linear theory is in doubt; they need not be symmetric. Where \
-             refits of data simulated from the fitted model ({} of them, {} failed) are shifted on the average, the interval is \
+             refits of data simulated from the fitted model ({} of them, {} failed) are shifted on average, the interval is \
              extended to hold the shift; the value is as fitted.",
             intervals.draws, intervals.failed
         ))),
@@ -236,7 +236,7 @@ fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
     let mut blocks = vec![Block::Heading("Does the model follow the measurement?".into())];
     blocks.push(Block::Text(match record.tested {
         true => format!(
-            "Omega of the whitened residual is {:.0}; noise leaves {:.0} of it on the average, the element size adds {}, the constants \
+            "Omega of the whitened residual is {:.0}; noise leaves {:.0} of it on average, the element size adds {}, the constants \
              {:.0}: {:+.1} %, {:.1} standard deviations (rejected above {:.1}). The level of the noise counts as known to 2 %.",
             record.omega,
             record.freedom,

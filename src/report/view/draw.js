@@ -1,4 +1,6 @@
 // Zones, cracks, gauges and a scale drawn on the reference image; what is written is a case file that the command repeats.
+/** What a page around the drawing is told, and may ask of it. */
+const drawing = { changed() {}, under() {} };
 (() => {
 const data = JSON.parse(document.getElementById('data').textContent);
 const at = id => document.getElementById(id);
@@ -150,6 +152,7 @@ function caseText() {
     if (kind === 'polygon') lines.push('', '[[zone]]', ...named, `polygon = ${list(points)}`);
     const cut = KINDS[kind].zone ? shapes.filter(other => other.kind === 'exclude' && other.zone === name) : [];
     if (cut.length) lines.push(`exclude = [${cut.map(other => list(other.points)).join(', ')}]`);
+    if (shape.guard > 0) lines.push(`guard_px = ${number(shape.guard)}`);
     if (kind === 'crack') lines.push('', '[[crack]]', ...named, `path = ${list(points)}`);
     if (kind === 'extensometer' || kind === 'line') lines.push('', `[[${kind}]]`, ...named, `from = [${points[0].map(number).join(', ')}]`, `to = [${points[1].map(number).join(', ')}]`);
     if (kind === 'point') lines.push('', '[[probe]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
@@ -185,6 +188,7 @@ function faults() {
 const canvas = at('map'), pen = canvas.getContext('2d'), picture = new Image();
 function draw() {
   view.paint(pen, picture);
+  drawing.under(pen, view);
   const ratio = window.devicePixelRatio || 1;
   const stroke = (points, closed, colour, width, fill) => {
     pen.beginPath();
@@ -245,6 +249,8 @@ function changed() {
   at('length-label').hidden = !own || own.kind !== 'scale';
   if (own && own.kind === 'scale' && document.activeElement !== at('length')) at('length').value = own.mm || '';
   at('size').value = settings.size;
+  at('guard-label').hidden = !own || !KINDS[own.kind].zone;
+  if (document.activeElement !== at('guard')) at('guard').value = (own && own.guard) || 0;
   at('opening-label').hidden = zones().length !== 2;
   at('opening').checked = settings.opening;
   at('case').textContent = caseText();
@@ -252,6 +258,7 @@ function changed() {
   at('undo').disabled = !past.length;
   at('redo').disabled = !future.length;
   draw();
+  drawing.changed();
 }
 function take(name) {
   if (path) end();
@@ -328,6 +335,13 @@ at('name').addEventListener('change', event => {
 });
 at('length').addEventListener('input', event => { const own = shapes[chosen]; if (own && own.kind === 'scale') { own.mm = Math.max(0, parseFloat(event.target.value) || 0); changed(); } });
 at('size').addEventListener('change', event => { remember(); settings.size = Math.max(4, Math.min(128, Math.round(event.target.value) || 16)); changed(); });
+at('guard').addEventListener('change', event => {
+  const own = shapes[chosen];
+  if (!own || !KINDS[own.kind].zone) return;
+  remember();
+  own.guard = Math.max(0, Math.min(64, parseFloat(event.target.value) || 0));
+  changed();
+});
 at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
 at('copy').addEventListener('click', async () => {
   try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
@@ -356,6 +370,13 @@ document.addEventListener('keydown', event => {
 at('subtitle').textContent = `${data.shown}, ${W} x ${H} px`;
 at('where').textContent = `Save it in ${data.folder}: names of images are meant from the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
 if (data.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.png}`; }
+Object.assign(drawing, {
+  data, caseText, redraw: draw, frozen,
+  /** Takes shapes and settings of before. */
+  thaw(text) { [shapes, settings] = JSON.parse(text); chosen = -1; changed(); },
+  /** Which images the case file names. */
+  images(reference, deformed) { data.reference = reference; data.deformed = deformed; changed(); },
+});
 take('roi');
 view.resize();
 changed();

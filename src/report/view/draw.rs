@@ -4,10 +4,10 @@ use super::super::Backdrop;
 use super::{IMAGE, page_of};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::json;
+use serde_json::{Value, json};
 
-const HTML: &str = include_str!("draw.html");
-const SCRIPT: &str = include_str!("draw.js");
+pub(super) const HTML: &str = include_str!("draw.html");
+pub(super) const SCRIPT: &str = include_str!("draw.js");
 
 /// What the page shows, and what its case file says of images.
 #[derive(Debug)]
@@ -29,8 +29,14 @@ pub struct Drawing<'a> {
 impl Drawing<'_> {
     /// The page.
     pub fn html(&self) -> String {
+        let page = Parts::default().of(HTML);
+        page_of(&page, &[IMAGE, SCRIPT].concat(), &self.data())
+    }
+
+    /// What its script is given.
+    pub(super) fn data(&self) -> Value {
         let [width, height] = self.backdrop.size();
-        let data = json!({
+        json!({
             "quadrille": env!("CARGO_PKG_VERSION"),
             "shown": self.shown,
             "reference": self.reference,
@@ -40,7 +46,27 @@ impl Drawing<'_> {
             "width": width,
             "height": height,
             "png": self.backdrop.png().map(|png| STANDARD.encode(png)),
-        });
-        page_of(HTML, &[IMAGE, SCRIPT].concat(), &data)
+        })
+    }
+}
+
+/// What stands around the drawing.
+#[derive(Default)]
+pub(super) struct Parts {
+    /// What else the page may do, as a policy.
+    pub also: &'static str,
+    /// Before the drawing.
+    pub before: &'static str,
+    /// Behind it.
+    pub after: &'static str,
+}
+
+impl Parts {
+    /// The page with these parts.
+    pub fn of(&self, html: &str) -> String {
+        let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
+        let html = with(html.to_owned(), "{ALSO}", self.also);
+        let html = with(html, "{BEFORE}", self.before.trim_end());
+        with(html, "{AFTER}", self.after.trim_end())
     }
 }

@@ -5,11 +5,15 @@
 //! a frame stand behind one another, each as the difference from the one before; first the lower bytes of all, then the upper ones,
 //! deflated (zlib) and in base64. Read by `page.js` beside this file.
 //!
-//! [`Drawing`] is its sister: the page on which zones are drawn.
+//! [`Drawing`] is its sister: the page on which zones are drawn; [`Studio`] the same with steps before and behind it.
 
 mod draw;
+mod law;
+mod studio;
 
 pub use draw::Drawing;
+pub use law::LawView;
+pub use studio::Studio;
 
 use super::{Backdrop, Palette};
 use crate::field::{ElementMark, Status};
@@ -26,6 +30,8 @@ use std::io::Write;
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// The law explorer.
+const LAW: &str = include_str!("law.js");
 /// What both pages do with an image: closer, farther, mouse and fingers.
 const IMAGE: &str = include_str!("image.js");
 
@@ -161,12 +167,14 @@ pub struct View<'a> {
     pub columns: Vec<Column>,
     /// What the numbers mean: names and texts.
     pub about: Vec<(String, String)>,
+    /// The fit of a joint, where there is one.
+    pub law: Option<LawView<'a>>,
 }
 
 impl View<'_> {
     /// The page.
     pub fn html(&self) -> String {
-        page_of(HTML, &[IMAGE, SCRIPT].concat(), &self.data())
+        page_of(HTML, &[IMAGE, SCRIPT, LAW].concat(), &self.data())
     }
 
     fn data(&self) -> Value {
@@ -196,6 +204,7 @@ impl View<'_> {
             "frames": self.frames.iter().map(frame).collect::<Vec<_>>(),
             "columns": self.columns.iter().map(|c| json!({"label": c.label, "values": c.values})).collect::<Vec<_>>(),
             "about": self.about,
+            "fit": self.law.as_ref().map(LawView::data),
         })
     }
 

@@ -1,0 +1,39 @@
+//! What `studio` takes.
+
+use super::shared::{Quiet, Threads};
+use crate::backend::choice::DeviceChoice;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `quadrille studio`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    The images of this folder:\n    \
+    quadrille studio\n  \
+    Those of a folder of another machine, seen from here; then open the address that is printed:\n    \
+    ssh -L 8765:127.0.0.1:8765 ANNA-PC quadrille studio --port 8765 test7\n\n\
+    Prints an address for a browser on this machine: images in order, the reference, zones, cracks, gauges and a scale drawn on \
+    it, texture and expected uncertainty while one draws, the run frame by frame, its results. Nothing outside of the folder is \
+    read or written, no other machine is spoken to, and only who has the address is answered. What it does is a case file that \
+    `quadrille correlate --case FILE` (with a joint: `quadrille run FILE`) does again.")]
+pub struct StudioArgs {
+    /// Folder of the images.
+    #[arg(value_name = "FOLDER", default_value = ".")]
+    pub folder: PathBuf,
+    /// Port of 127.0.0.1. Default: one that is free.
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub port: u16,
+    /// Name of the case file in the folder.
+    #[arg(long, value_name = "NAME", default_value = "case.toml")]
+    pub case: PathBuf,
+    /// Name of the folder of the results in it.
+    #[arg(long, value_name = "NAME", default_value = "out")]
+    pub output: PathBuf,
+    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
+    pub device: DeviceChoice,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub talk: Quiet,
+}

@@ -1,0 +1,211 @@
+//! Requests of a browser on this machine, each on a thread of its own, and who may make them.
+//!
+//! Only addresses that begin with the token are answered, only under a name of this machine, and never on behalf of a page that
+//! came from elsewhere.
+
+use http_body_util::{BodyExt, Full, Limited};
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderValue, ORIGIN, REFERRER_POLICY};
+use hyper::header::{X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS};
+use hyper::rt::ReadBufCursor;
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use std::convert::Infallible;
+use std::io::{self, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+/// Bytes that a page may send.
+const MOST_BYTES: usize = 4 << 20;
+/// Requests at a time.
+const MOST_AT_ONCE: usize = 64;
+/// How long one may take to arrive, or to leave.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// How often is looked whether to go on.
+const EVERY: Duration = Duration::from_millis(100);
+
+/// What is asked.
+#[derive(Debug)]
+pub(super) struct Asked {
+    /// What comes behind the token.
+    pub path: String,
+    /// What comes behind `?`.
+    pub query: String,
+    /// Whether something is to be done, and not only shown.
+    pub is_post: bool,
+    /// What came with it.
+    pub body: Bytes,
+}
+
+impl Asked {
+    /// The whole number that the query has for `key`.
+    pub fn number(&self, key: &str) -> Option<usize> {
+        self.query.split('&').find_map(|part| part.strip_prefix(key)?.strip_prefix('=')?.parse().ok())
+    }
+}
+
+/// What is answered.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub status: StatusCode,
+    pub kind: &'static str,
+    pub body: Vec<u8>,
+}
+
+impl Answer {
+    pub fn html(page: String) -> Self {
+        Self { status: StatusCode::OK, kind: "text/html; charset=utf-8", body: page.into_bytes() }
+    }
+
+    pub fn json(value: &serde_json::Value) -> Self {
+        Self { status: StatusCode::OK, kind: "application/json", body: value.to_string().into_bytes() }
+    }
+
+    /// Something that does not work, in words.
+    pub fn refused(status: StatusCode, words: impl Into<String>) -> Self {
+        Self { status, kind: "text/plain; charset=utf-8", body: words.into().into_bytes() }
+    }
+}
+
+/// What answers.
+pub(super) trait Desk: Send + Sync + 'static {
+    /// Answers a request that may be made.
+    fn answer(&self, asked: &Asked) -> Answer;
+}
+
+/// Answers until `on` says no.
+pub(super) fn serve(
+    listener: &TcpListener,
+    token: &str,
+    desk: &Arc<impl Desk>,
+    on: impl Fn() -> bool,
+) -> io::Result<()> {
+    listener.set_nonblocking(true)?;
+    let token: Arc<str> = token.into();
+    let at_once = Arc::new(AtomicUsize::new(0));
+    while on() {
+        let stream = match listener.accept() {
+            Ok((stream, _)) => stream,
+            Err(_) => {
+                std::thread::sleep(EVERY);
+                continue;
+            }
+        };
+        if at_once.fetch_add(1, Ordering::SeqCst) >= MOST_AT_ONCE {
+            at_once.fetch_sub(1, Ordering::SeqCst);
+            continue;
+        }
+        let (token, desk, at_once) = (Arc::clone(&token), Arc::clone(desk), Arc::clone(&at_once));
+        std::thread::spawn(move || {
+            // A browser that goes away is no matter.
+            let _ = one(stream, &token, &*desk);
+            at_once.fetch_sub(1, Ordering::SeqCst);
+        });
+    }
+    Ok(())
+}
+
+/// Answers the one request of a connection.
+fn one(stream: TcpStream, token: &str, desk: &impl Desk) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_nodelay(true)?;
+    let service = service_fn(|request| async { Ok::<_, Infallible>(response(answer(request, token, desk).await)) });
+    // With half closed connections allowed nothing is read while an answer is made: reading waits here.
+    let connection =
+        http1::Builder::new().keep_alive(false).half_close(true).serve_connection(Blocking(stream), service);
+    pollster::block_on(connection).map_err(io::Error::other)
+}
+
+async fn answer(request: Request<Incoming>, token: &str, desk: &impl Desk) -> Answer {
+    let is_post = request.method() == Method::POST;
+    if !is_post && request.method() != Method::GET {
+        return Answer::refused(StatusCode::METHOD_NOT_ALLOWED, "only GET and POST are answered");
+    }
+    if let Some(why) = foreign(request.headers(), is_post) {
+        return Answer::refused(StatusCode::FORBIDDEN, why);
+    }
+    let behind = request.uri().path().strip_prefix('/').and_then(|path| path.split_once('/'));
+    let Some((_, path)) = behind.filter(|(given, _)| same(given, token)) else {
+        return Answer::refused(StatusCode::NOT_FOUND, "this is not the address that `quadrille studio` has printed");
+    };
+    let (path, query) = (path.to_owned(), request.uri().query().unwrap_or_default().to_owned());
+    match Limited::new(request.into_body(), MOST_BYTES).collect().await {
+        Ok(body) => desk.answer(&Asked { path, query, is_post, body: body.to_bytes() }),
+        Err(_) => Answer::refused(StatusCode::PAYLOAD_TOO_LARGE, "this is more than a case file can be"),
+    }
+}
+
+/// Why a request is not answered: it came under another name than this machine's, or on behalf of another page.
+fn foreign(headers: &HeaderMap, is_post: bool) -> Option<&'static str> {
+    let text = |value: Option<&HeaderValue>| value.and_then(|value| value.to_str().ok()).map(str::to_owned);
+    let host = text(headers.get(HOST)).filter(|_| headers.get_all(HOST).iter().count() == 1).unwrap_or_default();
+    let name = host.rsplit_once(':').map_or(&*host, |(name, port)| if port.parse::<u16>().is_ok() { name } else { "" });
+    if !["127.0.0.1", "localhost", "[::1]"].contains(&name) {
+        return Some("only 127.0.0.1 and localhost are answered: forward a port to them");
+    }
+    let origin = headers.get(ORIGIN);
+    let own = format!("http://{host}");
+    if origin.is_some() && text(origin).as_deref() != Some(&*own) || is_post && origin.is_none() {
+        return Some("this came from another page");
+    }
+    let site = text(headers.get("sec-fetch-site"));
+    site.filter(|site| site != "same-origin" && site != "none").map(|_| "this came from another page")
+}
+
+/// Whether two texts are the same, in a time that does not tell where they differ.
+fn same(a: &str, b: &str) -> bool {
+    a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |differs, (a, b)| differs | (a ^ b)) == 0
+}
+
+fn response(answer: Answer) -> Response<Full<Bytes>> {
+    let mut response = Response::new(Full::new(Bytes::from(answer.body)));
+    *response.status_mut() = answer.status;
+    let said = [
+        (CONTENT_TYPE, answer.kind),
+        (CACHE_CONTROL, "no-store"),
+        (REFERRER_POLICY, "no-referrer"),
+        (X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (X_FRAME_OPTIONS, "SAMEORIGIN"),
+    ];
+    for (name, value) in said {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    let own = HeaderValue::from_static("same-origin");
+    response.headers_mut().insert("cross-origin-resource-policy", own.clone());
+    response.headers_mut().insert("cross-origin-opener-policy", own);
+    response
+}
+
+/// A connection of which reading and writing wait: its thread has nothing else to do.
+struct Blocking(TcpStream);
+
+impl hyper::rt::Read for Blocking {
+    fn poll_read(mut self: Pin<&mut Self>, _: &mut Context<'_>, mut into: ReadBufCursor<'_>) -> Poll<io::Result<()>> {
+        let mut room = [0; 8192];
+        let most = room.len().min(into.remaining());
+        Poll::Ready(self.0.read(&mut room[..most]).map(|n| into.put_slice(&room[..n])))
+    }
+}
+
+impl hyper::rt::Write for Blocking {
+    fn poll_write(mut self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Poll::Ready(self.0.write(bytes))
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(self.0.flush())
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        // Whoever is gone already needs no end.
+        let _ = self.0.shutdown(std::net::Shutdown::Write);
+        Poll::Ready(Ok(()))
+    }
+}

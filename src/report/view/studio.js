@@ -1,0 +1,208 @@
+// From a folder of images to results: what is drawn is checked, run and looked at by the program that serves this page.
+(() => {
+const { data } = drawing, own = data.studio, at = id => document.getElementById(id);
+const element = (name, text) => { const made = document.createElement(name); if (text !== undefined) made.textContent = text; return made; };
+const row = cells => { const made = element('tr'); made.append(...cells.map(cell => cell instanceof Node ? cell : element('td', cell))); return made; };
+const lines = (place, words) => at(place).replaceChildren(...words.map(text => { const made = element('p', text); made.className = text.startsWith('warning:') ? 'lead warn' : 'lead'; return made; }));
+/** Asks the program; an answer that is none is told in its words. */
+async function ask(path, wish) {
+  const answer = await fetch(path, wish ? { method: 'POST', body: JSON.stringify(wish) } : {});
+  if (!answer.ok) throw new Error(await answer.text());
+  return answer.json();
+}
+const pause = ms => new Promise(done => setTimeout(done, ms));
+
+// --- images
+const kept = (() => { try { return JSON.parse(sessionStorage.getItem('studio')) || {}; } catch { return {}; } })();
+const keep = () => { try { sessionStorage.setItem('studio', JSON.stringify({ frozen: drawing.frozen(), left: [...left] })); } catch { /* it is only kept for another reference */ } };
+const shown = own.images[own.image];
+/** Images that are not in the series; at first those that are unlike the reference. */
+const left = new Set(kept.left || own.images.filter(image => shown && image.pattern !== shown.pattern).map(image => image.name));
+/** As few names and patterns as say which images are in the series. */
+function series() {
+  const named = [], done = new Set();
+  for (const { name, pattern } of own.images) {
+    if (done.has(name) || left.has(name)) continue;
+    const alike = pattern ? own.images.filter(other => other.pattern === pattern) : [];
+    if (alike.length > 2 && alike.every(other => other.name === shown.name || !left.has(other.name))) { named.push(pattern); alike.forEach(other => done.add(other.name)); }
+    else if (name !== shown.name) named.push(name);
+  }
+  return named;
+}
+function listed() {
+  const names = series(), n = own.images.filter(({ name }) => !left.has(name) && name !== shown.name).length;
+  at('images-note').textContent = own.fault || `${n} deformed image${n === 1 ? '' : 's'}, in this order`;
+  drawing.images(shown ? shown.name : null, names);
+}
+at('folder').textContent = `${data.folder}: the reference is the image at rest, on which is drawn.`;
+own.images.forEach(({ name }, k) => {
+  const reference = element('input'), taken = element('input'), cells = [element('td', k + 1), element('td', name), element('td'), element('td')];
+  Object.assign(reference, { type: 'radio', name: 'reference', checked: k === own.image });
+  reference.setAttribute('aria-label', `${name} is the reference`);
+  reference.addEventListener('change', () => { left.delete(name); keep(); location.search = `?image=${k}`; });
+  Object.assign(taken, { type: 'checkbox', checked: !left.has(name) });
+  taken.setAttribute('aria-label', `${name} is in the series`);
+  taken.addEventListener('change', () => { if (taken.checked) left.delete(name); else left.add(name); listed(); });
+  cells[2].append(reference);
+  if (k !== own.image) cells[3].append(taken);
+  const made = row(cells);
+  if (k === own.image) made.className = 'shown';
+  at('images').tBodies[0].append(made);
+});
+const every = on => { own.images.forEach(({ name }) => { if (on) left.delete(name); else left.add(name); }); at('images').querySelectorAll('input[type=checkbox]').forEach(box => { box.checked = on; }); listed(); };
+at('all-images').addEventListener('click', () => every(true));
+at('no-images').addEventListener('click', () => every(false));
+at('reread').addEventListener('click', () => { keep(); location.reload(); });
+
+// --- what lies on the image: the mesh that was checked, or the field of the last frame
+let mesh = null, bare = [], field = null, fieldMesh = null;
+const colours = Uint8Array.from(atob(own.colours), c => c.charCodeAt(0));
+const path = (pen, view, { nodes, elements }, k) => elements[k].forEach((n, c) => { const p = view.toCanvas([nodes[2 * n], nodes[2 * n + 1]]); if (c) pen.lineTo(...p); else pen.moveTo(...p); });
+drawing.under = (pen, view) => {
+  const ratio = window.devicePixelRatio || 1;
+  if (field && fieldMesh) {
+    const { values, on } = field, [low, high] = range(values);
+    pen.globalAlpha = .7;
+    fieldMesh.elements.forEach((corners, k) => {
+      const v = on === 'nodes' ? corners.reduce((s, n) => s + values[n] / 4, 0) : values[k];
+      if (on === 'nodes' ? corners.some(n => values[n] === null) : v === null) return;
+      const t = 3 * Math.max(0, Math.min(255, Math.round(255 * (v - low) / (high - low))));
+      pen.fillStyle = `rgb(${colours[t]},${colours[t + 1]},${colours[t + 2]})`;
+      pen.beginPath(); path(pen, view, fieldMesh, k); pen.closePath(); pen.fill();
+    });
+    pen.globalAlpha = 1;
+    return;
+  }
+  if (!mesh || !at('show-mesh').checked) return;
+  pen.beginPath();
+  mesh.elements.forEach((corners, k) => { path(pen, view, mesh, k); pen.closePath(); });
+  pen.lineWidth = ratio; pen.strokeStyle = 'rgba(86,180,233,.7)'; pen.stroke();
+  pen.beginPath();
+  for (const n of bare) {
+    const [x, y] = view.toCanvas([mesh.nodes[2 * n], mesh.nodes[2 * n + 1]]), r = 4 * ratio;
+    pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r);
+  }
+  pen.lineWidth = 2 * ratio; pen.strokeStyle = '#d55e00'; pen.stroke();
+};
+function range(values) {
+  const sorted = values.filter(v => v !== null).sort((a, b) => a - b), cut = Math.floor(.005 * sorted.length);
+  let low = sorted.length ? sorted[cut] : 0, high = sorted.length ? sorted[sorted.length - 1 - cut] : 1;
+  if (!(high > low)) { low -= .5; high += .5; }
+  return [low, high];
+}
+at('show-mesh').addEventListener('change', drawing.redraw);
+
+// --- checks
+let asked = '', checking = false, running = false;
+async function check() {
+  const text = drawing.caseText();
+  if (checking || running || text === asked || !shown) return;
+  checking = true;
+  asked = text;
+  at('check-state').textContent = 'checking ...';
+  try {
+    const found = await ask('check', { case: text });
+    if (text === drawing.caseText()) checked(found);
+  } catch (error) {
+    if (text === drawing.caseText()) { mesh = null; at('zones').hidden = true; at('check-state').textContent = 'A run would be refused:'; lines('check-notes', [`warning: ${error.message}`]); drawing.redraw(); }
+  }
+  checking = false;
+  if (text !== drawing.caseText()) check();
+}
+function checked(found) {
+  mesh = found.mesh; bare = found.without_texture;
+  at('check-state').textContent = found.notes.some(note => note.startsWith('warning:')) ? 'A run would warn:' : 'Nothing stands in the way of a run.';
+  lines('check-notes', found.notes);
+  at('zones').hidden = false;
+  const both = ([x, y], digits) => `${x.toFixed(digits)}, ${y.toFixed(digits)}`;
+  at('zones').tBodies[0].replaceChildren(...found.zones.map(({ name, elements, nodes, without_texture, sigma_px, look }) => row([name, elements, nodes, without_texture,
+    sigma_px ? `${both(sigma_px, 4)} px (x, y)` : '-', look.noise_grey === undefined ? look.why : `${look.noise_grey.toFixed(2)} grey levels`,
+    look.speckle_px && look.speckle_px.every(Number.isFinite) ? `${both(look.speckle_px, 1)} px` : '-'])));
+  drawing.redraw();
+}
+let timer = null;
+drawing.changed = () => {
+  field = null;
+  keep();
+  clearTimeout(timer);
+  timer = setTimeout(check, 300);
+};
+
+// --- run
+const wish = () => ({ case: drawing.caseText(), replace: at('replace').checked });
+async function order(path, more) {
+  try { await ask(path, more); return true; } catch (error) { lines('run-notes', [`warning: ${error.message}`]); return false; }
+}
+at('write').addEventListener('click', async () => { if (await order('case', wish())) at('run-state').textContent = `${own.case} is written.`; });
+at('run').addEventListener('click', async () => { lines('run-notes', []); at('run').disabled = true; if (!await order('run', wish())) at('run').disabled = false; });
+at('stop-run').addEventListener('click', () => order('stop', {}));
+let fields = [], wanted = 'u_y', looking = false, seen = 0;
+at('live').addEventListener('change', () => { wanted = at('live').value; choose(); });
+function choose() {
+  field = fields.find(one => one.name === wanted) || fields[0] || null;
+  if (field) { const [low, high] = range(field.values); at('readout').textContent = `frame ${seen}: ${field.name} from ${+low.toPrecision(3)} (dark) to ${+high.toPrecision(3)} (bright)${field.unit === '1' ? '' : ` ${field.unit}`}`; }
+  drawing.redraw();
+}
+async function live() {
+  if (looking) return;
+  looking = true;
+  try {
+    if (!fieldMesh) fieldMesh = await ask('mesh');
+    const got = await ask('live');
+    seen = got.number; fields = got.fields;
+    if (!at('live').options.length) { at('live').append(...fields.map(({ name, unit }) => { const made = element('option', unit === '1' ? name : `${name} (${unit})`); made.value = name; return made; })); at('live').value = wanted; }
+    choose();
+  } catch { /* the next frame shows it */ }
+  looking = false;
+}
+let from = 0;
+function told(state) {
+  if (state.done < from || (state.running && !running)) { from = 0; at('done').tBodies[0].replaceChildren(); fieldMesh = null; fields = []; state.frames = []; }
+  from += state.frames.length;
+  for (const frame of state.frames) {
+    const made = row([frame.number, frame.file, [frame.status, ...frame.messages].join('; '), frame.iterations, frame.residual_grey === null ? '-' : `${frame.residual_grey.toFixed(2)} grey levels`]);
+    if (frame.status !== 'converged') made.className = 'bad';
+    at('done').tBodies[0].prepend(made);
+  }
+  const ended = running && !state.running;
+  running = state.running;
+  at('run').disabled = running;
+  at('stop-run').disabled = !running || state.stopping;
+  const all = state.total || 0, done = Math.min(all, state.before + state.done);
+  at('bar').value = all ? done / all : 0;
+  const count = all ? `${done} of ${all} frames` : `${state.done} frames`;
+  const words = { fine: 'done', incomplete: 'done, but not everything converged: see the frames and notes', stopped: 'stopped; run goes on from there', failed: 'could not run' };
+  if (running || state.outcome) at('run-state').textContent = running ? `${state.stopping ? 'stopping' : 'running'}: ${count}` : `${words[state.outcome]}: ${count}`;
+  at('run').textContent = state.outcome === 'stopped' ? 'resume' : 'run';
+  if (running || state.outcome) lines('run-notes', [...state.notes, ...(state.error ? [`warning: ${state.error}`] : [])]);
+  if (running && state.frames.length) live();
+  if (ended) { live(); if (state.outcome !== 'failed') results(); asked = ''; }
+}
+async function follow() {
+  let version = -1;
+  for (;;) {
+    try {
+      const state = await ask(`state?since=${Math.max(0, version)}&from=${from}`);
+      told(state);
+      // More frames than come at once: at once again.
+      version = state.done > from ? 0 : state.version;
+    } catch { at('run-state').textContent = 'The program does not answer: is it still running in its terminal?'; await pause(3000); }
+  }
+}
+
+// --- results
+let views = 0;
+function results() {
+  at('results').hidden = false;
+  at('results').src = `view?${++views}`;
+  own.has_results = true;
+}
+at('look').addEventListener('click', results);
+if (kept.frozen) drawing.thaw(kept.frozen);
+at('where').textContent = `Written as ${own.case} into the folder when it is run. The same without this page: quadrille correlate --case ${own.case} --output ${own.output}`;
+document.title = 'quadrille studio';
+at('title').textContent = 'quadrille studio';
+listed();
+if (own.has_results) results();
+follow();
+})();

@@ -1,0 +1,50 @@
+//! The page of `quadrille studio`: the images, the drawing, what is checked of it, the run, the results.
+
+use super::draw::{Drawing, HTML, Parts, SCRIPT as DRAW};
+use super::{IMAGE, Palette, STANDARD, page_of};
+use base64::Engine;
+use serde_json::{Value, json};
+
+const BEFORE: &str = include_str!("studio_before.html");
+const AFTER: &str = include_str!("studio_after.html");
+const SCRIPT: &str = include_str!("studio.js");
+/// It asks its own server, and shows the page of the results within.
+const ALSO: &str = "; connect-src 'self'; frame-src 'self'";
+
+/// What the page shows.
+#[derive(Debug)]
+pub struct Studio<'a> {
+    /// The drawing on the image that is shown.
+    pub drawing: Drawing<'a>,
+    /// The images of the folder in order: each with `name` and `pattern`.
+    pub images: Value,
+    /// The number of the one that is shown, from 0.
+    pub image: usize,
+    /// Why it cannot be.
+    pub fault: Option<String>,
+    /// Name of the case file.
+    pub case: String,
+    /// Name of the folder of the results.
+    pub output: String,
+    /// Whether there are results.
+    pub has_results: bool,
+}
+
+impl Studio<'_> {
+    /// The page.
+    pub fn html(&self) -> String {
+        let mut data = self.drawing.data();
+        let colours: Vec<u8> = (0..256).flat_map(|t| Palette::Viridis.colour(f64::from(t) / 255.0)).collect();
+        data["studio"] = json!({
+            "images": self.images,
+            "image": self.image,
+            "fault": self.fault,
+            "case": self.case,
+            "output": self.output,
+            "has_results": self.has_results,
+            "colours": STANDARD.encode(colours),
+        });
+        let page = Parts { also: ALSO, before: BEFORE, after: AFTER }.of(HTML);
+        page_of(&page, &[IMAGE, DRAW, SCRIPT].concat(), &data)
+    }
+}
