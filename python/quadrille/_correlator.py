@@ -79,8 +79,8 @@ class Correlator:
     >>> image = np.kron(rng.integers(0, 255, (24, 32)), np.ones((4, 4))).astype(np.uint8)
     >>> correlator = Correlator(image, [16, 16, 112, 80], device="cpu")
     >>> field = correlator.correlate(np.roll(image, 1, axis=1))
-    >>> field.status, field.displacement.mean(axis=0).round(2).tolist()
-    ('converged', [1.0, 0.0])
+    >>> field.status, bool(np.abs(field.displacement - [1, 0]).max() < 0.01)
+    ('converged', True)
     """
 
     def __init__(
