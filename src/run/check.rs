@@ -74,8 +74,8 @@ pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
         let nodes = mesh.zone_nodes(zone);
         let Roi { x0, y0, x1, y1 } = mesh.bounds(zone);
         let within = |v: f64, n: usize| v.clamp(0.0, n as f64);
-        let [x0, x1] = [x0, x1].map(|v| within(v + 0.5, image.width()));
-        let [y0, y1] = [y0, y1].map(|v| within(v + 0.5, image.height()));
+        let ([x0, x1], [y0, y1]) =
+            ([x0, x1].map(|v| within(v, image.width())), [y0, y1].map(|v| within(v, image.height())));
         let roi = Roi { x0, y0, x1, y1 };
         let look = pool.install(|| look(&image, Some(roi), plan.options.noise.constant())).map_err(|e| e.to_string());
         let median = |component: usize| {
