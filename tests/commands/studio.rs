@@ -231,7 +231,8 @@ fn checks_say_what_a_run_says_of_the_same_case() {
     );
     assert_eq!(said["mesh"]["nodes"].as_array().unwrap().len(), 2 * program::N_INSIDE);
     // The same noise and texture as `quadrille metrology` finds in that rectangle.
-    desk.run("metrology ref.png --roi 16,16,112,80 --element-sizes 16 --output m").fine();
+    let measured = desk.run("metrology ref.png --roi 16,16,112,80 --element-sizes 16 --output m");
+    assert_eq!(measured.code, Some(0), "{measured}");
     let metrology = desk.json("m/metrology.json");
     let near = |a: &serde_json::Value, b: &serde_json::Value| {
         let [a, b] = [a, b].map(|v| v.as_f64().unwrap_or_else(|| panic!("{a} {b}")));

@@ -3,7 +3,7 @@
 (() => {
 const data = JSON.parse(document.getElementById('data').textContent), fit = data.fit, at = id => document.getElementById(id);
 if (!fit) return;
-const SVG = 'http://www.w3.org/2000/svg', COLOURS = ['#0072b2', '#d55e00'];
+const SVG = at('curve').namespaceURI, COLOURS = ['#0072b2', '#d55e00'];
 const short = v => Number.isFinite(v) ? String(+v.toPrecision(4)) : 'not known';
 const element = (name, text) => { const made = document.createElement(name); if (text !== undefined) made.textContent = text; return made; };
 at('law').hidden = false;
