@@ -18,7 +18,7 @@ const KINDS = {
 };
 const KEYS = { select: 's', move: 'm' };
 for (const kind in KINDS) KEYS[kind] = KINDS[kind].key;
-let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, opening: false };
+let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, opening: false, joint: false, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
 const past = [], future = [];
 const frozen = () => JSON.stringify([shapes, settings]);
 /** What is done after this can be undone. */
@@ -138,8 +138,28 @@ const scaleOf = () => {
   return px > 0 ? { px, mm: scale.mm } : null;
 };
 const zones = () => shapes.filter(shape => KINDS[shape.kind].zone);
+/** The two zones of a joint, the lower one first, and the pieces of their facing edges that lie opposite each other; null without. */
+function joint() {
+  if (!settings.joint || zones().length !== 2) return null;
+  const of = zone => { const all = cornersOf(zone), xs = all.map(p => p[0]), ys = all.map(p => p[1]); return { zone, box: [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)] }; };
+  const [a, b] = zones().map(of), beside = Math.max(a.box[0], b.box[0]) >= Math.min(a.box[2], b.box[2]);
+  // Down is the first of two zones one below the other, the left one of two side by side.
+  const k = beside ? 0 : 1, [first, second] = (k ? a.box[1] > b.box[1] : a.box[0] < b.box[0]) ? [a, b] : [b, a];
+  const gap = k ? first.box[1] - second.box[3] : second.box[0] - first.box[2];
+  const along = [Math.max(first.box[1 - k], second.box[1 - k]), Math.min(first.box[3 - k], second.box[3 - k])];
+  const at = k ? [first.box[1], second.box[3]] : [first.box[2], second.box[0]];
+  const point = (u, v) => k ? [u, v] : [v, u];
+  return { names: [first.zone.name, second.zone.name], gap, faces: at.map(v => along.map(u => point(u, v))) };
+}
+function jointText() {
+  const found = joint(), s = settings;
+  if (!found) return [];
+  return ['', '[interface]', `zones = [${found.names.map(text).join(', ')}]`, '', '[substrate]', 'model = "linear-elastic"', `E_MPa = ${s.e}`, `nu = ${s.nu}`, '',
+    '[cohesive] # to start from', 'model = "extended-xu-needleman"', `phi_n_N_per_mm = ${s.phi}`, `delta_n_mm = ${s.dn}`, `delta_t_mm = ${s.dt}`, 'r = 1.0', '',
+    '[boundary]', '', '[measurement]', 'nodes = "free"', 'weights = "covariance"', '', '[fit]', 'parameters = ["phi_n", "delta_n", "delta_t"]'];
+}
 function caseText() {
-  const lines = [`# Drawn with quadrille ${data.quadrille} on an image of ${W} x ${H} px; px of this image, y down.`, '[images]'];
+  const lines = [`# Drawn with quadrille ${data.quadrille} on an image of ${W} x ${H} px; px of this image, y down.`, ...(joint() ? ['# From the images to the law of the adhesive: quadrille run case.toml --output out'] : []), '[images]'];
   if (data.reference) lines.push(`reference = ${text(data.reference)}`);
   if (data.deformed.length) lines.push(`deformed = ${data.deformed.length === 1 ? text(data.deformed[0]) : `[${data.deformed.map(text).join(', ')}]`}`);
   if (data.page) lines.push(`page = ${data.page}`);
@@ -158,7 +178,7 @@ function caseText() {
     if (kind === 'point') lines.push('', '[[probe]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
   }
   if (settings.opening && zones().length === 2) lines.push('', '[[opening]]', `zones = [${zones().map(zone => text(zone.name)).join(', ')}]`);
-  return lines.join('\n') + '\n';
+  return [...lines, ...jointText()].join('\n') + '\n';
 }
 /** What the command would refuse, or measure badly. */
 function faults() {
@@ -179,6 +199,10 @@ function faults() {
   }
   const scale = shapes.find(shape => shape.kind === 'scale');
   if (scale && !scaleOf()) found.push('The scale needs its length in mm.');
+  const between = joint();
+  if (between && !scaleOf()) found.push('The joint needs the scale: drag a length that you know.');
+  if (between && !(between.gap > 0)) found.push('The two zones overlap: between them there is no room for an adhesive.');
+  if (between && !(settings.e > 0 && settings.phi > 0 && settings.dn > 0 && settings.dt > 0)) found.push('The values of the joint have to be positive.');
   if (!data.deformed.length) found.push('No deformed images were named: add `deformed` to the case file.');
   if (!zones().length) found.push('Without a zone the specimen is found in the image by itself.');
   return found;
@@ -211,6 +235,14 @@ function draw() {
     pen.lineWidth = 3 * ratio; pen.strokeStyle = '#000'; pen.fillStyle = colour;
     pen.strokeText(words, x + 6 * ratio, y + 18 * ratio); pen.fillText(words, x + 6 * ratio, y + 18 * ratio);
   };
+  const between = joint();
+  if (between && between.gap > 0) {
+    const [[a, b], [c, d]] = between.faces, middle = f => [(f[0][0] + f[1][0]) / 2, (f[0][1] + f[1][1]) / 2], mm = scaleOf();
+    stroke([a, b, d, c], true, '#e69f00', 2, true);
+    // The normal: from the first zone to the second.
+    stroke([middle([a, b]), middle([c, d])], false, '#e69f00', 3);
+    letters(mm ? `adhesive, ${(between.gap * mm.mm / mm.px).toPrecision(3)} mm` : `adhesive, ${number(between.gap)} px`, middle([c, d]), '#e69f00');
+  }
   shapes.forEach((shape, k) => {
     const corners = cornersOf(shape), colour = KINDS[shape.kind].colour;
     stroke(corners, isClosed(shape.kind), colour, k === chosen ? 3 : 2, isClosed(shape.kind));
@@ -253,6 +285,10 @@ function changed() {
   if (document.activeElement !== at('guard')) at('guard').value = (own && own.guard) || 0;
   at('opening-label').hidden = zones().length !== 2;
   at('opening').checked = settings.opening;
+  at('joint-label').hidden = zones().length !== 2;
+  at('joint').checked = settings.joint;
+  at('joint-values').hidden = !joint();
+  for (const key of ['e', 'nu', 'phi', 'dn', 'dt']) if (document.activeElement !== at(`joint-${key}`)) at(`joint-${key}`).value = settings[key];
   at('case').textContent = caseText();
   at('notes').replaceChildren(...faults().map(words => { const made = document.createElement('p'); made.className = 'lead'; made.textContent = words; return made; }));
   at('undo').disabled = !past.length;
@@ -343,6 +379,8 @@ at('guard').addEventListener('change', event => {
   changed();
 });
 at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
+at('joint').addEventListener('change', event => { remember(); settings.joint = event.target.checked; changed(); });
+for (const key of ['e', 'nu', 'phi', 'dn', 'dt']) at(`joint-${key}`).addEventListener('change', event => { remember(); settings[key] = Math.max(0, parseFloat(event.target.value) || 0); changed(); });
 at('copy').addEventListener('click', async () => {
   try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
     const range = document.createRange();

@@ -8,6 +8,8 @@ const short = v => Number.isFinite(v) ? String(+v.toPrecision(4)) : 'not known';
 const element = (name, text) => { const made = document.createElement(name); if (text !== undefined) made.textContent = text; return made; };
 at('law').hidden = false;
 for (const [k, text] of fit.sentences.entries()) { const made = element('p', text); made.className = k ? '' : `lead${fit.determined ? '' : ' warn'}`; at('law-verdict').append(made); }
+// The verdict first, before all fields.
+if (fit.sentences.length) { const made = element('p', fit.sentences[0]); made.className = `lead${fit.determined ? '' : ' warn'}`; at('verdict').prepend(made); }
 const parameters = fit.parameters, offset = parameters.map(() => 0);
 let instant = Math.max(0, fit.joint.length - 1);
 
