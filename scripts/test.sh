@@ -24,10 +24,8 @@ if [ -z "${XDG_RUNTIME_DIR:-}" ]; then
     export XDG_RUNTIME_DIR
     trap 'rm -rf "$XDG_RUNTIME_DIR"' EXIT
 fi
-# All of them, also after one that fails: a run in CI tells all that is wrong. The tests inside the modules take seconds, and the library
-# that is compiled for them alone is compiled lightly where the profile is that of CI.
+# All of them, also after one that fails: a run in CI tells all that is wrong.
 status=0
-CARGO_PROFILE_CI_OPT_LEVEL=1 cargo test --locked --lib --no-fail-fast "$@" || status=1
-cargo test --locked --test '*' --no-fail-fast "$@" || status=1
+cargo test --locked --tests --no-fail-fast "$@" || status=1
 cargo test --locked --doc "$@" || status=1
 exit $status

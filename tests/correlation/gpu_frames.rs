@@ -567,15 +567,15 @@ fn references_are_refused_in_the_words_of_the_cpu() {
 #[test]
 fn frames_without_a_match_end_as_on_the_cpu() {
     let Some(gpu) = device() else { return };
-    let side = 256;
+    let side = 176;
     let options = eight_bit(side, side);
     let reference = picture(&REST, &options);
     let zones = inside(side, side, 0);
     let texture = Texture::new(99, SPECKLE_PX).unwrap();
     let frames: [(&str, Arc<Image>); 8] = [
         ("another specimen", Arc::new(render(&texture, &REST, &options).unwrap())),
-        ("moved out", picture(&Translation([300.0, 0.0]), &options)),
-        ("moved out of a corner", picture(&Translation([200.0, 210.0]), &options)),
+        ("moved out", picture(&Translation([200.0, 0.0]), &options)),
+        ("moved out of a corner", picture(&Translation([140.0, 145.0]), &options)),
         ("far away", picture(&Translation([0.0, -1000.0]), &options)),
         ("noise", noisy(&drawn(side, side, |_, _| 100.0), 2.0, 5)),
         ("half black, half negative", changed(&reference, |x, _, grey| if x < 64 { 0.0 } else { 255.0 - grey })),
@@ -652,7 +652,8 @@ fn a_device_that_fails_anywhere_says_so_and_stays_failed() {
     let mut n_failures = 0;
     for solver in [SolverChoice::Iterative, SolverChoice::Direct] {
         let options = Options { solver, ..Options::default() };
-        for readbacks in 0.. {
+        // The first ones prepare the reference; the steps of an iteration are alike.
+        for readbacks in (0..8).chain((8..).step_by(3)) {
             let Some(gpu) = device_with(&GpuOptions { fail_after: Some(readbacks), ..GpuOptions::default() }) else {
                 return;
             };

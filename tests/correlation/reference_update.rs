@@ -297,8 +297,8 @@ fn scatters(n: usize, noise: f32, update: UpdateReference, seeds: u64) -> Vec<[f
 #[test]
 fn accumulated_uncertainty_is_the_scatter() {
     for (n, update) in [(8, NEVER), (8, every(4)), (8, every(1))] {
-        for [scatter, predicted] in scatters(n, 2.0, update, 5) {
-            // 5 samples of 13 x 13 nodes: 3 % statistical error inside, 4 % along the border.
+        for [scatter, predicted] in scatters(n, 2.0, update, 3) {
+            // 3 samples of 13 x 13 nodes: 4 % statistical error inside, 5 % along the border.
             assert!((predicted / scatter - 1.0).abs() <= 0.15, "{update}: predicted {predicted}, scatter {scatter} px");
         }
     }
@@ -306,7 +306,7 @@ fn accumulated_uncertainty_is_the_scatter() {
 
 #[test]
 fn strong_noise_accumulates_as_predicted() {
-    let [direct, staged] = [NEVER, every(1)].map(|update| scatters(8, 8.0, update, 5));
+    let [direct, staged] = [NEVER, every(1)].map(|update| scatters(8, 8.0, update, 3));
     for (direct, staged) in direct.into_iter().zip(staged) {
         let [scatter, predicted] = [0, 1].map(|k| staged[k] / direct[k]);
         println!("eight stages: scatter grows to {scatter:.3} of the direct one, predicted {predicted:.3}");
