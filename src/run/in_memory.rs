@@ -32,7 +32,7 @@ impl InMemory {
     ///
     /// ```
     /// use quadrille::synth::{RenderOptions, Texture, Translation, render};
-    /// use quadrille::{correlate::Tracker, io::case::CaseFile, run::*};
+    /// use quadrille::{correlate::Tracker, io::case::CaseFile, run::InMemory, run::Overlay};
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// # let texture = Texture::new(7, 4.5)?;
     /// # let photograph = |u| render(&texture, &Translation(u), &RenderOptions::new(128, 96)).map(std::sync::Arc::new);
