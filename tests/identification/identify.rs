@@ -515,19 +515,32 @@ fn draws(input: &JointInput, sigma_px: f64, seeds: u64, with_bands: bool) -> Dra
 }
 
 #[test]
+fn predicted_uncertainties_are_the_scatter_of_twenty_draws_and_intervals_and_bands_hold() {
+    assert_predicted(20, 0.3);
+}
+
+#[test]
+#[ignore = "a minute: make study"]
 fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_bands_hold() {
-    let Some(input) = near("weights = \"paper\"\nnoise_mm = 9.65625e-5", "") else { return };
-    let low = draws(&input, 0.05, 40, true);
-    assert_eq!(low.converged, 40);
-    for k in 0..3 {
-        // The figure; a scatter of 40 draws is itself known to 11 %. At 0.1 px: `make study`.
-        assert!((low.predicted[k] / low.scatter[k] - 1.0).abs() < 0.15, "parameter {k}");
-    }
-    assert!((0.9..=0.99).contains(&low.covered) && (0.9..=0.99).contains(&low.in_band));
-    assert!((low.omega - 1.0).abs() < 0.1, "{}", low.omega);
+    assert_predicted(40, 0.15);
     let Some(input) = near("weights = \"paper\"", "") else { return };
     // Beyond what a linear prediction covers: reported, and nothing else than that most fits end.
     assert!(draws(&input, 0.4, 10, false).converged > 5);
+}
+
+/// At 0.05 px; the figure is 0.15 of forty draws, whose scatter is itself known to 11 % (that of 20 to 16 %). At 0.1 px:
+/// `make study`.
+#[track_caller]
+fn assert_predicted(n: usize, within: f64) {
+    let Some(input) = near("weights = \"paper\"\nnoise_mm = 9.65625e-5", "") else { return };
+    let low = draws(&input, 0.05, n, true);
+    assert_eq!(low.converged, n);
+    for k in 0..3 {
+        assert!((low.predicted[k] / low.scatter[k] - 1.0).abs() < within, "parameter {k}");
+    }
+    // 3 n intervals, which hang together: 95 % are known to 3 to 4 % of them.
+    assert!(low.covered >= 0.87 && low.in_band >= 0.87, "{} and {} held", low.covered, low.in_band);
+    assert!((low.omega - 1.0).abs() < 0.1, "{}", low.omega);
 }
 
 #[test]
