@@ -154,7 +154,7 @@ fn direct_differentiation_is_the_difference_of_solutions() {
 fn brittle_sets_converge_or_say_where_they_do_not() {
     let Some((mesh, boundary)) = virtual_r4() else { return };
     let model = model_of(&mesh, &boundary, ModelOptions::default());
-    for factors in [[3.0, 0.4, 0.4, 1.0], [1.0, 0.2, 0.2, 1.0], [3.0, 0.4, 0.2, 1.0], [5.0, 0.2, 0.2, 1.0]] {
+    for factors in [[3.0, 0.4, 0.4, 1.0], [5.0, 0.2, 0.2, 1.0]] {
         let law = adhesive(factors);
         let solution = model.forward(&law, &boundary, &WITH_LAW()).unwrap();
         let linear_solves: u32 = solution.instants.iter().map(|i| i.iterations + i.rescue_iterations).sum();
