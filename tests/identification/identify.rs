@@ -531,10 +531,10 @@ fn predicted_uncertainties_are_the_scatter_of_forty_draws_and_intervals_and_band
 /// At 0.05 px; the figure is 0.15 of forty draws, whose scatter is itself known to 11 % (that of 20 to 16 %). At 0.1 px:
 /// `make study`.
 #[track_caller]
-fn assert_predicted(n: usize, within: f64) {
+fn assert_predicted(n: u64, within: f64) {
     let Some(input) = near("weights = \"paper\"\nnoise_mm = 9.65625e-5", "") else { return };
     let low = draws(&input, 0.05, n, true);
-    assert_eq!(low.converged, n);
+    assert_eq!(low.converged as u64, n);
     for k in 0..3 {
         assert!((low.predicted[k] / low.scatter[k] - 1.0).abs() < within, "parameter {k}");
     }
