@@ -538,8 +538,8 @@ fn assert_predicted(n: u64, within: f64) {
     for k in 0..3 {
         assert!((low.predicted[k] / low.scatter[k] - 1.0).abs() < within, "parameter {k}");
     }
-    // 3 n intervals, which hang together: 95 % are known to 3 to 4 % of them.
-    assert!(low.covered >= 0.87 && low.in_band >= 0.87, "{} and {} held", low.covered, low.in_band);
+    // What the intervals of 20 draws hold, three in each that hang together, is known to 5 %: two of these below 95 %.
+    assert!(low.covered >= 0.85 && low.in_band >= 0.85, "{} and {} held", low.covered, low.in_band);
     assert!((low.omega - 1.0).abs() < 0.1, "{}", low.omega);
 }
 
