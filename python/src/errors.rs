@@ -9,23 +9,8 @@ use quadrille::io::case::CaseError;
 use quadrille::io::images::ReadError;
 use quadrille::io::joint::JointFileError;
 use quadrille::metrology::MetrologyError;
-use quadrille::run::RunError;
+use quadrille::run::{RunError, chain};
 use std::error::Error;
-
-/// The text of an error with its causes, where it does not repeat them itself.
-fn chain(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        let more = error.to_string();
-        if !text.contains(&more) {
-            text.push_str(": ");
-            text.push_str(&more);
-        }
-        cause = error.source();
-    }
-    text
-}
 
 /// The exception `kind` of `quadrille._errors`.
 pub fn raise(kind: &str, text: String) -> PyErr {

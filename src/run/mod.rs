@@ -70,6 +70,7 @@ pub use several::identify_several;
 pub use shard::Shard;
 pub use simulation::simulate;
 pub use stop::Stop;
+pub use text::chain;
 pub use tournament::compare_laws;
 pub use watching::{Watching, watch};
 
