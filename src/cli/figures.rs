@@ -21,6 +21,7 @@ const EVERY: Duration = Duration::from_secs(10);
 
 /// Runs the command.
 pub(super) fn run(args: &FiguresArgs) -> Result<Outcome> {
+    args.drawn.choose();
     let store = Store::open(&args.run)?;
     let (numbers, n_without) = drawable(&args.frames, &store, args.talk.quiet)?;
     if numbers.is_empty() {

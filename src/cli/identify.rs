@@ -19,6 +19,7 @@ const MOST_NAMED: usize = 10;
 
 /// Runs `quadrille identify`.
 pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
+    args.drawn.choose();
     let mut input = read_identify(&args.case)?;
     match &mut input {
         IdentifyInput::One(input) => input.case.fit.iter_mut().for_each(|fit| args.limits.over(fit)),
@@ -42,6 +43,7 @@ pub(super) fn run(args: &IdentifyArgs, paint: Paint) -> Result<Outcome> {
 
 /// Runs `quadrille sweep`.
 pub(super) fn run_sweep(args: &SweepArgs) -> Result<Outcome> {
+    args.drawn.choose();
     let mut input = read_joint(&args.case)?;
     if let Some(fit) = &mut input.case.fit {
         args.limits.over(fit);

@@ -57,6 +57,7 @@ const UNITS: &str = "_px: pixels; _px2: square pixels; _grey: grey levels in the
 
 /// Runs the command.
 pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
+    args.drawn.choose();
     let begin = Instant::now();
     let options = options(args)?;
     let pool = args.threads.pool()?;

@@ -37,6 +37,7 @@ const MAGNIFY: f64 = 2.0;
 
 /// Runs the command.
 pub(super) fn run(args: &PaperArgs) -> Result<Outcome> {
+    args.drawn.choose();
     if !(1..=MOST_SEEDS).contains(&args.seeds) {
         return Err(PaperError::Seeds { seeds: args.seeds, most: MOST_SEEDS }.into());
     }

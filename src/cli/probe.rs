@@ -18,6 +18,7 @@ const CURVES: &str = "curves";
 
 /// Runs the command.
 pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
+    args.drawn.choose();
     let store = Store::open(&args.run)?;
     let asked = asked(args, &store)?;
     if asked.is_empty() {

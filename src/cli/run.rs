@@ -10,6 +10,7 @@ use std::path::Path;
 
 /// Runs the command.
 pub(super) fn run(args: &RunArgs, paint: Paint) -> Result<Outcome> {
+    args.drawn.choose();
     let asked = CaseRun {
         overwrite: args.overwrite,
         device: args.device.clone(),

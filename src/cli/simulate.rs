@@ -9,6 +9,7 @@ use crate::run::{Event, simulate};
 
 /// Runs the command.
 pub(super) fn run(args: &SimulateArgs, paint: Paint) -> Result<Outcome> {
+    args.drawn.choose();
     let mut progress = Progress::new(Talk::of(ProgressKind::Text, args.talk.quiet), paint);
     let (output, pool, stop) = (&args.results.output, args.threads.pool()?, signals::listen()?);
     let mut watcher = |event: Event<'_>| progress.take(event);

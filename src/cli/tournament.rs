@@ -11,6 +11,7 @@ use crate::run::{Event, compare_laws};
 
 /// Runs the command.
 pub(super) fn run(args: &TournamentArgs, paint: Paint) -> Result<Outcome> {
+    args.drawn.choose();
     let mut input = read_joint(&args.case)?;
     if let Some(fit) = &mut input.case.fit {
         args.limits.over(fit);

@@ -1,6 +1,7 @@
 //! Axes around a rectangle: marks, numbers and what they count.
 
 use super::letters::Type;
+use super::look::Look;
 use super::scale::Tick;
 use super::scene::{Anchor, BLACK, Rect, Rgb, SOFT, Scene};
 
@@ -18,11 +19,13 @@ pub(super) struct Letters {
     pub normal: Type,
     /// Titles.
     pub large: Type,
+    /// What the picture is for.
+    pub look: Look,
 }
 
 impl Letters {
-    pub fn new() -> Self {
-        Self { small: Type::new(14), normal: Type::new(15), large: Type::new(18) }
+    pub fn new(look: Look) -> Self {
+        Self { small: Type::new(14), normal: Type::new(15), large: Type::new(18), look }
     }
 }
 
@@ -140,6 +143,9 @@ pub(super) struct Lines(Vec<(String, bool, Rgb)>);
 impl Lines {
     /// A title in large letters, broken to `width`.
     pub fn title(&mut self, letters: &Letters, text: &str, width: i32) {
+        if !letters.look.has_title() {
+            return;
+        }
         self.0.extend(letters.large.wrap(text, f64::from(width)).into_iter().map(|line| (line, true, BLACK)));
     }
 
@@ -150,6 +156,9 @@ impl Lines {
 
     /// Notes in small, soft letters.
     pub fn notes(&mut self, letters: &Letters, notes: &[String], width: i32) {
+        if !letters.look.has_notes() {
+            return;
+        }
         notes.iter().for_each(|note| self.note(letters, note, width, SOFT));
     }
 

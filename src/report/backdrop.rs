@@ -1,5 +1,6 @@
 //! The image that a field is drawn over.
 
+use super::look::Look;
 use super::picture::LARGEST_RATIO;
 use crate::imaging::Image;
 use image::codecs::png::{CompressionType, FilterType as Filter, PngEncoder};
@@ -15,6 +16,7 @@ pub(super) const LONGER_SIDE: f64 = 900.0;
 pub struct Backdrop {
     /// Columns and rows of the image.
     size: [usize; 2],
+    look: Look,
     ratio: u32,
     drawn: Option<Drawn>,
 }
@@ -36,20 +38,31 @@ impl std::fmt::Debug for Backdrop {
 }
 
 impl Backdrop {
-    /// Prepares `image` for pictures with `ratio` (1 to 4) pixels per unit: 1 for the screen, 2 or 3 for
-    /// print.
+    /// Prepares `image` for pictures with at least `ratio` (1 to 4) pixels per unit, in the look that is chosen.
     pub fn new(image: &Image, ratio: u32) -> Self {
-        let ratio = ratio.clamp(1, LARGEST_RATIO);
+        Self::made_for(Look::chosen(), image, ratio)
+    }
+
+    /// [`Backdrop::new`] for a screen, a column or a slide, whatever is chosen.
+    pub fn made_for(look: Look, image: &Image, ratio: u32) -> Self {
+        let ratio = ratio.clamp(1, LARGEST_RATIO).max(look.ratio());
         let size = [image.width(), image.height()];
-        let factor = LONGER_SIDE / size[0].max(size[1]) as f64;
+        let factor = look.side(LONGER_SIDE) / size[0].max(size[1]) as f64;
         let [width, height] = size.map(|side| (side as f64 * factor).round().max(1.0) as u32 * ratio);
         let drawn = Some(Drawn::new(image, width, height));
-        Self { size, ratio, drawn }
+        Self { size, look, ratio, drawn }
     }
 
     /// A white sheet of `width` x `height` px of an image that is not there.
     pub fn blank(width: usize, height: usize, ratio: u32) -> Self {
-        Self { size: [width.max(1), height.max(1)], ratio: ratio.clamp(1, LARGEST_RATIO), drawn: None }
+        let look = Look::chosen();
+        let ratio = ratio.clamp(1, LARGEST_RATIO).max(look.ratio());
+        Self { size: [width.max(1), height.max(1)], look, ratio, drawn: None }
+    }
+
+    /// What pictures over it are for.
+    pub(super) fn look(&self) -> Look {
+        self.look
     }
 
     /// Columns and rows of the image, px.

@@ -14,6 +14,7 @@ pub mod identification;
 pub mod joint;
 mod law_plot;
 mod letters;
+mod look;
 pub mod map;
 mod mesh_figure;
 mod over_image;
@@ -35,6 +36,7 @@ pub use crack::{CrackFrameSummary, CrackSummary, CrackTipSummary, crack_figures}
 pub use figure::{Figure, FigureOptions, Format};
 pub use figures::{draw_figure, draw_frame, ends_of};
 pub use force::{ForcePoint, ForceRecord};
+pub use look::Look;
 pub use map::{MapOptions, element_map, element_map_on, nodal_map, nodal_map_on};
 pub use mesh_figure::{MeshOptions, deformed_mesh, mesh_figure, register_figure};
 pub use picture::{Area, Picture};

@@ -5,7 +5,7 @@ use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
 use super::backdrop::{Backdrop, LONGER_SIDE, png};
 use super::raster::Layer;
 use super::scale::{Palette, Range, ticks};
-use super::scene::{Anchor, BLACK, Path, Rect, Rgb, SOFT, Scene, Stroke, WARNING};
+use super::scene::{Anchor, BLACK, Path, Rect, Rgb, Scene, Stroke, WARNING};
 use crate::units::PixelSize;
 use image::ExtendedColorType;
 
@@ -81,6 +81,7 @@ pub(super) struct Words<'a> {
 pub(super) struct FigureLayout<'a> {
     backdrop: &'a Backdrop,
     title: String,
+    notes: Vec<String>,
     size: [i32; 2],
     map: Rect,
     bar: Option<(&'a Bar, Rect, SideAxis)>,
@@ -102,9 +103,26 @@ impl<'a> FigureLayout<'a> {
         bar: Option<&'a Bar>,
         words: &Words<'_>,
     ) -> Self {
-        let letters = Letters::new();
+        let longer = backdrop.look().side(LONGER_SIDE);
+        let layout = Self::of_side(longer, backdrop, view, pixel_size, bar, words);
+        // What stands beside the map is known now.
+        match backdrop.look().narrowed(longer, layout.size[0], layout.map.width) {
+            Some(longer) => Self::of_side(longer, backdrop, view, pixel_size, bar, words),
+            None => layout,
+        }
+    }
+
+    fn of_side(
+        longer: f64,
+        backdrop: &'a Backdrop,
+        view: View,
+        pixel_size: Option<PixelSize>,
+        bar: Option<&'a Bar>,
+        words: &Words<'_>,
+    ) -> Self {
+        let letters = Letters::new(backdrop.look());
         let size = view.size();
-        let factor = LONGER_SIDE / size[0].max(size[1]);
+        let factor = longer / size[0].max(size[1]);
         let [map_width, map_height] = size.map(|side| (side * factor).round().max(1.0) as i32);
         let scale = [f64::from(map_width) / size[0], f64::from(map_height) / size[1]];
         // Beside a wide image a standing bar would be squashed.
@@ -145,7 +163,7 @@ impl<'a> FigureLayout<'a> {
         let (mut head, mut foot) = (Lines::default(), Lines::default());
         head.title(&letters, words.title, inner);
         words.warnings.iter().for_each(|warning| head.note(&letters, warning, inner, WARNING));
-        words.notes.iter().for_each(|note| foot.note(&letters, note, inner, SOFT));
+        foot.notes(&letters, &words.notes, inner);
         let lines = head.height(&letters);
         let head_height = if lines > 0 { lines + GAP } else { 0 };
         let map = Rect {
@@ -159,7 +177,22 @@ impl<'a> FigureLayout<'a> {
         let height = if lines > 0 { foot_top + lines } else { map.bottom() + below } + BORDER;
         let bar = place.map(|(bar, place, axis)| (bar, Rect { x: map.x + place.x, y: map.y + place.y, ..place }, axis));
         let title = words.title.to_owned();
-        Self { backdrop, title, size: [width, height], map, bar, view, scale, sides, head, foot, foot_top, letters }
+        let notes = words.notes.clone();
+        Self {
+            backdrop,
+            title,
+            size: [width, height],
+            map,
+            bar,
+            view,
+            scale,
+            sides,
+            head,
+            foot,
+            foot_top,
+            letters,
+            notes,
+        }
     }
 
     /// A sheet with the image on it.
@@ -186,7 +219,8 @@ impl<'a> FigureLayout<'a> {
         }
         self.head.draw(&mut scene, letters, Anchor::Middle, f64::from(self.size[0]) / 2.0, BORDER);
         self.foot.draw(&mut scene, letters, Anchor::Start, f64::from(BORDER), self.foot_top);
-        scene.finish(&self.title, self.map, self.bar.as_ref().map(|bar| bar.1), self.backdrop.ratio())
+        let bar = self.bar.as_ref().map(|bar| bar.1);
+        scene.finish((&self.title, &self.notes), self.backdrop.look(), self.map, bar, self.backdrop.ratio())
     }
 
     /// Where a point of the image (px) stands on the sheet.

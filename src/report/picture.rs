@@ -73,6 +73,16 @@ impl Picture {
         Self::new(self.svg, self.size, self.map, self.bar, ratio)
     }
 
+    /// Size of the sheet that it was drawn on, units.
+    pub(super) fn sheet(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Where the image, or the curves, stand on it.
+    pub(super) fn map_on_sheet(&self) -> Area {
+        self.map
+    }
+
     /// Columns.
     pub fn width(&self) -> u32 {
         self.size[0] * self.ratio
@@ -90,7 +100,7 @@ impl Picture {
 
     /// Red, green, blue of each pixel, row by row. The drawing is turned into pixels the first time.
     pub fn rgb(&self) -> &[u8] {
-        self.rgb.get_or_init(|| pixels(&self.svg, self.width(), self.height(), self.ratio))
+        self.rgb.get_or_init(|| pixels(&self.svg, self.width(), self.height()))
     }
 
     /// The colour at column `x`, row `y`; `None` outside the picture.
@@ -156,10 +166,11 @@ impl Picture {
 }
 
 /// The drawing in pixels.
-fn pixels(svg: &str, width: u32, height: u32, ratio: u32) -> Vec<u8> {
+fn pixels(svg: &str, width: u32, height: u32) -> Vec<u8> {
     let tree = usvg::Tree::from_str(svg, &usvg::Options::default()).expect("an SVG written here is one");
     let mut map = tiny_skia::Pixmap::new(width, height).expect("a sheet has an extent");
-    let scale = ratio as f32;
+    // Its size may be in millimetres.
+    let scale = width as f32 / tree.size().width();
     resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut map.as_mut());
     // The sheet is white and opaque: nothing to divide by.
     map.data().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()

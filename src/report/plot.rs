@@ -3,7 +3,7 @@
 use super::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
 use super::scale::{LARGEST, Range, Tick, log_ticks, ticks};
 use super::scene::{Anchor, BLACK, COLOURS, Path, Rect, Rgb, Scene, Stroke, WARNING, WHITE};
-use super::{Picture, ReportError};
+use super::{Look, Picture, ReportError};
 
 /// Size of the rectangle between the axes.
 const SIZE: [i32; 2] = [680, 420];
@@ -207,14 +207,31 @@ impl Plot {
     /// A series whose lists differ in length, and a range without extent (or, on a logarithmic axis, one that
     /// begins at or below zero).
     pub fn draw(&self) -> Result<Picture, ReportError> {
-        self.draw_sized(SIZE)
+        self.draw_for(Look::chosen())
     }
 
-    /// [`Plot::draw`] with `size` (at least 120 each way) between the axes; letters keep theirs.
+    /// [`Plot::draw`] for a screen, a column or a slide, whatever is chosen.
+    ///
+    /// # Errors
+    /// Those of [`Plot::draw`].
+    pub fn draw_for(&self, look: Look) -> Result<Picture, ReportError> {
+        let size = SIZE.map(|side| look.side(f64::from(side)) as i32);
+        let picture = self.sized(size, look)?;
+        // What stands beside the axes is known now: they get what the sheet leaves them.
+        let Some(sheet) = look.sheet() else { return Ok(picture) };
+        let spare = sheet - picture.sheet()[0] as i32;
+        self.sized([size[0] + spare, size[1]], look)
+    }
+
+    /// The curves with `size` (at least 120 each way) between the axes, for a screen; letters keep their size.
     ///
     /// # Errors
     /// Those of [`Plot::draw`].
     pub fn draw_sized(&self, size: [i32; 2]) -> Result<Picture, ReportError> {
+        self.sized(size, Look::Screen)
+    }
+
+    fn sized(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
         for series in &self.series {
             let n = series.x.len();
             let sides = series.band.iter().flatten().map(Vec::len);
@@ -238,7 +255,7 @@ impl Plot {
         let x = Scale::new(&self.x, points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
         let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
 
-        let letters = Letters::new();
+        let letters = Letters::new(look);
         let inner = width + 90.min(width / 8);
         let mut head = Lines::default();
         head.title(&letters, &self.title, inner);
@@ -301,7 +318,7 @@ impl Plot {
         scene.frame(rect, BLACK);
         bottom.draw(&mut scene, &letters, rect);
         left.draw(&mut scene, &letters, rect);
-        Ok(scene.finish(&self.title, rect, None, 1))
+        Ok(scene.finish((&self.title, &self.notes), look, rect, None, 1))
     }
 }
 

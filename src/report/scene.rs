@@ -2,6 +2,7 @@
 //! of a picture come.
 
 use super::letters::{Short, Type};
+use super::look::Look;
 use super::picture::{Area, Picture};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -279,15 +280,34 @@ impl Scene {
     }
 
     /// The finished picture; `map` and `bar` are where its parts stand, `ratio` the pixels of the PNG per unit.
-    pub fn finish(self, title: &str, map: Rect, bar: Option<Rect>, ratio: u32) -> Picture {
+    pub fn finish(
+        self,
+        (title, notes): (&str, &[String]),
+        look: Look,
+        map: Rect,
+        bar: Option<Rect>,
+        ratio: u32,
+    ) -> Picture {
         let Self { width, height, body, .. } = self;
+        let length = |units: i32| match look.unit_mm() {
+            Some(mm) => format!("{}mm", Short(f64::from(units) * mm)),
+            None => units.to_string(),
+        };
+        // Notes that are not drawn are kept for whoever writes the caption.
+        let notes = if look.has_notes() || notes.is_empty() {
+            String::new()
+        } else {
+            format!("<desc>{}</desc>\n", escaped(&notes.join(" ")))
+        };
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" \
-             width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\">\n\
-             <title>{}</title>\n{body}</svg>\n",
+             width=\"{}\" height=\"{}\" viewBox=\"0 0 {width} {height}\">\n\
+             <title>{}</title>\n{notes}{body}</svg>\n",
+            length(width),
+            length(height),
             escaped(title)
         );
-        Picture::new(svg, [width as u32, height as u32], map.area(), bar.map(Rect::area), ratio)
+        Picture::new(svg, [width as u32, height as u32], map.area(), bar.map(Rect::area), ratio.max(look.ratio()))
     }
 }
 

@@ -16,8 +16,9 @@ use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Mesh, Roi, Zone, ZoneElements};
 use quadrille::report::{
-    Area, Axis, Backdrop, Figure, FigureOptions, Format, MapOptions, MeshOptions, Palette, Picture, Plot, PlotSeries,
-    ReportError, Style, deformed_mesh, draw_frame, element_map, mesh_figure, nodal_map, nodal_map_on, register_figure,
+    Area, Axis, Backdrop, Figure, FigureOptions, Format, Look, MapOptions, MeshOptions, Palette, Picture, Plot,
+    PlotSeries, ReportError, Style, deformed_mesh, draw_frame, element_map, mesh_figure, nodal_map, nodal_map_on,
+    register_figure,
 };
 use quadrille::units::{PixelSize, Px};
 use resvg::{tiny_skia, usvg};
@@ -960,4 +961,53 @@ fn frames_without_a_field_are_named_and_wrong_words_refused() {
     desk.run("figures nowhere").refused(&["nowhere"]);
     desk.write("file", "");
     desk.run("figures out --output file").refused(&["cannot be written", "file"]);
+}
+
+/// Width of the sheet of an SVG, mm.
+fn width_mm(picture: &Picture) -> f64 {
+    let (_, rest) = picture.svg().split_once("width=\"").unwrap();
+    rest.split_once("mm\"").expect("a width in millimetres").0.parse().unwrap()
+}
+
+#[test]
+fn figures_for_a_column_are_84_mm_wide_and_keep_what_is_no_matter_of_the_caption() {
+    let image = speckle(300, 200);
+    let mut measurement = field(grids(&[[10.0, 10.0, 290.0, 190.0]], 10, 300, 200), |x| [0.01 * x[0], 0.0]);
+    measurement.status = Status::IterationLimit;
+    let values: Vec<f64> = measurement.displacement.iter().map(|u| u[0]).collect();
+    let note = "Strain of Green and Lagrange.";
+    let options = MapOptions {
+        pixel_size: PixelSize::new(0.01),
+        notes: vec![note.into()],
+        ..MapOptions::new("Frame 3", "ux (px)")
+    };
+    let map = |look| nodal_map_on(&Backdrop::made_for(look, &image, 1), &measurement, &values, &options).unwrap();
+    let names = ["measured", "the prediction of a model with a long name"];
+    let series = names.map(|name| PlotSeries::new(name, Style::Line, vec![0.0, 1.0, 2.0], vec![0.0, 1e4, 3e4]));
+    let curve = Plot {
+        title: "Frame 3".into(),
+        x: Axis::linear("distance along the joint (mm)"),
+        y: Axis::linear("T_n (MPa)"),
+        series: series.into(),
+        notes: vec![note.into()],
+    };
+    let sheet = |picture: &Picture, ratio: u32| (picture.width() / ratio) as i32;
+    for (name, screen, column, slide) in [
+        ("map", map(Look::Screen), map(Look::Paper), map(Look::Slide)),
+        ("curve", curve.draw_for(Look::Screen).unwrap(), curve.draw_for(Look::Paper).unwrap(), {
+            curve.draw_for(Look::Slide).unwrap()
+        }),
+    ] {
+        check(&format!("column-{name}"), &column);
+        check(&format!("slide-{name}"), &slide);
+        // A unit is 0.188 mm: axes of whole units give or take three; a number less beside the map, seven.
+        assert!((82.5..84.6).contains(&width_mm(&column)), "{name}: {} mm", width_mm(&column));
+        assert!((610..=623).contains(&sheet(&slide, 3)), "{name}: {} units", sheet(&slide, 3));
+        let drawn = |picture: &Picture, words: &str| labels(picture).iter().any(|label| label.contains(words));
+        assert!(drawn(&screen, "Frame 3") && drawn(&slide, "Frame 3") && !drawn(&column, "Frame 3"), "{name}");
+        assert!(drawn(&screen, note) && !drawn(&slide, note) && !drawn(&column, note), "{name}");
+        let kept = format!("<desc>{note}</desc>");
+        assert!(column.svg().contains(&kept) && slide.svg().contains(&kept) && !screen.svg().contains(&kept), "{name}");
+        assert_eq!(warns(&column), name == "map", "{name}: a frame that did not converge says so");
+    }
 }

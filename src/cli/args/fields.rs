@@ -1,6 +1,6 @@
 //! What the commands take that read the fields of a run, and `metrology`.
 
-use super::shared::{Quiet, Threads};
+use super::shared::{Drawn, Quiet, Threads};
 use super::words::interpolation;
 use super::words::megabytes;
 use super::words::pair;
@@ -141,6 +141,8 @@ pub struct ProbeArgs {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Quiet,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Where `quadrille figures` takes a strain from.
@@ -207,7 +209,7 @@ impl std::str::FromStr for FileKind {
     Displacements, strains and residual of the last frame, into out/figures:\n    \
     quadrille figures out\n  \
     Two strains of three frames for a paper, with one colour bar:\n    \
-    quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --format svg\n  \
+    quadrille figures out --frames 5,10,20 --quantity exx,eyy --range=-0.01,0.01 --style paper --format svg\n  \
     The whole series as an animation for slides, out/figures/eyy.gif:\n    \
     quadrille figures out --frames all --quantity eyy --format gif\n  \
     The opening along a line across two strips, and both strips brought into register:\n    \
@@ -261,6 +263,8 @@ pub struct FiguresArgs {
     pub threads: Threads,
     #[command(flatten)]
     pub talk: Quiet,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Arguments of `quadrille draw`.
@@ -371,4 +375,6 @@ pub struct MetrologyArgs {
     pub page: Option<u32>,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }

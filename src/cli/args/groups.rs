@@ -81,6 +81,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "json",
             "format",
             "scale",
+            "style",
             "range",
             "magnify",
         ],

@@ -1,7 +1,7 @@
 //! What the commands of a bonded joint take.
 
 use super::series::ProgressKind;
-use super::shared::{FitLimits, Quiet, Results, Threads};
+use super::shared::{Drawn, FitLimits, Quiet, Results, Threads};
 use crate::backend::choice::DeviceChoice;
 use crate::mechanics::SpecimenKind;
 use crate::mechanics::cohesive::{ExtendedXuNeedleman, LAW_NAMES, USUAL_LAWS};
@@ -45,6 +45,8 @@ pub struct RunArgs {
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Depth of the images of a virtual test.
@@ -133,6 +135,8 @@ pub struct PaperArgs {
     pub seed: u64,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Arguments of `quadrille demo`.
@@ -244,6 +248,8 @@ pub struct SimulateArgs {
     pub threads: Threads,
     #[command(flatten)]
     pub talk: Quiet,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Arguments of `quadrille identify`.
@@ -269,6 +275,8 @@ pub struct IdentifyArgs {
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Arguments of `quadrille tournament`.
@@ -296,6 +304,8 @@ pub struct TournamentArgs {
     /// How progress is written to stderr: as text, or as one JSON object a line for other programs.
     #[arg(long, value_name = "text|json", default_value = "text")]
     pub progress: ProgressKind,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }
 
 /// Arguments of `quadrille sweep`.
@@ -323,4 +333,6 @@ pub struct SweepArgs {
     pub limits: FitLimits,
     #[command(flatten)]
     pub talk: Quiet,
+    #[command(flatten)]
+    pub drawn: Drawn,
 }

@@ -3,6 +3,7 @@
 use super::super::Result;
 use super::words::{count, positive_seconds};
 use crate::io::case::CaseFit;
+use crate::report::Look;
 use clap::Args;
 use rayon::ThreadPool;
 use std::path::PathBuf;
@@ -28,6 +29,22 @@ pub struct Quiet {
     /// Only errors.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// What figures are made for.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct Drawn {
+    /// What figures are made for: screen; paper (84 mm wide, letters of 8 pt, no title, notes in the description of the SVG); slide
+    /// (large letters, no notes).
+    #[arg(long, value_name = "screen|paper|slide", default_value = "screen")]
+    style: Look,
+}
+
+impl Drawn {
+    /// Draws all figures of this process so.
+    pub fn choose(self) {
+        self.style.choose();
+    }
 }
 
 /// Where results go.

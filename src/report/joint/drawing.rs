@@ -4,7 +4,7 @@ use crate::report::axes::{BORDER, GAP, Letters, Lines, Side, SideAxis};
 use crate::report::raster::Layer;
 use crate::report::scale::{Palette, Range, colour, ticks};
 use crate::report::scene::{Anchor, BLACK, Path, Rect, Scene, Stroke};
-use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
+use crate::report::{Axis, Look, Picture, Plot, PlotSeries, ReportError, Style};
 
 /// Longer side of the map.
 const LONGER_SIDE: f64 = 820.0;
@@ -37,6 +37,17 @@ impl JointMap<'_> {
     /// # Errors
     /// Another number of values than of nodes, values or positions without a finite range.
     pub fn draw(&self) -> Result<Picture, ReportError> {
+        let look = Look::chosen();
+        let longer = look.side(LONGER_SIDE);
+        let picture = self.of_side(longer, look)?;
+        let (width, map) = (picture.sheet()[0] as i32, picture.map_on_sheet().width as i32);
+        match look.narrowed(longer, width, map) {
+            Some(longer) => self.of_side(longer, look),
+            None => Ok(picture),
+        }
+    }
+
+    fn of_side(&self, longer: f64, look: Look) -> Result<Picture, ReportError> {
         if self.values.len() != self.nodes.len() {
             return Err(ReportError::Length { what: "nodes", expected: self.nodes.len(), got: self.values.len() });
         }
@@ -58,10 +69,10 @@ impl JointMap<'_> {
         if !(extent[0] > 0.0 && extent[1] > 0.0 && extent[0].is_finite() && extent[1].is_finite()) {
             return Err(ReportError::Range { low: low[0], high: high[0] });
         }
-        let scale = LONGER_SIDE / extent[0].max(extent[1]);
+        let scale = longer / extent[0].max(extent[1]);
         let [width, height] = extent.map(|side| ((side * scale).round() as i32).max(160));
 
-        let letters = Letters::new();
+        let letters = Letters::new(look);
         let across = |text: &str| letters.small.width(text);
         let upright = |_: &str| f64::from(letters.small.digit());
         let axis_x = Range { low: low[0], high: high[0] };
@@ -138,7 +149,7 @@ impl JointMap<'_> {
         let middle = f64::from(inner + 2 * BORDER) / 2.0;
         head.draw(&mut scene, &letters, Anchor::Middle, middle, BORDER);
         foot.draw(&mut scene, &letters, Anchor::Start, f64::from(BORDER), foot_top);
-        Ok(scene.finish(&self.title, map, Some(strip), RATIO))
+        Ok(scene.finish((&self.title, &self.notes), look, map, Some(strip), RATIO))
     }
 }
 
