@@ -27,6 +27,8 @@ ABOUT = {
     "CONTRIBUTING.md": ("Working on quadrille", "project/contributing.md"),
     "benches/RESULTS.md": ("Measured: speed", "project/results.md"),
 }
+# Notebooks become chapters, too: with what their cells show where they were run (make wheel WHEEL=--all).
+NOTEBOOKS = [f"python/notebooks/{name}.ipynb" for name in ("first_pair", "tensile_test", "joint", "own_field", "long_series")]
 LINK = re.compile(r"\]\(([^()\s]+)\)")
 # Code is left alone: a fence, or a span of it.
 CODE = re.compile(r"(^[ ]*```.*?^[ ]*```[ ]*$|`[^`\n]+`)", re.M | re.S)
@@ -64,6 +66,8 @@ def moved(link, source, page):
         # mdBook makes the index of a folder of its README.
         inside = re.sub(r"(^|/)README\.md$", r"\1index.md", target.removeprefix("docs/"))
         return relative(inside, page) + anchor
+    if target in NOTEBOOKS:
+        return relative(notebook_page(target), page) + anchor
     path = ROOT / target
     if path.is_dir():
         return relative("project/contributing.md", page) + "#the-map"
@@ -103,6 +107,40 @@ def turned(text, source, page):
     return "".join(parts)
 
 
+def notebook_page(source):
+    return f"notebooks/{PurePosixPath(source).stem}.md"
+
+
+def shown(output):
+    """An output of a cell, as Markdown."""
+    data = {kind: "".join(text) for kind, text in output.get("data", {}).items()}
+    if "image/png" in data:
+        return f'<img alt="" src="data:image/png;base64,{"".join(data["image/png"].split())}">'
+    text = "".join(output.get("text", "")) if output.get("name") != "stderr" else ""
+    text = text or data.get("text/plain", "")
+    return f"```text\n{text.rstrip()}\n```" if text.strip() else ""
+
+
+def notebook(source):
+    """The name of a notebook and its text: that of the copy that was run, where there is one."""
+    path, stem = ROOT / source, PurePosixPath(source).stem
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    ran = ROOT / "out" / "notebooks" / stem / f"{stem}.ipynb"
+    if ran.exists():
+        done = json.loads(ran.read_text(encoding="utf-8"))["cells"]
+        # One that was changed since is shown without.
+        cells = done if [cell["source"] for cell in done] == [cell["source"] for cell in cells] else cells
+    parts = []
+    for cell in cells:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "code":
+            parts += [f"```python\n{text}\n```", *filter(None, map(shown, cell["outputs"]))]
+        else:
+            parts.append(text)
+    parts.insert(1, f"`{source}`, to be run with `pip install 'quadrille[all]'`.")
+    return parts[0].splitlines()[0].lstrip("# "), "\n\n".join(parts)
+
+
 def preprocess():
     _, book = json.load(sys.stdin)
     items = book.get("items") or book["sections"]
@@ -118,15 +156,21 @@ def preprocess():
                 walk(chapter["sub_items"])
 
     walk(items)
-    items.append({"PartTitle": "The project"})
-    for source, (name, page) in ABOUT.items():
-        content = turned((ROOT / source).read_text(encoding="utf-8"), source, page)
+
+    def add(name, text, source, page):
         items.append({
             "Chapter": {
-                "name": name, "content": content, "number": None, "sub_items": [], "path": page, "source_path": page,
+                "name": name, "content": turned(text, source, page), "number": None, "sub_items": [], "path": page, "source_path": page,
                 "parent_names": [],
             }
         })
+
+    items.append({"PartTitle": "Notebooks"})
+    for source in NOTEBOOKS:
+        add(*notebook(source), source, notebook_page(source))
+    items.append({"PartTitle": "The project"})
+    for source, (name, page) in ABOUT.items():
+        add(name, (ROOT / source).read_text(encoding="utf-8"), source, page)
     json.dump(book, sys.stdout)
 
 

@@ -8,6 +8,21 @@ from numpy.typing import NDArray
 _Path = str | os.PathLike[str]
 _Watcher = Callable[[dict[str, Any]], object] | None
 
+__all__ = [
+    "VERSION",
+    "Correlator",
+    "Tracker",
+    "command",
+    "devices",
+    "identify",
+    "metrology",
+    "read_image",
+    "run_case",
+    "run_series",
+    "simulate",
+    "tournament",
+]
+
 VERSION: str
 
 @final

@@ -2,14 +2,22 @@
 
 use super::args::DrawArgs;
 use super::{Outcome, Result};
+use crate::io::case::CaseDocument;
 use crate::io::images::Accepted;
 use crate::io::series::{Frame, expand_series};
 use crate::report::Backdrop;
 use crate::report::view::Drawing;
+use serde_json::Value;
 use std::path::Path;
 
 /// Pixels of the picture for one of a figure: zones are drawn to the pixel.
 const RATIO: u32 = 2;
+
+/// A case file as its tables, for a page that draws them.
+pub(super) fn drawn_in(path: &Path) -> Result<Value> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+    Ok(CaseDocument::tables(&text, path)?)
+}
 
 /// Runs the command.
 pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
@@ -25,6 +33,7 @@ pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
         reference: (!of_glob).then(|| first.clone()),
         page: args.page,
         deformed: if of_glob { vec![first.clone()] } else { others.to_vec() },
+        case: args.case.as_deref().map(drawn_in).transpose()?,
         folder: std::env::current_dir().map_or_else(|_| "this folder".into(), |folder| folder.display().to_string()),
     };
     let path = &args.output;

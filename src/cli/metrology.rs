@@ -8,12 +8,16 @@ use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
-use crate::report::{Axis, Plot, PlotSeries, Style};
+use crate::report::{Axis, Plot, PlotSeries, Style, metrology_page};
 use crate::run::{RunFolder, strain_window};
 use serde::Serialize;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// What was found, as numbers.
+pub(super) const METROLOGY: &str = "metrology.json";
 
 /// `metrology.json`.
 #[derive(Debug, Serialize)]
@@ -103,18 +107,20 @@ pub(super) fn run(args: &MetrologyArgs) -> Result<Outcome> {
         metrology: &metrology,
     };
     if let Some(folder) = folder {
-        folder.write_json("metrology.json", &record)?;
-        let picture = plot(&metrology, &args.reference).draw()?;
-        for name in ["metrology.png", "metrology.svg"] {
-            picture.save(folder.path().join(name))?;
-        }
+        folder.write_json(METROLOGY, &record)?;
         folder.write("strain_gauges.csv", |out| gauges::write(out, &metrology, &args.reference))?;
-        let picture = gauges::plot(&metrology, &args.reference).draw()?;
-        for name in ["strain_gauges.png", "strain_gauges.svg"] {
-            picture.save(folder.path().join(name))?;
+        let plots = [plot(&metrology, &args.reference), gauges::plot(&metrology, &args.reference)];
+        for (name, plot) in ["metrology", "strain_gauges"].into_iter().zip(&plots) {
+            let picture = plot.draw()?;
+            for ending in ["png", "svg"] {
+                picture.save(folder.path().join(format!("{name}.{ending}")))?;
+            }
         }
+        let name = args.reference.file_name().unwrap_or_default().to_string_lossy();
+        let page = metrology_page(&metrology, &name, &loaded, plots.each_ref())?;
+        folder.write(RunFolder::REPORT, |out| out.write_all(page.html().as_bytes()))?;
         eprintln!(
-            "numbers and curves in {}: metrology.json, .png, .svg; strain_gauges.csv, .png, .svg",
+            "numbers and curves in {}: report.html, metrology.json, .png, .svg; strain_gauges.csv, .png, .svg",
             folder.path().display()
         );
     }

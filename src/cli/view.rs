@@ -2,6 +2,7 @@
 
 use super::args::ViewArgs;
 use super::figures::reference;
+use super::metrology::METROLOGY;
 use super::{Outcome, Result, chain, plural, pool};
 use crate::field::Status;
 use crate::io::arrays::Values;
@@ -9,7 +10,7 @@ use crate::io::quantities::QUANTITY_TABLES;
 use crate::io::store::{Place, Store, Variable};
 use crate::report::view::{Column, Layer, On, Packed, View, ViewFrame};
 use crate::report::{Backdrop, Palette};
-use crate::run::{FitOfRun, Record, correlation_in, model_less_measured};
+use crate::run::{FitOfRun, Record, RunFolder, correlation_in, model_less_measured};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -32,9 +33,24 @@ pub(super) struct Made {
 
 /// Runs the command.
 pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
-    let Made { html, n_shown, n_with, n_without } = made(args)?;
     let path = args.output.clone().unwrap_or_else(|| args.run.join(PAGE));
-    std::fs::write(&path, &html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?;
+    let write = |html: &str| -> Result<()> {
+        Ok(std::fs::write(&path, html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?)
+    };
+    if args.run.join(METROLOGY).is_file() && Store::open(&args.run).is_err() {
+        // One page is all there is to see of it, and was made with it.
+        let made = args.run.join(RunFolder::REPORT);
+        let html = std::fs::read_to_string(&made).map_err(|error| {
+            format!("{}: cannot be read: {error}; `quadrille metrology --output` makes it again", made.display())
+        })?;
+        write(&html)?;
+        if !args.talk.quiet {
+            eprintln!("{}: what the images can measure: open it in a browser", path.display());
+        }
+        return Ok(Outcome::Fine);
+    }
+    let Made { html, n_shown, n_with, n_without } = made(args)?;
+    write(&html)?;
     if !args.talk.quiet {
         let left = if n_shown < n_with { format!(" of {n_with}, evenly (--max-mb for more)") } else { String::new() };
         let mb = html.len() as f64 / 1e6;

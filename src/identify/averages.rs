@@ -3,9 +3,16 @@
 
 use super::bands::CurveBand;
 
-/// Difference of `omega + 2 p` up to which two laws cannot be told apart: the worse one is then at least exp(-3) = 5 % as likely. So it
-/// is where omega by itself differs by no more: that a law has many parameters does not speak against it.
-pub const ALIKE: f64 = 6.0;
+/// 99 % quantile of a standard normal variable, one-sided.
+const NORMAL_99: f64 = 2.326;
+
+/// By how much noise alone puts omega of a law with `n_best` parameters below that of another with `n`, in at most one of a hundred tests,
+/// where both describe the joint equally well. Each has then fitted as much noise as it has parameters: chi-square of `n_best` less
+/// chi-square of `n`, which is widest where they fit different parts of it. (Taken as normal: mean and variance are exact.)
+pub fn within_noise(n_best: usize, n: usize) -> f64 {
+    let [best, other] = [n_best, n].map(|n| n as f64);
+    best - other + NORMAL_99 * (2.0 * (best + other)).sqrt()
+}
 
 /// A value with its standard uncertainty and its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,6 +74,9 @@ pub fn average_curve(parts: &[Part<&CurveBand>]) -> CurveBand {
 mod tests {
     use super::*;
     use crate::identify::NORMAL_95;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
 
     fn normal(value: f64, std: f64) -> Spread {
         Spread { value, std: Some(std), ends95: [Some(value - NORMAL_95 * std), Some(value + NORMAL_95 * std)] }
@@ -97,6 +107,19 @@ mod tests {
         let variance = 0.01 + 0.9 * 1.8_f64.powi(2) + 0.08 * 8.2_f64.powi(2) + 0.02 * 48.2_f64.powi(2);
         assert!((found.std.unwrap() - variance.sqrt()).abs() < 1e-12);
         assert_eq!(found.ends95, [normal(0.0, 0.1).ends95[0], normal(10.0, 0.1).ends95[1]]);
+    }
+
+    #[test]
+    fn noise_alone_puts_one_law_that_far_below_another_in_one_of_a_hundred_draws() {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let mut squares = |n: usize| (0..n).map(|_| normal().powi(2)).sum::<f64>();
+        for (best, other) in [(7, 5), (6, 5), (4, 4), (3, 7)] {
+            let limit = within_noise(best, other);
+            let above = (0..20_000).filter(|_| squares(best) - squares(other) > limit).count();
+            // 200 wanted; the distribution has longer tails than a normal one, and 20 000 draws scatter by 14.
+            assert!((100..500).contains(&above), "{best} against {other}: {above} of 20000 above {limit}");
+        }
     }
 
     #[test]

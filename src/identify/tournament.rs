@@ -4,7 +4,7 @@
 //! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
 //! that the data do not reject, with Akaike's weights.
 
-use super::averages::{ALIKE, Part, Spread, average, average_curve};
+use super::averages::{Part, Spread, average, average_curve, within_noise};
 use super::axes::{Axes, WORKS, weights_at_end};
 use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
@@ -28,6 +28,8 @@ use rayon::prelude::*;
 const NEAR: f64 = 30.0;
 /// Times that a lower minimum is gone on from.
 const LOOKS: usize = 3;
+/// By how much omega of left-out instants is lower where a law predicts them better: the other is then 5 % as likely, exp(-3).
+const BETTER: f64 = 6.0;
 /// The reach of the curves beyond that of the best law.
 const BEYOND: f64 = 1.2;
 
@@ -85,6 +87,15 @@ pub struct Score {
     pub aic: f64,
     /// Schwarz's criterion: `p ln n` for `2 p`.
     pub bic: f64,
+}
+
+impl Score {
+    /// How far it lies above the `best` one without what parameters cost (omega; with an unknown noise `n ln(omega/n)`), and how far
+    /// noise alone puts it.
+    pub fn above(&self, best: Score) -> (f64, f64) {
+        let deviance = |score: &Score| score.aic - 2.0 * score.n_parameters as f64;
+        (deviance(self) - deviance(&best), within_noise(best.n_parameters, self.n_parameters))
+    }
 }
 
 /// What is asked for, averaged over the laws.
@@ -438,11 +449,13 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
     let likelihoods: Vec<f64> = laws.iter().map(|law| above(law).map_or(0.0, |above| (-0.5 * above).exp())).collect();
     let sum: f64 = likelihoods.iter().sum();
     laws.iter_mut().zip(&likelihoods).for_each(|(law, likelihood)| law.weight = likelihood / sum);
-    let deviance = |score: Score| score.aic - 2.0 * score.n_parameters as f64;
-    let lowest = laws[best].score.map_or(0.0, deviance);
+    let lowest_aic = laws[best].score;
     let alike = |law: &LawFit<'_>| {
-        let score = law.score.filter(|_| law.counts());
-        score.is_some_and(|score| (score.aic - least).min(deviance(score) - lowest) <= ALIKE)
+        let both = law.score.filter(|_| law.counts()).zip(lowest_aic);
+        both.is_some_and(|(score, best)| {
+            let (above, within) = score.above(best);
+            above <= within
+        })
     };
     (0..laws.len()).filter(|&k| alike(&laws[k])).collect()
 }
@@ -497,8 +510,8 @@ impl Tournament<'_> {
                 format!("the data choose {}: {behind}", self.laws[best].name())
             }
             (Some(_), alike) => format!(
-                "these data cannot tell {} apart: their omega, or omega + 2 p, is within {ALIKE} of the best; what is asked for is \
-                 averaged, and intervals hold those of all of them",
+                "these data cannot tell {} apart: their omega lies above that of the best by no more than noise explains; what is asked for \
+                 is averaged, and intervals hold those of all of them",
                 list(alike)
             ),
         }];
@@ -555,7 +568,7 @@ impl LawFit<'_> {
     /// Whether it predicts the left-out instants better than `other`, by more than laws that are alike differ.
     fn predicts_better_than(&self, other: &LawFit<'_>) -> bool {
         match (&self.left_out, &other.left_out) {
-            (Some(own), Some(others)) => own.omega + ALIKE < others.omega,
+            (Some(own), Some(others)) => own.omega + BETTER < others.omega,
             _ => false,
         }
     }

@@ -5,7 +5,7 @@ use super::law_plot::{MODES, law_series};
 use super::page::{Block, Curves, Page, Section};
 use super::words::{capital, plain, plain_or_dash, significant};
 use super::{Axis, Name, Picture, Plot, PlotSeries, ReportError, Style, number};
-use crate::identify::{ALIKE, CurveBand, LawFit, Spread, Tournament};
+use crate::identify::{CurveBand, LawFit, Score, Spread, Tournament};
 use crate::io::joint::{JointFileError, write_table};
 use crate::mechanics::cohesive::Jump;
 use serde::{Deserialize, Serialize};
@@ -33,8 +33,6 @@ pub struct TournamentRecord {
     pub best: Option<Name>,
     /// The laws that these data cannot tell from it, itself among them; empty when every law is rejected.
     pub alike: Vec<Name>,
-    /// Difference of the criterion up to which laws are called alike.
-    pub alike_within: f64,
     /// The laws, in the order that was asked for.
     pub laws: Vec<LawRecord>,
     /// What is asked for, averaged over the laws that are not rejected; null when all are.
@@ -66,6 +64,12 @@ pub struct LawRecord {
     pub aic: Option<f64>,
     /// Schwarz's criterion.
     pub bic: Option<f64>,
+    /// How far omega lies above that of the best law.
+    #[serde(default)]
+    pub above_best: Option<f64>,
+    /// How far noise alone puts it, in at most one of a hundred tests: up to there the two cannot be told apart.
+    #[serde(default)]
+    pub alike_within: Option<f64>,
     /// The whitened residual of the instants left out, each predicted by a fit to others.
     pub left_out_omega: Option<f64>,
     /// Weight in the average.
@@ -127,7 +131,8 @@ impl From<&Spread> for SpreadRecord {
 }
 
 impl LawRecord {
-    fn of(law: &LawFit<'_>) -> Self {
+    fn of(law: &LawFit<'_>, best: Option<Score>) -> Self {
+        let above = law.score.zip(best).map(|(score, best)| score.above(best));
         let fit = law.fit.as_ref();
         let (status, reason) = match &fit {
             Ok(fit) => (fit.status.name(), fit.reason.clone()),
@@ -161,6 +166,8 @@ impl LawRecord {
             omega: law.score.map(|score| score.omega),
             aic: law.score.map(|score| score.aic),
             bic: law.score.map(|score| score.bic),
+            above_best: above.map(|(above, _)| above),
+            alike_within: above.map(|(_, within)| within),
             left_out_omega: law.left_out.map(|left_out| left_out.omega),
             weight: law.weight,
             evaluations: fit.map_or(0, |fit| fit.evaluations),
@@ -190,6 +197,7 @@ impl TournamentReport {
     /// The report of `tournament` on the case file `case`, which took `seconds`.
     pub fn new(tournament: &Tournament<'_>, case: String, about: String, seconds: f64, warnings: Vec<String>) -> Self {
         let name = |k: usize| Name::from(tournament.laws[k].name());
+        let best = tournament.best.and_then(|best| tournament.laws[best].score);
         let average = tournament.average.as_ref().map(|average| AverageRecord {
             opening_work: (&average.works[0]).into(),
             sliding_work: (&average.works[1]).into(),
@@ -204,8 +212,7 @@ impl TournamentReport {
             sentences: tournament.sentences.clone(),
             best: tournament.best.map(name),
             alike: tournament.alike.iter().map(|&k| name(k)).collect(),
-            alike_within: ALIKE,
-            laws: tournament.laws.iter().map(LawRecord::of).collect(),
+            laws: tournament.laws.iter().map(|law| LawRecord::of(law, best)).collect(),
             average,
             warnings,
         };

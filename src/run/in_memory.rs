@@ -14,6 +14,9 @@ use crate::units::Px;
 use std::path::Path;
 use std::sync::Arc;
 
+/// So many frames are taken to come, as nobody says: a driver is not loaded for a pair of small images.
+const FRAMES: u64 = 100;
+
 /// A prepared reference, and what a case says of the strains.
 pub struct InMemory {
     /// What frames are correlated with.
@@ -79,7 +82,7 @@ impl InMemory {
             zones.iter_mut().for_each(|zone| zone.mask = Some(Arc::clone(&mask)));
         }
         cut(&mut zones, &plan.drawn.cracks)?;
-        let device = plan.device(size[0] * size[1])?;
+        let device = plan.device_of(FRAMES * (size[0] * size[1]) as u64)?;
         notes.extend(device.remark());
         let regularised = plan.options.regularisation.cutoff_px().is_some();
         let correlator = prepare(&device, reference, &zones, plan.options)?;

@@ -181,6 +181,14 @@ impl Plan {
             0 => u64::MAX,
             frames => (pixels as u64).saturating_mul(frames as u64),
         };
+        self.device_of(work)
+    }
+
+    /// The device for so many pixels of all frames together.
+    ///
+    /// # Errors
+    /// None of that name.
+    pub fn device_of(&self, work: u64) -> Result<Device> {
         Ok(Device::new(&self.device, self.isa, self.gpu.clone(), work)?)
     }
 

@@ -383,6 +383,22 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
     let written = ["metrology.json", "metrology.png", "metrology.svg"];
     let gauges = ["strain_gauges.csv", "strain_gauges.png", "strain_gauges.svg"];
     assert_eq!(desk.files("out"), [written, gauges].concat());
+    // The page has the advice, the elements on the image and every row of the tables; `view` finds it.
+    let page = desk.read("out/report.html");
+    let advice = desk.json("out/metrology.json")["advice"]["element_size_px"].as_u64().unwrap();
+    for wanted in [
+        format!("Recommended: elements of {advice} px"),
+        format!("Elements of {advice} px on the part of the image"),
+        "measured on 2 images at rest".into(),
+        "data:image/jpeg".into(),
+        "quintic".into(),
+    ] {
+        assert!(page.contains(&wanted), "{wanted}");
+    }
+    assert!(!page.contains("NaN"), "a number that is none");
+    let viewed = desk.run("view out");
+    assert_eq!(viewed.code, Some(0), "{viewed}");
+    assert_eq!(desk.read("out/view.html"), page);
     let json = desk.json("out/metrology.json");
     assert_eq!(json["quadrille"], env!("CARGO_PKG_VERSION"));
     assert_eq!(json["options"]["element_sizes_px"], serde_json::json!([16, 24]));

@@ -6,6 +6,7 @@
 use crate::program;
 use program::browser::seen;
 use program::{Desk, speckle};
+use quadrille::imaging::{Image, Pixels};
 use quadrille::synth::{Affine, Depth};
 
 /// Drives the page: answers as lines of JSON.
@@ -193,6 +194,17 @@ f.onload = async () => {
     at('undo').click();
     said.back = at('case').textContent === before;
     fill('size', '8', 'change');
+    // Painted out of the upper strip, which is masked as well: a stroke with a corner, and one that is undone.
+    key('s'); tap([100, 12]);
+    fill('mask', 'mask.png', 'change');
+    const plain = at('case').textContent;
+    key('b'); fill('brush', '12', 'change');
+    send('pointerdown', [20, 28]);
+    for (let x = 21; x < 60; x++) send('pointermove', [x, 28]);
+    for (let y = 28; y > 14; y--) send('pointermove', [60, y]);
+    send('pointerup', [60, 14]);
+    said.painted = at('case').textContent.split('\n').filter(line => line.startsWith('exclude')).length;
+    said.unpainted = (drag([80, 20], [90, 20]), at('undo').click(), at('case').textContent !== plain);
     said.case = at('case').textContent;
     said.notes = at('notes').textContent;
     said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
@@ -200,6 +212,33 @@ f.onload = async () => {
   r.textContent = JSON.stringify(said);
 };
 </script>"#;
+
+/// What a page says that goes on with a case file.
+const AGAIN: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="draw.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = () => {
+  const at = id => f.contentDocument.getElementById(id);
+  r.textContent = JSON.stringify({ case: at('case').textContent, notes: at('notes').textContent });
+};
+</script>"#;
+
+#[test]
+fn a_page_that_cannot_draw_all_of_a_case_file_says_what_it_loses() {
+    let desk = Desk::with_series();
+    let case = "[images]\nreference = \"ref.png\"\ndeformed = [\"a.png\"]\n[correlation]\nelement_size_px = 16\nnoise = 1.5\n\
+                [[zone]]\nroi = [16, 8, 112, 88]\nguard_px = { bottom = 3 }\n";
+    desk.write("mine.toml", case);
+    desk.run("draw ref.png a.png --case mine.toml").fine();
+    let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
+    assert!(
+        back.contains("what is written from here does not have it: [correlation] noise, zone1 guard_px"),
+        "{back}"
+    );
+    assert!(back.contains("roi = [16, 8, 112, 88]"), "{back}");
+    desk.run("draw ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
+    desk.write("wrong.toml", "[images]\nreferenc = 1\n");
+    desk.run("draw ref.png a.png --case wrong.toml").refused(&["wrong.toml", "referenc"]);
+}
 
 #[test]
 fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
@@ -221,8 +260,30 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
         let case = said["case"].as_str().unwrap();
         assert!(case.contains("roi = [16, 8, 112, 40]") && case.contains(r#"name = "upper \"strip\"""#), "{case}");
         assert!(case.contains("# 2.5 mm are 50 px") && case.contains("pixel_size_mm = 0.05"), "{case}");
-        desk.write("case.toml", case);
-        desk.run("correlate --case case.toml --output out --overwrite --quiet").fine();
+        assert!(said["painted"] == 2 && said["unpainted"] == true && case.contains(r#"mask = "mask.png""#), "{said}");
+        let white = (0..128 * 96).map(|k| if k % 128 < 98 { 255 } else { 0 }).collect();
+        desk.image("mask.png", &Image::new(128, 96, Pixels::U8(white)).unwrap());
+        let elements = |case: &str| {
+            desk.write("case.toml", case);
+            desk.run("correlate --case case.toml --output out --overwrite --quiet").fine();
+            desk.json("out/summary.json")["n_elements"].as_u64().unwrap()
+        };
+        let (mask, cut) = (|line: &&str| line.starts_with("mask"), |line: &&str| line.starts_with("exclude"));
+        let upper = case.lines().find(cut).unwrap();
+        let bare: Vec<&str> = case.lines().filter(|line| !mask(line) && *line != upper).collect();
+        // Of elements of 8 px from (16, 8) on: the mask has less than half of those from x = 96 to 112, two columns of four; the
+        // stroke, 12 px wide, runs along y = 28 from x = 20 to 60 over six of them, then up to 14 over two more.
+        assert_eq!(elements(&bare.join("\n")) - elements(case), 8 + 6 + 2, "{case}");
+        // The case file drawn again says the same, but for the scale, whose line is not in it.
+        let again = desk.run("draw ref.png a.png b.png --case case.toml").fine();
+        assert!(again.stderr.contains("draw.html"), "{again}");
+        let look = AGAIN.replace("WIDTH", width);
+        let Some(back) = seen(&desk.path(""), &look) else { return };
+        let back: serde_json::Value = serde_json::from_str(&back.replace("&lt;", "<").replace("&amp;", "&")).unwrap();
+        let without_scale =
+            |text: &str| text.lines().filter(|line| !line.starts_with("pixel_size_mm")).collect::<Vec<_>>().join("\n");
+        assert_eq!(without_scale(back["case"].as_str().unwrap()), without_scale(case), "{back}");
+        assert!(back["case"].as_str().unwrap().contains("pixel_size_mm = 0.0500000") && back["notes"] == "", "{back}");
         let summary = desk.json("out/summary.json");
         assert_eq!(summary["frames"].as_array().unwrap().len(), 2, "{summary}");
         for table in ["extensometers", "points", "openings"] {

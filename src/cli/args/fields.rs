@@ -282,6 +282,9 @@ pub struct DrawArgs {
     /// image is the reference.
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<String>,
+    /// A case file to go on with: its zones, cracks and gauges are drawn to begin with.
+    #[arg(long, value_name = "FILE")]
+    pub case: Option<PathBuf>,
     /// Page of a TIFF file with several pages, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub page: usize,
@@ -303,7 +306,7 @@ pub struct DrawArgs {
     along a line, gauges over all frames. Keys: arrows and space (frames), q (quantity), v p g m (what the pointer does), + - 0 \
     (zoom). Exit status: 0 fine; 1 some frame named by --frames has no field; 2 nothing could be shown.")]
 pub struct ViewArgs {
-    /// Folder of a run of `quadrille correlate` or `quadrille run`; it may still go on.
+    /// Folder of a run of `quadrille correlate` or `quadrille run`, which may still go on, or of `quadrille metrology`.
     #[arg(value_name = "DIR")]
     pub run: PathBuf,
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
@@ -332,7 +335,7 @@ pub struct ViewArgs {
     quadrille metrology ref.tif static.tif --resolve-period 100\n  \
     Noise against the length of the strain gauge, for one element size:\n    \
     quadrille metrology ref.tif static.tif --element-sizes 16 --strain-windows 3,5,9,15\n\n\
-    Prints tables; with --output DIR writes DIR/metrology.json and DIR/strain_gauges.csv as well.")]
+    Prints tables; with --output DIR writes DIR/report.html, the page of it, DIR/metrology.json and DIR/strain_gauges.csv as well.")]
 pub struct MetrologyArgs {
     /// The reference image.
     #[arg(value_name = "REFERENCE")]

@@ -4,6 +4,7 @@ use super::folder::{self, Listed};
 use super::job::{Job, Wanted};
 use super::server::{Answer, Asked, Desk};
 use crate::cli::args::{Quiet, Threads, ViewArgs};
+use crate::cli::draw::drawn_in;
 use crate::cli::frames::Frames;
 use crate::cli::{Result, chain, view};
 use crate::field::Status;
@@ -98,6 +99,7 @@ impl Studied {
                 page: 0,
                 deformed: Vec::new(),
                 folder: self.folder.display().to_string(),
+                case: self.drawn(),
             },
             images: json!(images),
             image: shown,
@@ -107,6 +109,12 @@ impl Studied {
             has_results: self.results().is_some(),
         };
         Ok(Answer::html(page.html()))
+    }
+
+    /// The case file that is there, to go on with; nothing where it is none.
+    fn drawn(&self) -> Option<Value> {
+        let is_file = std::fs::symlink_metadata(&self.case).is_ok_and(|about| about.is_file());
+        is_file.then(|| drawn_in(&self.case).ok()).flatten()
     }
 
     /// The case with that text, as a correlation takes it, and whether it goes on to the law of an adhesive.

@@ -121,6 +121,15 @@ impl CaseDocument {
         Ok(Self { case, text: CaseText::new(path, text), sections })
     }
 
+    /// The tables of a case file with the content `text`, as they stand in it.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub fn tables(text: &str, path: &Path) -> Result<serde_json::Value, CaseError> {
+        Self::parse(text, path)?;
+        toml::from_str(text).map_err(|error| explained(&error, text, path))
+    }
+
     /// Refuses sections that `reader` does not take.
     pub(in crate::io) fn taken_by(&self, reader: Reader) -> Result<(), CaseError> {
         match self.sections.iter().find(|section| !reader.takes(section)) {

@@ -10,6 +10,7 @@ const KINDS = {
   roi: { how: 'box', zone: true, name: 'zone', colour: '#56b4e9', key: 'r', say: 'Drag a rectangle: a zone of the specimen.' },
   polygon: { how: 'path', zone: true, least: 3, closed: true, name: 'zone', colour: '#56b4e9', key: 'p', say: 'Corners of a zone one by one; Enter, or the first corner again, ends it.' },
   exclude: { how: 'path', least: 3, closed: true, name: '', colour: '#d55e00', key: 'x', say: 'Corners of what is cut out of the zone chosen last; Enter ends it.' },
+  brush: { how: 'paint', name: '', colour: '#d55e00', key: 'b', say: 'Paint over what is not to be measured: it is cut out of the zone chosen last.' },
   crack: { how: 'path', least: 2, name: 'crack', colour: '#f0e442', key: 'c', say: 'Points along the crack, some elements beyond the place its tip will reach; Enter ends it. An end inside a zone stays joined: a tip.' },
   extensometer: { how: 'drag', name: 'extensometer', colour: '#009e73', key: 'e', say: 'Drag from one end to the other.' },
   line: { how: 'drag', name: 'line', colour: '#cc79a7', key: 'l', say: 'Drag a line along which values are wanted.' },
@@ -18,7 +19,7 @@ const KINDS = {
 };
 const KEYS = { select: 's', move: 'm' };
 for (const kind in KINDS) KEYS[kind] = KINDS[kind].key;
-let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, opening: false, joint: false, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
+let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, brush: Math.max(4, Math.round(Math.max(W, H) / 40)), opening: false, joint: false, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
 const past = [], future = [];
 const frozen = () => JSON.stringify([shapes, settings]);
 /** What is done after this can be undone. */
@@ -67,6 +68,24 @@ function toSegment(p, a, b) {
   const [dx, dy] = [b[0] - a[0], b[1] - a[1]], l = dx * dx + dy * dy, t = l ? Math.max(0, Math.min(1, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / l)) : 0;
   return Math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy);
 }
+const isCut = kind => kind === 'exclude' || kind === 'brush';
+/** What a stroke of the brush covers, as polygons without a corner inwards: one along each of its pieces. */
+function painted({ points, width }) {
+  const pairs = points.length > 1 ? points.slice(1).map((p, k) => [points[k], p]) : [[points[0], points[0]]], around = 6;
+  return pairs.map(([a, b]) => {
+    const turn = Math.atan2(b[1] - a[1], b[0] - a[0]) + Math.PI / 2, r = width / 2;
+    const arc = ([x, y], from) => Array.from({ length: around + 1 }, (_, k) => { const t = from + k * Math.PI / around; return [x + r * Math.cos(t), y + r * Math.sin(t)]; });
+    return [...arc(a, turn), ...arc(b, turn + Math.PI)].map(([x, y]) => [tenth(Math.max(-.5, Math.min(W - .5, x))), tenth(Math.max(-.5, Math.min(H - .5, y)))]);
+  });
+}
+/** A stroke without the points that lie within `off` of the line through those left. */
+function thinned(points, off) {
+  if (points.length < 3) return points;
+  const [a, b] = [points[0], points[points.length - 1]];
+  let far = 0, most = off;
+  for (let k = 1; k + 1 < points.length; k++) { const gap = toSegment(points[k], a, b); if (gap > most) { far = k; most = gap; } }
+  return far ? [...thinned(points.slice(0, far + 1), off).slice(0, -1), ...thinned(points.slice(far), off)] : [a, b];
+}
 const isClosed = kind => kind === 'roi' || KINDS[kind].closed;
 /** What lies under a point: a corner of a shape, or the shape (the last drawn first). */
 function under(p) {
@@ -74,7 +93,7 @@ function under(p) {
     for (let k = shapes.length - 1; k >= 0; k--) {
       const corners = cornersOf(shapes[k]), corner = corners.findIndex(q => Math.hypot(p[0] - q[0], p[1] - q[1]) < snapPx());
       if (near && corner >= 0) return { shape: k, corner };
-      const side = corners.some((q, i) => (i + 1 < corners.length || isClosed(shapes[k].kind)) && toSegment(p, q, corners[(i + 1) % corners.length]) < snapPx());
+      const reach = Math.max(snapPx(), (shapes[k].width || 0) / 2), side = corners.some((q, i) => (i + 1 < corners.length || isClosed(shapes[k].kind) || corners.length === 1) && toSegment(p, q, corners[(i + 1) % corners.length]) < reach);
       if (!near && (side || (isClosed(shapes[k].kind) && inside(p, corners)))) return { shape: k, corner: -1 };
     }
   }
@@ -94,9 +113,9 @@ function nameFor(kind) {
 function add(kind, points) {
   remember();
   if (kind === 'scale') shapes = shapes.filter(shape => shape.kind !== 'scale');
-  const zone = kind === 'exclude' ? zoneFor() : undefined;
-  if (kind === 'exclude' && zone === undefined) { past.pop(); say('There is no zone yet to cut anything out of.'); return; }
-  shapes.push({ kind, name: nameFor(kind), points, zone, mm: kind === 'scale' ? 0 : undefined });
+  const zone = isCut(kind) ? zoneFor() : undefined;
+  if (isCut(kind) && zone === undefined) { past.pop(); say('There is no zone yet to cut anything out of.'); return; }
+  shapes.push({ kind, name: nameFor(kind), points, zone, mm: kind === 'scale' ? 0 : undefined, width: kind === 'brush' ? settings.brush : undefined });
   chosen = shapes.length - 1;
   changed();
   if (kind === 'scale') at('length').focus();
@@ -105,7 +124,7 @@ function add(kind, points) {
 function zoneFor() {
   const own = shapes[chosen];
   if (own && KINDS[own.kind].zone) return own.name;
-  if (own && own.kind === 'exclude') return own.zone;
+  if (own && isCut(own.kind)) return own.zone;
   return shapes.filter(shape => KINDS[shape.kind].zone).map(shape => shape.name).pop();
 }
 function end() {
@@ -120,7 +139,7 @@ function remove() {
   if (chosen < 0) return;
   remember();
   const [gone] = shapes.splice(chosen, 1);
-  if (KINDS[gone.kind].zone) shapes = shapes.filter(shape => shape.kind !== 'exclude' || shape.zone !== gone.name);
+  if (KINDS[gone.kind].zone) shapes = shapes.filter(shape => !isCut(shape.kind) || shape.zone !== gone.name);
   chosen = -1;
   changed();
 }
@@ -170,8 +189,9 @@ function caseText() {
     const { kind, name, points } = shape, named = [`name = ${text(name)}`];
     if (kind === 'roi') lines.push('', '[[zone]]', ...named, `roi = [${roiOf(points).join(', ')}]`);
     if (kind === 'polygon') lines.push('', '[[zone]]', ...named, `polygon = ${list(points)}`);
-    const cut = KINDS[kind].zone ? shapes.filter(other => other.kind === 'exclude' && other.zone === name) : [];
-    if (cut.length) lines.push(`exclude = [${cut.map(other => list(other.points)).join(', ')}]`);
+    const cut = KINDS[kind].zone ? shapes.filter(other => isCut(other.kind) && other.zone === name) : [];
+    if (cut.length) lines.push(`exclude = [${cut.flatMap(other => other.kind === 'brush' ? painted(other) : [other.points]).map(list).join(', ')}]`);
+    if (shape.mask) lines.push(`mask = ${text(shape.mask)}`);
     if (shape.guard > 0) lines.push(`guard_px = ${number(shape.guard)}`);
     if (kind === 'crack') lines.push('', '[[crack]]', ...named, `path = ${list(points)}`);
     if (kind === 'extensometer' || kind === 'line') lines.push('', `[[${kind}]]`, ...named, `from = [${points[0].map(number).join(', ')}]`, `to = [${points[1].map(number).join(', ')}]`);
@@ -184,7 +204,7 @@ function caseText() {
 function faults() {
   const found = [], names = new Map();
   for (const { kind, name, points } of shapes) {
-    if (kind !== 'exclude' && kind !== 'scale') {
+    if (!isCut(kind) && kind !== 'scale') {
       if (!name.trim()) found.push('Something has no name.');
       if (names.has(`${KINDS[kind].name} ${name}`)) found.push(`Two are called '${name}': names must differ.`);
       names.set(`${KINDS[kind].name} ${name}`, true);
@@ -204,6 +224,7 @@ function faults() {
   if (between && !(between.gap > 0)) found.push('The two zones overlap: between them there is no room for an adhesive.');
   if (between && !(settings.e > 0 && settings.phi > 0 && settings.dn > 0 && settings.dt > 0)) found.push('The values of the joint have to be positive.');
   if (!data.deformed.length) found.push('No deformed images were named: add `deformed` to the case file.');
+  if (lost.length) found.push(`The case file that was read says more than is drawn here, and what is written from here does not have it: ${lost.join(', ')}.`);
   if (!zones().length) found.push('Without a zone the specimen is found in the image by itself.');
   return found;
 }
@@ -243,8 +264,15 @@ function draw() {
     stroke([middle([a, b]), middle([c, d])], false, '#e69f00', 3);
     letters(mm ? `adhesive, ${(between.gap * mm.mm / mm.px).toPrecision(3)} mm` : `adhesive, ${number(between.gap)} px`, middle([c, d]), '#e69f00');
   }
+  const brushed = ({ points, width }, colour) => {
+    pen.beginPath();
+    [...points, points[points.length - 1]].forEach((p, k) => k ? pen.lineTo(...view.toCanvas(p)) : pen.moveTo(...view.toCanvas(p)));
+    pen.lineCap = pen.lineJoin = 'round'; pen.lineWidth = width * view.factor(); pen.strokeStyle = `${colour}70`; pen.stroke();
+    pen.lineCap = 'butt'; pen.lineJoin = 'miter';
+  };
   shapes.forEach((shape, k) => {
     const corners = cornersOf(shape), colour = KINDS[shape.kind].colour;
+    if (shape.kind === 'brush') { brushed(shape, colour); if (k === chosen) handles(corners, colour); return; }
     stroke(corners, isClosed(shape.kind), colour, k === chosen ? 3 : 2, isClosed(shape.kind));
     if (shape.kind === 'roi') grid(shape, ratio);
     if (k === chosen || !isClosed(shape.kind)) handles(corners, colour);
@@ -256,7 +284,8 @@ function draw() {
     stroke(points, false, colour, 2, false);
     handles(path.points, colour);
   }
-  if (drag && drag.kind) stroke(cornersOf(drag), isClosed(drag.kind), KINDS[drag.kind].colour, 2, isClosed(drag.kind));
+  if (drag && drag.kind === 'brush') brushed(drag, KINDS.brush.colour);
+  else if (drag && drag.kind) stroke(cornersOf(drag), isClosed(drag.kind), KINDS[drag.kind].colour, 2, isClosed(drag.kind));
 }
 /** The elements of a rectangle. */
 function grid({ points }, ratio) {
@@ -270,7 +299,7 @@ function grid({ points }, ratio) {
 const say = words => { at('readout').textContent = words; };
 function tell(p) {
   const mm = scaleOf(), where = `x ${p[0].toFixed(1)}, y ${p[1].toFixed(1)} px`;
-  const size = drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(roiOf(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
+  const size = drag && drag.kind === 'brush' ? '' : drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(roiOf(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
   say(`${KINDS[tool] ? KINDS[tool].say : tool === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.'} (${where}${mm ? `, ${(p[0] * mm.mm / mm.px).toFixed(3)}, ${(p[1] * mm.mm / mm.px).toFixed(3)} mm` : ''}${size})`);
 }
 /** After every change: drawing, case file, faults, fields. */
@@ -281,6 +310,10 @@ function changed() {
   at('length-label').hidden = !own || own.kind !== 'scale';
   if (own && own.kind === 'scale' && document.activeElement !== at('length')) at('length').value = own.mm || '';
   at('size').value = settings.size;
+  at('brush-label').hidden = tool !== 'brush' && !(own && own.kind === 'brush');
+  if (document.activeElement !== at('brush')) at('brush').value = own && own.kind === 'brush' ? own.width : settings.brush;
+  at('mask-label').hidden = !own || !KINDS[own.kind].zone;
+  if (document.activeElement !== at('mask')) at('mask').value = (own && own.mask) || '';
   at('guard-label').hidden = !own || !KINDS[own.kind].zone;
   if (document.activeElement !== at('guard')) at('guard').value = (own && own.guard) || 0;
   at('opening-label').hidden = zones().length !== 2;
@@ -299,6 +332,7 @@ function changed() {
 function take(name) {
   if (path) end();
   tool = name;
+  at('brush-label').hidden = name !== 'brush';
   for (const other in KEYS) at(`tool-${other}`).setAttribute('aria-pressed', String(other === name));
   canvas.className = name === 'move' ? 'move' : 'busy';
   say(KINDS[name] ? KINDS[name].say : name === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.');
@@ -315,11 +349,13 @@ const view = imageView(canvas, [W, H], {
         return;
       }
       const how = KINDS[tool].how;
+      if (how === 'paint') { drag = { kind: tool, points: [p], width: settings.brush }; draw(); }
       if (how === 'box' || how === 'drag') { const q = snapped(p, event); drag = { kind: tool, points: [q, q] }; }
     },
     move(p, event, held) {
       pointer = path ? snapped(p, event, path.points[path.points.length - 1]) : null;
-      if (held && drag && drag.kind) drag.points = [drag.points[0], snapped(p, event, drag.kind === 'roi' ? null : drag.points[0])];
+      if (held && drag && drag.kind === 'brush') { const last = drag.points[drag.points.length - 1]; if (Math.hypot(p[0] - last[0], p[1] - last[1]) > drag.width / 8) drag.points.push(p); }
+      else if (held && drag && drag.kind) drag.points = [drag.points[0], snapped(p, event, drag.kind === 'roi' ? null : drag.points[0])];
       else if (held && drag) {
         const points = JSON.parse(drag.before), shape = shapes[drag.shape];
         if (drag.corner < 0) shape.points = points.map(([x, y]) => [tenth(x + p[0] - drag.from[0]), tenth(y + p[1] - drag.from[1])]);
@@ -348,6 +384,7 @@ const view = imageView(canvas, [W, H], {
         if (last && last[0] === q[0] && last[1] === q[1]) { if (path.points.length >= KINDS[tool].least) end(); return; }
         path = { kind: tool, points: [...(path ? path.points : []), q] };
         draw();
+      } else if (how === 'paint') { if (done) add(tool, thinned(done.points, done.width / 10).map(q => q.map(tenth)));
       } else if (done) {
         const points = [done.points[0], snapped(p, event, how === 'drag' ? done.points[0] : null)];
         if (Math.hypot(points[1][0] - points[0][0], points[1][1] - points[0][1]) >= 2) add(tool, points);
@@ -365,12 +402,26 @@ at('name').addEventListener('change', event => {
   const own = shapes[chosen], name = event.target.value.trim();
   if (!own || !name) { changed(); return; }
   remember();
-  for (const shape of shapes) if (shape.kind === 'exclude' && KINDS[own.kind].zone && shape.zone === own.name) shape.zone = name;
+  for (const shape of shapes) if (isCut(shape.kind) && KINDS[own.kind].zone && shape.zone === own.name) shape.zone = name;
   own.name = name;
   changed();
 });
 at('length').addEventListener('input', event => { const own = shapes[chosen]; if (own && own.kind === 'scale') { own.mm = Math.max(0, parseFloat(event.target.value) || 0); changed(); } });
 at('size').addEventListener('change', event => { remember(); settings.size = Math.max(4, Math.min(128, Math.round(event.target.value) || 16)); changed(); });
+at('brush').addEventListener('change', event => {
+  const own = shapes[chosen], width = Math.max(1, Math.min(Math.max(W, H), parseFloat(event.target.value) || settings.brush));
+  remember();
+  settings.brush = width;
+  if (own && own.kind === 'brush') own.width = width;
+  changed();
+});
+at('mask').addEventListener('change', event => {
+  const own = shapes[chosen];
+  if (!own || !KINDS[own.kind].zone) return;
+  remember();
+  own.mask = event.target.value.trim();
+  changed();
+});
 at('guard').addEventListener('change', event => {
   const own = shapes[chosen];
   if (!own || !KINDS[own.kind].zone) return;
@@ -408,10 +459,49 @@ document.addEventListener('keydown', event => {
 at('subtitle').textContent = `${data.shown}, ${W} x ${H} px`;
 at('where').textContent = `Save it in ${data.folder}: names of images are meant from the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
 if (data.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.png}`; }
+/** What a case file has and this page cannot draw: it would be missing in what is written from here. */
+let lost = [];
+/** The shapes of a case file. */
+function load(given) {
+  const rest = (table, where, keys) => Object.keys(table || {}).forEach(key => { if (!keys.includes(key)) lost.push(where ? `${where} ${key}` : key); });
+  const edge = v => tenth(v - .5), each = (kind, make) => [given[kind] || []].flat().forEach((table, k) => make(table, table.name || `${kind}${k + 1}`));
+  shapes = []; lost = [];
+  rest(given, '', ['images', 'correlation', 'zone', 'crack', 'extensometer', 'line', 'probe', 'opening', 'interface', 'substrate', 'cohesive', 'boundary', 'measurement', 'fit']);
+  rest(given.images, '[images]', ['reference', 'deformed', 'page', 'pixel_size_mm']);
+  rest(given.correlation, '[correlation]', ['element_size_px']);
+  each('zone', (zone, name) => {
+    const { roi, polygon, exclude = [], guard_px: guard, mask } = zone;
+    rest(zone, name, ['name', 'roi', 'polygon', 'exclude', 'guard_px', 'mask']);
+    if (roi && polygon) lost.push(`${name} roi`);
+    if (typeof guard === 'object') lost.push(`${name} guard_px`);
+    const points = polygon || (roi ? [[edge(roi[0]), edge(roi[1])], [edge(roi[2]), edge(roi[3])]] : [[-.5, -.5], [W - .5, H - .5]]);
+    shapes.push({ kind: polygon ? 'polygon' : 'roi', name, points, guard: typeof guard === 'number' ? guard : 0, mask: mask || '' });
+    exclude.forEach(points => shapes.push({ kind: 'exclude', name: '', points, zone: name }));
+  });
+  each('crack', (crack, name) => { rest(crack, name, ['name', 'path']); if (Array.isArray(crack.path)) shapes.push({ kind: 'crack', name, points: crack.path }); else lost.push(`${name} path`); });
+  for (const kind of ['extensometer', 'line']) each(kind, (one, name) => { rest(one, name, ['name', 'from', 'to']); shapes.push({ kind, name, points: [one.from, one.to] }); });
+  each('probe', (probe, name) => { rest(probe, name, ['name', 'point']); shapes.push({ kind: 'point', name, points: [probe.point] }); });
+  each('opening', (opening, name) => { settings.opening = true; rest(opening, name, ['zones']); });
+  const { images = {}, correlation = {}, substrate = {}, cohesive = {} } = given, size = correlation.element_size_px;
+  if (typeof size === 'number') settings.size = size;
+  if (images.pixel_size_mm > 0) { const length = Math.min(100, Math.round(W / 2)), y = tenth(.95 * H); shapes.push({ kind: 'scale', name: '', points: [[0, y], [length, y]], mm: length * images.pixel_size_mm }); }
+  settings.joint = Boolean(given.interface);
+  const values = { e: substrate.E_MPa, nu: substrate.nu, phi: cohesive.phi_n_N_per_mm, dn: cohesive.delta_n_mm, dt: cohesive.delta_t_mm };
+  for (const key in values) if (typeof values[key] === 'number') settings[key] = values[key];
+  rest(given.interface, '[interface]', ['zones']);
+  rest(substrate, '[substrate]', ['model', 'E_MPa', 'nu']);
+  rest(cohesive, '[cohesive]', ['model', 'phi_n_N_per_mm', 'delta_n_mm', 'delta_t_mm', 'r']);
+  rest(given.boundary, '[boundary]', []);
+  rest(given.measurement, '[measurement]', ['nodes', 'weights']);
+  rest(given.fit, '[fit]', ['parameters']);
+  if (substrate.model && substrate.model !== 'linear-elastic') lost.push(`[substrate] model = "${substrate.model}"`);
+  if (cohesive.model && cohesive.model !== 'extended-xu-needleman') lost.push(`[cohesive] model = "${cohesive.model}"`);
+}
+if (data.case) load(data.case);
 Object.assign(drawing, {
   data, caseText, redraw: draw, frozen,
   /** Takes shapes and settings of before. */
-  thaw(text) { [shapes, settings] = JSON.parse(text); chosen = -1; changed(); },
+  thaw(text) { const [old, set] = JSON.parse(text); shapes = old; Object.assign(settings, set); chosen = -1; changed(); },
   /** Which images the case file names. */
   images(reference, deformed) { data.reference = reference; data.deformed = deformed; changed(); },
 });

@@ -24,6 +24,8 @@ pub struct Drawing<'a> {
     pub deformed: Vec<String>,
     /// Where the case file has to be saved for these names.
     pub folder: String,
+    /// The case file that is gone on with, as it was read: what the page can draw of it is there to begin with.
+    pub case: Option<Value>,
 }
 
 impl Drawing<'_> {
@@ -43,6 +45,7 @@ impl Drawing<'_> {
             "page": self.page,
             "deformed": self.deformed,
             "folder": self.folder,
+            "case": self.case,
             "width": width,
             "height": height,
             "png": self.backdrop.png().map(|png| STANDARD.encode(png)),

@@ -49,6 +49,7 @@ own.images.forEach(({ name }, k) => {
   if (k === own.image) made.className = 'shown';
   at('images').tBodies[0].append(made);
 });
+at('masks').append(...own.images.map(({ name }) => { const made = element('option'); made.value = name; return made; }));
 const every = on => { own.images.forEach(({ name }) => { if (on) left.delete(name); else left.add(name); }); at('images').querySelectorAll('input[type=checkbox]').forEach(box => { box.checked = on; }); listed(); };
 at('all-images').addEventListener('click', () => every(true));
 at('no-images').addEventListener('click', () => every(false));

@@ -1,0 +1,163 @@
+//! The page of `quadrille metrology`: the advice first, then what it rests on.
+
+use super::page::{Block, Curves, Map, Page, Section};
+use super::{Backdrop, Look, MeshOptions, Plot, ReportError, mesh_figure};
+use crate::imaging::Image;
+use crate::mesh::{Mesh, Roi, Zone};
+use crate::metrology::{Metrology, Origin, SizeResult, StrainGauge};
+
+/// Makes the page of what was `found` on `image`, named `name`. `plots` are the curves over element sizes and those of virtual strain
+/// gauges.
+///
+/// # Errors
+/// Those of the figures.
+pub fn metrology_page(found: &Metrology, name: &str, image: &Image, plots: [&Plot; 2]) -> Result<Page, ReportError> {
+    let [sizes, gauges] = plots;
+    let curves = |plot: &Plot| Curves::new(plot, plot.notes.join(" ")).map(Block::Curves);
+    let sections = vec![
+        Section { title: "What to do".into(), blocks: advice(found, image)? },
+        Section { title: "Element sizes".into(), blocks: vec![curves(sizes)?, size_table(&found.sizes)] },
+        Section { title: "Virtual strain gauges".into(), blocks: vec![curves(gauges)?, gauge_table(found)] },
+        Section { title: "Noise and texture".into(), blocks: vec![Block::Facts(facts(found))] },
+        Section { title: "Interpolation".into(), blocks: vec![bias_table(found)] },
+    ];
+    let [x0, y0, x1, y1] = found.zone_px;
+    Ok(Page {
+        title: format!("{name}: what can be measured on it"),
+        subtitle: format!(
+            "quadrille {}, {} x {} px; looked at x {x0} to {x1}, y {y0} to {y1} px",
+            env!("CARGO_PKG_VERSION"),
+            image.width(),
+            image.height()
+        ),
+        sections,
+    })
+}
+
+fn advice(found: &Metrology, image: &Image) -> Result<Vec<Block>, ReportError> {
+    let advice = &found.advice;
+    let text = match advice.element_size_px {
+        Some(size) => format!("Recommended: elements of {size} px (--element-size {size})."),
+        None => "No element size can be recommended.".into(),
+    };
+    let warning = advice.element_size_px.is_none() || !advice.target_met || advice.period_met == Some(false);
+    let mut blocks = vec![Block::Lead { text, warning }];
+    blocks.extend(advice.reasons.iter().cloned().map(Block::Text));
+    blocks.extend(advice.hints.iter().map(|hint| Block::Text(format!("Note: {hint}."))));
+    if let Some(size) = advice.element_size_px {
+        let [x0, y0, x1, y1] = found.zone_px.map(|side| side as f64);
+        let zone = Zone::rectangle("looked at", Roi { x0, y0, x1, y1 });
+        // A zone that has no such element was not the one that the advice is of.
+        if let Ok(mesh) = Mesh::on_zones(&[zone], size, image.width(), image.height()) {
+            let backdrop = Backdrop::made_for(Look::Screen, image, 1);
+            let picture = mesh_figure(&backdrop, &mesh, None, &MeshOptions::default())?;
+            let caption = format!("Elements of {size} px on the part of the image that was looked at.");
+            blocks.push(Block::Map(Map::new(&picture, Default::default(), caption)?));
+        }
+    }
+    Ok(blocks)
+}
+
+/// A number with `digits` places, or a dash.
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".into(), |v| format!("{v:.digits$}"))
+}
+
+fn larger([a, b]: [f64; 2]) -> f64 {
+    a.max(b)
+}
+
+fn size_table(sizes: &[SizeResult]) -> Block {
+    let columns = [
+        "element size, px",
+        "nodes without texture, %",
+        "uncertainty predicted, px",
+        "measured inside, px",
+        "measured on the edge, px",
+        "strain at the centre, 1e-6",
+        "period resolved, px: best",
+        "mean",
+        "worst",
+    ];
+    let row = |result: &SizeResult| {
+        let measured = result.measured.as_ref();
+        let period = |of: fn(&crate::metrology::Resolved) -> Option<f64>| {
+            number(result.period_measured.as_ref().and_then(of), 0)
+        };
+        vec![
+            result.element_size_px.to_string(),
+            number(Some(result.refused_percent), 1),
+            number(result.sigma_predicted_px.map(larger), 4),
+            number(result.sigma_px(), 4),
+            number(measured.and_then(|scatter| scatter.edge_px).map(larger), 4),
+            number(measured.and_then(|scatter| scatter.strain).map(|strain| 1e6 * larger(strain)), 0),
+            period(|p| p.at_node_px),
+            period(|p| p.averaged_px),
+            period(|p| p.at_middle_px),
+        ]
+    };
+    Block::Table { columns: columns.map(String::from).into(), rows: sizes.iter().map(row).collect() }
+}
+
+/// The gauges of the recommended elements, or of all where none are.
+fn gauge_table(found: &Metrology) -> Block {
+    let columns = [
+        "element size, px",
+        "window, nodes",
+        "gauge, px",
+        "noise of exx, 1e-6",
+        "eyy",
+        "exy",
+        "resolved along, px",
+        "across",
+    ];
+    let wanted = |gauge: &&StrainGauge| found.advice.element_size_px.is_none_or(|size| gauge.element_size_px == size);
+    let row = |gauge: &StrainGauge| {
+        let noise = |c: usize| number(gauge.noise_measured.map(|noise| 1e6 * noise[c]), 1);
+        let window = if gauge.window_nodes == 1 { "-".into() } else { gauge.window_nodes.to_string() };
+        let mut row = vec![gauge.element_size_px.to_string(), window, number(Some(gauge.gauge_length_px), 0)];
+        row.extend((0..3).map(noise));
+        row.extend([gauge.period_along_px, gauge.period_across_px].map(|period| number(Some(period), 0)));
+        row
+    };
+    let rows = found.strain_gauges.gauges.iter().filter(wanted).map(row).collect();
+    Block::Table { columns: columns.map(String::from).into(), rows }
+}
+
+fn facts(found: &Metrology) -> Vec<(String, String)> {
+    let (noise, texture) = (&found.noise, &found.texture);
+    let origin = match noise.origin {
+        Origin::StaticImages => format!("measured on {} images at rest", noise.pairs.len()),
+        Origin::Given => "as given".into(),
+        Origin::Assumed => "assumed from the highest frequencies of this one image, not measured".into(),
+    };
+    let both =
+        |[x, y]: [Option<f64>; 2], unit: &str| format!("{} along x, {} along y, {unit}", number(x, 2), number(y, 2));
+    let mut facts = vec![
+        ("Noise of one image".to_owned(), format!("{:.2} grey levels, {origin}", noise.sigma_grey)),
+        ("White noise in it".to_owned(), format!("at most {:.2} grey levels", noise.ceiling_grey)),
+    ];
+    facts.extend(noise.pairs.iter().map(|pair| {
+        let [x, y] = pair.drift_px;
+        (pair.name.clone(), format!("{:.2} grey levels, drifted by ({x:.3}, {y:.3}) px", pair.sigma_grey))
+    }));
+    let [low, high] = texture.range_grey;
+    facts.extend([
+        ("Gradient".to_owned(), both(texture.gradient_grey_per_px.map(Some), "rms, grey levels per px")),
+        ("Speckles".to_owned(), both(texture.speckle_px, "px (width of the autocorrelation at half its height)")),
+        ("Grey levels".to_owned(), format!("{low} to {high}")),
+        ("Saturated".to_owned(), {
+            let [dark, bright] = texture.saturated_percent;
+            format!("{dark:.2} % dark, {bright:.2} % bright")
+        }),
+    ]);
+    facts
+}
+
+fn bias_table(found: &Metrology) -> Block {
+    let size = found.bias_element_size_px;
+    let columns = ["interpolation".to_owned(), format!("largest bias over displacements, elements of {size} px, px")];
+    let drawn = found.bias.iter().filter(|bias| !bias.shift_px.is_empty());
+    let rows = drawn.map(|bias| vec![bias.interpolation.name().to_owned(), format!("{:.1e}", bias.largest_px)]);
+    Block::Table { columns: columns.into(), rows: rows.collect() }
+}
