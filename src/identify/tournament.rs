@@ -4,7 +4,7 @@
 //! `omega + p ln n` (Schwarz), and by the residual of instants that were left out. What is asked for is averaged over the laws
 //! that the data do not reject, with Akaike's weights.
 
-use super::averages::{Part, Spread, average, average_curve, within_noise};
+use super::averages::{Part, Spread, average, average_curve, share_of_interval, within_noise};
 use super::axes::{Axes, WORKS, weights_at_end};
 use super::bands::{CurveBand, curve_bands_up_to, reach_of};
 use super::budget::interval95;
@@ -93,8 +93,15 @@ impl Score {
     /// How far it lies above the `best` one without what parameters cost (omega; with an unknown noise `n ln(omega/n)`), and how far
     /// noise alone puts it.
     pub fn above(&self, best: Score) -> (f64, f64) {
-        let deviance = |score: &Score| score.aic - 2.0 * score.n_parameters as f64;
-        (deviance(self) - deviance(&best), within_noise(best.n_parameters, self.n_parameters))
+        (self.deviance() - best.deviance(), within_noise(best.n_parameters, self.n_parameters))
+    }
+
+    fn share_of_interval(&self, best: Score) -> f64 {
+        share_of_interval(self.above(best).0, best.n_parameters, self.n_parameters)
+    }
+
+    fn deviance(&self) -> f64 {
+        self.aic - 2.0 * self.n_parameters as f64
     }
 }
 
@@ -292,7 +299,7 @@ pub fn tournament<'a>(
         Ok(())
     })?;
     let alike = weigh(&mut laws, best);
-    let average = average_of(&laws, &alike);
+    let average = average_of(&laws, best);
     let mut found =
         Tournament { laws, best, alike, average, sentences: Vec::new(), n_data: problem.observation.n_data() };
     found.sentences = found.said();
@@ -460,24 +467,18 @@ fn weigh(laws: &mut [LawFit<'_>], best: Option<usize>) -> Vec<usize> {
     (0..laws.len()).filter(|&k| alike(&laws[k])).collect()
 }
 
-fn average_of(laws: &[LawFit<'_>], alike: &[usize]) -> Option<Average> {
+fn average_of(laws: &[LawFit<'_>], best: Option<usize>) -> Option<Average> {
     let places: Vec<usize> = (0..laws.len()).filter(|&k| laws[k].weight > 0.0).collect();
-    if places.is_empty() {
-        return None;
-    }
+    let best = laws[best.filter(|_| !places.is_empty())?].score?;
+    let share = |k: usize| laws[k].score.map_or(0.0, |score| score.share_of_interval(best));
     let mode = |mode: usize| {
-        let part = |k: usize| (laws[k].weight, alike.contains(&k));
         let curves: Vec<Part<&CurveBand>> = (places.iter())
             .filter_map(|&k| {
-                let (weight, alike) = part(k);
-                Some(Part { weight, alike, of: &laws[k].curves.as_ref()?[mode] })
+                Some(Part { weight: laws[k].weight, share: share(k), of: &laws[k].curves.as_ref()?[mode] })
             })
             .collect();
         let works: Vec<Part<Spread>> = (places.iter())
-            .filter_map(|&k| {
-                let (weight, alike) = part(k);
-                Some(Part { weight, alike, of: laws[k].works.as_ref()?[mode] })
-            })
+            .filter_map(|&k| Some(Part { weight: laws[k].weight, share: share(k), of: laws[k].works.as_ref()?[mode] }))
             .collect();
         (average_curve(&curves), average(&works))
     };
@@ -511,7 +512,7 @@ impl Tournament<'_> {
             }
             (Some(_), alike) => format!(
                 "these data cannot tell {} apart: their omega lies above that of the best by no more than noise explains; what is asked for \
-                 is averaged, and intervals hold those of all of them",
+                 is averaged over them",
                 list(alike)
             ),
         }];

@@ -366,6 +366,8 @@ fn the_whole_way_from_a_folder_to_results_in_a_browser() {
     }
     for (width, kind) in [("1280", "mouse"), ("400", "touch")] {
         let _ = std::fs::remove_dir_all(desk.path("out"));
+        // What was drawn before would be there to begin with.
+        let _ = std::fs::remove_file(desk.path("case.toml"));
         let studio = Studio::of(&desk, &["--threads", "1"]);
         let look = WAY.replace("WIDTH", width).replace("KIND", kind).replace("TOKEN", &studio.token);
         let (port, heard) = before(&studio, look);

@@ -7,7 +7,9 @@ use crate::program;
 use program::browser::seen;
 use program::{Desk, speckle};
 use quadrille::imaging::{Image, Pixels};
+use quadrille::io::case::CaseDocument;
 use quadrille::synth::{Affine, Depth};
+use std::path::Path;
 
 /// Drives the page: answers as lines of JSON.
 const LOOK: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="out/view.html" style="width:WIDTHpx;height:900px;border:0">
@@ -230,10 +232,7 @@ fn a_page_that_cannot_draw_all_of_a_case_file_says_what_it_loses() {
     desk.write("mine.toml", case);
     desk.run("draw ref.png a.png --case mine.toml").fine();
     let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
-    assert!(
-        back.contains("what is written from here does not have it: [correlation] noise, zone1 guard_px"),
-        "{back}"
-    );
+    assert!(back.contains("what is written from here does not have it: [correlation] noise, zone1 guard_px"), "{back}");
     assert!(back.contains("roi = [16, 8, 112, 88]"), "{back}");
     desk.run("draw ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
     desk.write("wrong.toml", "[images]\nreferenc = 1\n");
@@ -310,4 +309,60 @@ fn a_page_to_draw_on_names_what_cannot_be_read() {
             && page.contains(r#""reference":null"#)
             && page.contains(r#""shown":"a.png""#)
     );
+}
+
+/// Draws a joint: answers as lines of JSON.
+const JOINT: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="draw.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    const send = (type, [x, y], more) => {
+      const b = map.getBoundingClientRect(), s = Math.min(b.width / 128, b.height / 96);
+      const clientX = b.left + b.width / 2 + (x + .5 - 64) * s, clientY = b.top + b.height / 2 + (y + .5 - 48) * s;
+      map.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 7, pointerType: 'mouse', clientX, clientY, ...more }));
+    };
+    const drag = (p, q, more) => { send('pointerdown', p, more); send('pointermove', q, more); send('pointerup', q, more); };
+    const key = name => d.dispatchEvent(new w.KeyboardEvent('keydown', { key: name, bubbles: true }));
+    const fill = (id, value, type) => { at(id).value = value; at(id).dispatchEvent(new w.Event(type)); };
+    key('r'); drag([15.5, 7.5], [111.5, 39.5]);
+    said.alone = at('joint-label').hidden;
+    key('r'); drag([15.5, 55.5], [111.5, 87.5]);
+    at('joint').checked = true; at('joint').dispatchEvent(new w.Event('change'));
+    said.without_scale = at('notes').textContent;
+    key('k'); drag([20, 48], [70, 48], { shiftKey: true }); fill('length', '2.5', 'input');
+    fill('joint-e', '0', 'change');
+    said.nothing = at('notes').textContent;
+    fill('joint-e', '72000', 'change'); fill('joint-phi', '1.5', 'change');
+    said.case = at('case').textContent;
+    said.notes = at('notes').textContent;
+    // The upper zone is drawn down over the lower one.
+    key('s'); drag([111.5, 39.5], [111.5, 60.5]);
+    said.overlap = at('notes').textContent;
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+#[test]
+fn a_joint_drawn_between_two_zones_is_a_case_of_run() {
+    let desk = Desk::with_series();
+    for width in ["1280", "400"] {
+        desk.run("draw ref.png a.png b.png").fine();
+        let Some(said) = seen(&desk.path(""), &JOINT.replace("WIDTH", width)) else { return };
+        let said: serde_json::Value = serde_json::from_str(&said.replace("&lt;", "<").replace("&amp;", "&")).unwrap();
+        assert!(said.get("error").is_none() && said["alone"] == true && said["notes"] == "", "{said}");
+        let told = |key: &str, words: &str| assert!(said[key].as_str().unwrap().contains(words), "{key}: {said}");
+        told("without_scale", "The joint needs the scale");
+        told("nothing", "have to be positive");
+        told("overlap", "there is no room for an adhesive");
+        // The lower zone first: its normal points up to the other.
+        told("case", r#"zones = ["zone2", "zone1"]"#);
+        let text = said["case"].as_str().unwrap();
+        let document =
+            CaseDocument::parse(text, Path::new("case.toml")).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        assert_eq!(document.case.interface.as_ref().unwrap().zones, ["zone2", "zone1"]);
+        document.run().unwrap_or_else(|error| panic!("{error}\n{text}"));
+    }
 }
