@@ -49,7 +49,7 @@ mod verdict;
 mod watch;
 mod weights;
 
-pub use averages::{Part, Spread, average, average_curve, within_noise};
+pub use averages::{Part, Spread, average, average_curve, share_of_interval, within_noise};
 pub use bands::{Band, CurveBand, bands, curve_bands};
 pub use bootstrap::Bootstrap;
 pub use budget::{Budget, BudgetLine, ELEMENT_SIZE, NOISE, NOISE_LEVEL, Parts, interval95};
