@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel demo paper real study fuzz soak deny licences test check bench book clean
+.PHONY: help build wheel demo paper real study fuzz soak package deny licences test check bench book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -50,6 +50,9 @@ fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each;
 soak: ## Long and hostile runs: every write that fails, 100 000 frames with kills, memory that ends (an hour or two); in out/soak
 	$(CARGO) build --release --locked
 	scripts/soak.py --output out/soak
+
+package: ## Pack the crate as crates.io would get it, look into it, and compile it from that alone
+	scripts/package.sh
 
 deny: ## Licences, sources, banned and doubled crates, advisories (deny.toml); and that the notices of others are current
 	scripts/deny.sh advisories
