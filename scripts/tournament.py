@@ -6,12 +6,16 @@ displacements of all nodes, and the tournament gets them with the noise stated. 
 Needleman, whatever the truth is. A tournament is right when the true law is the one chosen or among those that are named as not to
 be told apart. Printed is how often that is so, how many laws are left, and how often the averaged works and tractions (at tenths
 of the reach of the true law) hold the truth in their 95 % intervals. Every law of every draw is written to OUTPUT/tournament.csv.
+A draw that is in OUTPUT already is not computed again. With --again nothing is computed at all: the draws that are in OUTPUT are read, and
+which laws are told apart and what their averages hold is worked out here, by the rule of docs/identification.md and not by the program
+(which may have had another rule when they were made; --scatter 0 is one that is too narrow).
 
 With --images nothing is simulated for the program: the virtual test is photographed with an adhesive of the true law (`quadrille
 virtual --law`), another texture and other noise for every seed, and `quadrille run` gets the images and the case file beside them.
 
     scripts/tournament.py --seeds 20 --output out/tournament
     scripts/tournament.py --images --noise 2 --instants 6 --seeds 5 --output out/tournament-images
+    scripts/tournament.py --again --small --instants 6 --noise 0.3 --output out/tournament
 """
 
 import argparse
@@ -123,9 +127,20 @@ def reach(name, value, mode):
     return max(s for s, value in zip(points, values) if value > 0.02 * max(values))
 
 
+def finished(folder):
+    return (folder / "tournament.json").exists() and (folder / "tournament-tractions.csv").exists()
+
+
+def read(folder):
+    """Record and table of tractions of a tournament."""
+    return json.loads((folder / "tournament.json").read_text()), table(folder / "tournament-tractions.csv")
+
+
 def draw(program, head, output, rows, name, noise_px, seed):
     """One tournament: its record, the table of tractions, seconds."""
     folder = output / name / f"{noise_px}-{seed}"
+    if finished(folder / "laws"):
+        return *read(folder / "laws"), 0.0
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     noise, normal = noise_px * PX, random.Random(f"{name} {noise_px} {seed}")
@@ -141,15 +156,16 @@ def draw(program, head, output, rows, name, noise_px, seed):
         f'laws = {json.dumps(LAWS)}\nexact = true\ndiscretisation = "off"\n')
     begin = time.monotonic()
     call(program, "tournament", folder / "case.toml", "--output", folder / "laws", "--quiet", "--threads", 1)
-    seconds = time.monotonic() - begin
-    return json.loads((folder / "laws/tournament.json").read_text()), table(folder / "laws/tournament-tractions.csv"), seconds
+    return *read(folder / "laws"), time.monotonic() - begin
 
 
 def photographed(program, output, name, noise_grey, instants, seed):
     """One tournament from images: its record, the table of tractions, seconds, parameters of the truth."""
     folder = output / name / f"{noise_grey}-{seed}"
-    shutil.rmtree(folder, ignore_errors=True)
     test = folder / "test"
+    if finished(folder / "run"):
+        return *read(folder / "run"), 0.0, list(json.loads((test / "truth.json").read_text())["parameters"].values())
+    shutil.rmtree(folder, ignore_errors=True)
     call(program, "virtual", "--law", name, "--noise", noise_grey, "--instants", instants, "--seed", seed, "--output", test,
          "--threads", 1)
     truth = json.loads((test / "truth.json").read_text())["parameters"]
@@ -159,25 +175,64 @@ def photographed(program, output, name, noise_grey, instants, seed):
     call(program, "run", test / "case.toml", "--output", folder / "run", "--quiet", "--threads", 1, "--device", "cpu")
     seconds = time.monotonic() - begin
     shutil.rmtree(test / "images")
-    record = json.loads((folder / "run/tournament.json").read_text())
-    return record, table(folder / "run/tournament-tractions.csv"), seconds, list(truth.values())
+    return *read(folder / "run"), seconds, list(truth.values())
 
 
 def holds(ends, truth):
     return (ends[0] is None or ends[0] <= truth) and (ends[1] is None or truth <= ends[1])
 
 
-def at(rows, mode, s):
-    """Band of the average at the jump `s`: interpolated."""
-    curve = [(float(r["jump_mm"]), float(r["low95_MPa"]), float(r["high95_MPa"])) for r in rows
-             if r["law"] == "0" and r["mode"] == str(mode + 1)]
-    for (a, low_a, high_a), (b, low_b, high_b) in zip(curve, curve[1:]):
+def at(rows, law, mode, s):
+    """Traction and band of a law (0: the average; 1, 2... in the order of the case) at the jump `s`: interpolated."""
+    curve = [[float(r[key]) for key in ("jump_mm", "traction_MPa", "low95_MPa", "high95_MPa")] for r in rows
+             if r["law"] == str(law) and r["mode"] == str(mode + 1)]
+    for (a, *first), (b, *second) in zip(curve, curve[1:]):
         if a <= s <= b:
             share = (s - a) / (b - a)
             # Where the data give no band its ends are infinite.
             between = lambda a, b: a + share * (b - a) if math.isfinite(a) and math.isfinite(b) else min(a, b, key=lambda v: -abs(v))
-            return between(low_a, low_b), between(high_a, high_b)
+            return [between(a, b) for a, b in zip(first, second)]
     return None
+
+
+def of_program(record, rows):
+    """What the program says of a draw: laws that are not told apart, ends of the averaged works, band of the averaged traction."""
+    average = record["average"]
+    if average is None:
+        return record["alike"], None, None
+    return (record["alike"], [average[key]["ends95"] for key in ("opening_work", "sliding_work")],
+            lambda mode, s: (at(rows, 0, mode, s) or [None])[1:] or None)
+
+
+def of_rule(record, rows, scatter):
+    """The same by the rule of docs/identification.md, from what the program says of each law. Two laws are told apart where their objectives differ by
+    more than the 99 % quantile of chi-square less chi-square (normal approximation). An average holds of each law's interval the share
+    that is left of the likelihood over all laws: omega above the best less what noise does (`scatter` standard deviations of it free)."""
+    laws = {law["law"]: (index + 1, law, len(law["parameters"])) for index, law in enumerate(record["laws"])}
+    left = {name: law for name, law in laws.items()
+            if law[1]["status"] == "converged" and not law[1]["rejected"] and law[1]["aic"] is not None}
+    if not left:
+        return [], None, None
+    _, best, free = min(left.values(), key=lambda law: law[1]["aic"])
+    above = {name: law["omega"] - best["omega"] for name, (_, law, _) in left.items()}
+    spread = {name: math.sqrt(2 * (free + p)) for name, (_, _, p) in left.items()}
+    alike = [name for name, (_, _, p) in left.items() if above[name] <= free - p + 2.326 * spread[name]]
+    shares = {}
+    for name, (index, law, p) in left.items():
+        beyond = max(0.0, above[name] - (free - p) - scatter * spread[name])
+        if beyond < 1.96**2:
+            shares[name] = (index, law, math.sqrt(1 - beyond / 1.96**2))
+    shrink = lambda share, value, end, none: none if end is None or not math.isfinite(end) else value + share * (end - value)
+    works = [[min(shrink(share, law[key]["value"], law[key]["ends95"][0], -math.inf) for _, law, share in shares.values()),
+              max(shrink(share, law[key]["value"], law[key]["ends95"][1], math.inf) for _, law, share in shares.values())]
+             for key in ("opening_work", "sliding_work")]
+
+    def band(mode, s):
+        bands = [(share, at(rows, index, mode, s)) for index, _, share in shares.values()]
+        bands = [(share, *band) for share, band in bands if band]
+        return bands and (min(shrink(share, value, low, -math.inf) for share, value, low, _ in bands),
+                          max(shrink(share, value, high, math.inf) for share, value, _, high in bands))
+    return alike, works, band
 
 
 def main():
@@ -191,10 +246,14 @@ def main():
     parser.add_argument("--small", action="store_true", help="a joint of 24 x 4 elements for the virtual test")
     parser.add_argument("--instants", type=int, default=12, help="of the small joint, and of the images")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--again", action="store_true", help="compute nothing: the rule on the draws that are in OUTPUT")
+    parser.add_argument("--scatter", type=float, help="with --again: standard deviations of what noise does that count whole (default 1)")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    test, data = args.output / "test", {}
-    if not args.images:
+    if args.scatter is not None and not args.again:
+        parser.error("--scatter goes with --again")
+    test, head, data = args.output / "test", None, {}
+    if not args.images and not args.again:
         if args.small:
             head = small_joint(test, instants=args.instants)
         else:
@@ -210,34 +269,43 @@ def main():
         for name in args.truths:
             for noise in args.noise:
                 def one(seed, name=name, noise=noise):
+                    folder = args.output / name / f"{noise}-{seed}"
+                    if args.again and not finished(folder / ("run" if args.images else "laws")):
+                        return None
                     if args.images:
                         return photographed(args.program, args.output, name, noise, args.instants, seed)
-                    return *draw(args.program, head, args.output, data[name], name, noise, seed), list(TRUTHS[name][0].values())
-                right, alone, left, works, tractions, seconds, n = 0, 0, 0, [], [], 0.0, 0
-                for seed, (record, rows, took, value) in zip(range(1, args.seeds + 1), pool.map(one, range(1, args.seeds + 1))):
-                    n, seconds, left = n + 1, seconds + took, left + len(record["alike"])
-                    right += name in record["alike"]
-                    alone += record["alike"] == [name]
+                    return *draw(args.program, head, args.output, data.get(name), name, noise, seed), list(TRUTHS[name][0].values())
+                right, alone, left, works, tractions, seconds, n = 0, 0, 0, [], [], [], 0
+                for seed, done in zip(range(1, args.seeds + 1), pool.map(one, range(1, args.seeds + 1))):
+                    if done is None:
+                        continue
+                    record, rows, took, value = done
+                    alike, ends, band = of_rule(record, rows, 1.0 if args.scatter is None else args.scatter) if args.again else of_program(record, rows)
+                    n, left = n + 1, left + len(alike)
+                    seconds += [took] if took else []
+                    right += name in alike
+                    alone += alike == [name]
                     for law in record["laws"]:
                         written.writerow([name, noise, seed, law["law"], law["status"], law["rejected"], law["omega"], law["aic"],
-                                          law["left_out_omega"], law["weight"], law["law"] in record["alike"],
+                                          law["left_out_omega"], law["weight"], law["law"] in alike,
                                           law["evaluations"]])
                     out.flush()
-                    if record["average"] is None:
+                    if ends is None:
                         continue
                     # The law of the images has the works of the default one: 1 and 4 N/mm too.
-                    for key, truth in zip(("opening_work", "sliding_work"), TRUTHS[name][1]):
-                        works.append(holds(record["average"][key]["ends95"], truth))
+                    works += [holds(*pair) for pair in zip(ends, TRUTHS[name][1])]
                     for mode in (0, 1):
                         end = reach(name, value, mode)
                         for k in range(1, 10):
                             s = 0.1 * k * end
-                            band = at(rows, mode, s)
-                            if band is not None:
-                                tractions.append(holds(band, traction(name, value, mode, s)))
-                share = lambda held: f"{sum(held)} of {len(held)}"
+                            interval = band(mode, s)
+                            if interval:
+                                tractions.append(holds(interval, traction(name, value, mode, s)))
+                if n == 0:
+                    continue
+                share = lambda held: f"{sum(held)} of {len(held)} ({100 * sum(held) / max(1, len(held)):.1f} %)"
                 print(f"{name:21}  {noise:<4}  {right:2} of {n:<2}  {alone:2}  {left / n:4.1f}  {share(works)}  {share(tractions)}"
-                      f"  {seconds / n:.1f}", flush=True)
+                      f"  {sum(seconds) / max(1, len(seconds)):.1f}", flush=True)
 
 
 if __name__ == "__main__":
