@@ -14,7 +14,7 @@ tar xzf "$crate" -C "$folder" --strip-components 1
 # All that is in it: sources, shaders, what documentation includes, licences with those of others, and what it is.
 wanted='CHANGELOG.md CITATION.cff Cargo.lock Cargo.toml Cargo.toml.orig LICENSE-APACHE LICENSE-MIT README.md docs examples shaders src .cargo_vcs_info.json'
 for name in $(ls -A "$folder"); do
-    grep -qw -- "$name" <<<"$wanted" || { echo "package: $name is not to be in it" >&2; exit 1; }
+    case " $wanted " in *" $name "*) ;; *) echo "package: $name is not to be in it" >&2; exit 1 ;; esac
 done
 for name in LICENSE-MIT LICENSE-APACHE src/cli/third_party.txt shaders/residual.wgsl; do
     [ -s "$folder/$name" ] || { echo "package: $name is missing" >&2; exit 1; }

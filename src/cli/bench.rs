@@ -112,6 +112,7 @@ fn plot(record: &Record) -> Plot {
             ),
             "images in memory; uploads and results on the host included".into(),
         ],
+        ..Plot::default()
     }
 }
 

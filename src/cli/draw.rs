@@ -19,6 +19,13 @@ pub(super) fn drawn_in(path: &Path) -> Result<Value> {
     Ok(CaseDocument::tables(&text, path)?)
 }
 
+/// The folder of a case file that does not lie in this one.
+fn apart(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty())?.canonicalize().ok()?;
+    let is_here = std::env::current_dir().and_then(|here| here.canonicalize()).is_ok_and(|here| here == folder);
+    (!is_here).then(|| folder.display().to_string())
+}
+
 /// Runs the command.
 pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
     let (first, others) = args.images.split_first().ok_or("no image is named")?;
@@ -34,6 +41,7 @@ pub(super) fn run(args: &DrawArgs) -> Result<Outcome> {
         page: args.page,
         deformed: if of_glob { vec![first.clone()] } else { others.to_vec() },
         case: args.case.as_deref().map(drawn_in).transpose()?,
+        case_folder: args.case.as_deref().and_then(apart),
         folder: std::env::current_dir().map_or_else(|_| "this folder".into(), |folder| folder.display().to_string()),
     };
     let path = &args.output;

@@ -129,5 +129,6 @@ pub(super) fn plot(found: &Metrology, reference: &Path) -> Plot {
             format!("points: measured on {}, the larger of exx and eyy; dashed: predicted", measured_on(found)),
             "the shortest gauge of a size is the element, the others windows of N x N nodes".into(),
         ],
+        ..Plot::default()
     }
 }

@@ -180,6 +180,7 @@ fn draw_sweep(folder: &RunFolder, name: &str, rows: &[SweepRow]) -> Result<()> {
         y: Axis::linear("value over that of the first row"),
         series,
         notes: rows.iter().map(|row| format!("{name} = {}: omega = {:.6e}", row.value, row.fit.omega)).collect(),
+        ..Plot::default()
     };
     let picture = plot.draw()?;
     let path = folder.path().join(FIGURES);

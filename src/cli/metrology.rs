@@ -8,6 +8,7 @@ use crate::io::images::{Loaded, read_image};
 use crate::io::series::expand_series;
 use crate::mesh::Roi;
 use crate::metrology::{Metrology, Noise, Options, Origin, PhotonFit, SizeResult, Still, measure};
+use crate::report::metrology::{larger, noise_facts, number};
 use crate::report::{Axis, Plot, PlotSeries, Style, metrology_page};
 use crate::run::{RunFolder, strain_window};
 use serde::Serialize;
@@ -182,18 +183,9 @@ fn read(path: &Path, page: usize) -> Result<(FileRecord, Arc<Image>)> {
     Ok((record, Arc::new(image)))
 }
 
-/// A number with `digits` places, or a dash.
-fn number(value: Option<f64>, digits: usize) -> String {
-    value.map_or("-".into(), |v| format!("{v:.digits$}"))
-}
-
 /// A strain or a bias: two figures.
 fn small(value: Option<f64>) -> String {
     value.map_or("-".into(), |v| format!("{v:.1e}"))
-}
-
-fn larger(pair: [f64; 2]) -> f64 {
-    pair[0].max(pair[1])
 }
 
 /// Uncertainty and resolved period against element size. In thousandths of a pixel the uncertainty has the
@@ -232,6 +224,7 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
         y: Axis::log("uncertainty (0.001 px); period resolved (px)"),
         series: drawn.into_iter().filter(|series| !series.x.is_empty()).collect(),
         notes,
+        ..Plot::default()
     }
 }
 
@@ -291,47 +284,10 @@ fn said(line: &str) {
 
 /// What is known of the noise, and what of it goes into a case file.
 fn print_noise(noise: &Noise) {
-    let origin = match noise.origin {
-        Origin::StaticImages => format!("measured on {}", plural(noise.pairs.len(), "static image")),
-        Origin::Given => "as given".into(),
-        Origin::Assumed => "ASSUMED from the highest frequencies of this one image, not measured".into(),
-    };
-    said(&format!(
-        "noise           {:.2} grey levels of one image, {origin} (white noise in it: at most {:.2})",
-        noise.sigma_grey, noise.ceiling_grey
-    ));
-    for pair in &noise.pairs {
-        said(&format!(
-            "                {:.2} with {}, which has drifted by ({:.3}, {:.3}) px",
-            pair.sigma_grey, pair.name, pair.drift_px[0], pair.drift_px[1]
-        ));
-    }
-    if !noise.by_grey.is_empty() {
-        let parts: Vec<_> = noise
-            .by_grey
-            .iter()
-            .map(|part| format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey))
-            .collect();
-        said(&format!("                by grey level: {}", parts.join(", ")));
-    }
-    if let Some(photon) = noise.photon.filter(PhotonFit::is_certain) {
-        let PhotonFit { a_grey2, b_grey, a_sigma_grey2, b_sigma_grey } = photon;
-        said(&format!(
-            "                variance a + b grey: a = {a_grey2:.3} +- {a_sigma_grey2:.3}, b = {b_grey:.5} +- {b_sigma_grey:.5}"
-        ));
-    }
-    if let Some(correlation) = &noise.correlation {
-        let along = |lags: &[f64]| lags[1..].iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
-        said(&format!(
-            "                correlation at 1 to {} px: {} along x, {} along y",
-            correlation.along_x.len() - 1,
-            along(&correlation.along_x),
-            along(&correlation.along_y)
-        ));
-        if let (Some([x, y]), Some(sigma)) = (correlation.factor, correlation.factor_sigma) {
-            said(&format!(
-                "                which makes displacements {x:.2} (x), {y:.2} (y) times as uncertain as white noise, +- {sigma:.2}"
-            ));
+    for (row, (name, value)) in noise_facts(noise).into_iter().enumerate() {
+        match row {
+            0 => said(&format!("noise           {value}")),
+            _ => said(&format!("                {}: {value}", name[..1].to_lowercase() + &name[1..])),
         }
     }
     if noise.origin == Origin::StaticImages {

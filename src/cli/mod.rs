@@ -53,6 +53,7 @@ mod voice;
 mod watch;
 mod wrong_words;
 
+use crate::report::Look;
 use crate::run::Outcome;
 use crate::run::text::{absolute, chain, plural};
 use args::{BenchArgs, BenchWhat};
@@ -94,6 +95,8 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
             return 2;
         }
     };
+    // A process may run several commands: none draws for what the one before was asked to.
+    Look::Screen.choose();
     let paint = Paint::of(cli.color);
     let outcome = match cli.command {
         args::Command::Correlate(args) => correlate::run(&args, paint),

@@ -172,6 +172,7 @@ fn mechanics_figures(out: &Output, experiment: &Experiment) -> Result<()> {
         y: Axis::linear("T_n (MPa)"),
         series,
         notes: vec!["lines: the mesh of the measurement; markers: elements half as large".into()],
+        ..Plot::default()
     };
     out.save("figure-07-profiles", &plot.draw()?)?;
     out.table(
@@ -254,6 +255,7 @@ fn figure_10(out: &Output, levels: &[&LevelFits]) -> Result<()> {
         y: Axis::log("omega").with_range(1e-8, 1e4),
         series,
         notes: vec!["without noise it goes on falling to the round-off of the model, below this axis".into()],
+        ..Plot::default()
     };
     out.save("figure-10", &plot.draw()?)?;
     out.table("figure-10.csv", "objective against iteration, r = 6", &["iteration", "seed", "s_px", "omega"], rows)
@@ -345,6 +347,7 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
             y: Axis::linear(label),
             series,
             notes: vec!["full: r = 4; dashed: r = 3, 5, 6".into()],
+            ..Plot::default()
         };
         out.save(&format!("figure-12-{name}"), &plot.draw()?)?;
     }
@@ -359,6 +362,7 @@ fn traction_figures(out: &Output, joint: &Joint, sweep: &[SweepRow]) -> Result<(
         y: Axis::linear("atan2(T_t, T_n) (degrees)").with_range(0.0, 180.0),
         series,
         notes: vec!["0: pure opening; 90: pure sliding; beyond 90: compressed; none where the joint is open".into()],
+        ..Plot::default()
     };
     out.save("mode-mixity", &plot.draw()?)
 }

@@ -37,7 +37,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     let write = |html: &str| -> Result<()> {
         Ok(std::fs::write(&path, html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?)
     };
-    if args.run.join(METROLOGY).is_file() && Store::open(&args.run).is_err() {
+    if args.run.join(METROLOGY).is_file() && Store::open(&fields_in(&args.run)).is_err() {
         // One page is all there is to see of it, and was made with it.
         let made = args.run.join(RunFolder::REPORT);
         let html = std::fs::read_to_string(&made).map_err(|error| {
@@ -60,10 +60,15 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     Ok(if complete { Outcome::Fine } else { Outcome::Incomplete })
 }
 
+/// The folder of the fields of a run: its own, or that of the correlation in it.
+fn fields_in(run: &Path) -> PathBuf {
+    let inner = correlation_in(run);
+    if inner.is_dir() { inner } else { run.to_owned() }
+}
+
 /// The page that the arguments ask for.
 pub(super) fn made(args: &ViewArgs) -> Result<Made> {
-    let inner = correlation_in(&args.run);
-    let folder = if inner.is_dir() { inner } else { args.run.clone() };
+    let folder = fields_in(&args.run);
     let store = Store::open(&folder)?;
     let (numbers, n_without) = args.frames.with_field(&store, args.talk.quiet)?;
     if numbers.is_empty() {

@@ -115,6 +115,7 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
             y: Axis::linear("opening (px)"),
             series: profiles,
             notes: vec!["bars: \u{b1}2 standard uncertainties".into()],
+            ..Plot::default()
         };
         figures.push((format!("{file}-opening"), plot));
     }
@@ -149,6 +150,7 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
             y: Axis::linear("distance along the path (px)"),
             series: tips,
             notes: vec![format!("tip: opening below {OPEN_BY_SIGMA} sigma; bars: \u{b1}2 standard uncertainties")],
+            ..Plot::default()
         };
         figures.push((format!("{file}-tip"), plot));
     }
@@ -161,6 +163,7 @@ pub fn crack_figures(history: &CrackHistory) -> Vec<(String, Plot)> {
             y: Axis::linear("K (MPa \u{221a}m)"),
             series: modes,
             notes: vec!["interaction integral, plane stress; bars: \u{b1}2 standard uncertainties".into()],
+            ..Plot::default()
         };
         figures.push((format!("{file}-stress-intensity"), plot));
     }

@@ -255,7 +255,8 @@ impl<'a> Frame<'a> {
                 window.window,
                 (length * 100.0).round() / 100.0
             ));
-            return self.with_files(notes);
+            notes.extend(self.options.notes.iter().cloned());
+            return notes;
         }
         if let (Some(strain), Some(_)) = (&self.strain, figure.strain()) {
             let length = strain.length_px * if self.options.strain_on_nodes { 2.0 } else { 1.0 };
@@ -265,21 +266,6 @@ impl<'a> Frame<'a> {
         if let (Figure::ResidualPercent, Some(range)) = (figure, self.options.range_grey) {
             notes.push(format!("100 % is the range of the reference, {} grey levels", written(range)));
         }
-        self.with_files(notes)
-    }
-
-    /// The same with what is said below every map.
-    fn with_files(&self, mut notes: Vec<String>) -> Vec<String> {
-        let marked = self.measurement.marked();
-        if marked.iter().any(|marked| !marked.mark.is_left_out()) {
-            notes.push("hatched: the residual is beyond noise, the displacement doubtful".to_owned());
-        }
-        let left_out: Vec<String> =
-            marked.iter().filter(|marked| marked.mark.is_left_out()).map(ToString::to_string).collect();
-        if !left_out.is_empty() {
-            notes.push(format!("left out: {}", left_out.join("; ")));
-        }
-        notes.extend(self.measurement.misfit().map(|misfit| misfit.to_string()));
         notes.extend(self.options.notes.iter().cloned());
         notes
     }

@@ -118,6 +118,7 @@ impl ForceRecord {
             y: Axis::linear("force (N)"),
             series: vec![measured, computed],
             notes: vec![self.text.clone(), used.to_owned()],
+            ..Plot::default()
         }
     }
 }

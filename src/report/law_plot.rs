@@ -21,6 +21,6 @@ pub(super) fn law_plot(mode: usize, curve: &CurveBand) -> Plot {
         x: Axis::linear(format!("{jump} (\u{b5}m)")),
         y: Axis::linear(format!("{traction} (MPa)")),
         series: vec![law_series("fit, 95 % band", curve, Style::Line, true)],
-        notes: Vec::new(),
+        ..Plot::default()
     }
 }

@@ -143,7 +143,8 @@ fn mark_of(measurement: &Measurement<Px>, element: usize) -> ElementMark {
     measurement.marks.as_ref().map_or(ElementMark::None, |marks| marks[element])
 }
 
-/// What must be said about a frame: how it ended, where not well, and that there is nothing to see.
+/// What must be said about a frame: how it ended, where not well, that there is nothing to see, what is left out, and that the mesh does
+/// not follow the motion.
 pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     match measurement.status {
@@ -158,7 +159,14 @@ pub(super) fn warnings(measurement: &Measurement<Px>, drawn: bool) -> Vec<String
         let some = measurement.measured.contains(&true);
         warnings.push(if some { "no element with all nodes measured" } else { "no measured node" });
     }
-    warnings.into_iter().map(str::to_owned).collect()
+    let mut warnings: Vec<String> = warnings.into_iter().map(str::to_owned).collect();
+    let left_out: Vec<String> =
+        measurement.marked().iter().filter(|marked| marked.mark.is_left_out()).map(ToString::to_string).collect();
+    if !left_out.is_empty() {
+        warnings.push(format!("left out: {}", left_out.join("; ")));
+    }
+    warnings.extend(measurement.misfit().map(|misfit| misfit.to_string()));
+    warnings
 }
 
 /// The bar for these values; `None` when there is no value.
@@ -203,8 +211,11 @@ fn draw(
     options: &MapOptions,
 ) -> Result<Picture, ReportError> {
     let bar = bar_for(cells, options)?;
-    let words =
-        Words { title: &options.title, warnings: warnings(measurement, bar.is_some()), notes: options.notes.clone() };
+    let mut warnings = warnings(measurement, bar.is_some());
+    if measurement.marked().iter().any(|marked| !marked.mark.is_left_out()) {
+        warnings.push("hatched: the residual is beyond noise, the displacement doubtful".to_owned());
+    }
+    let words = Words { title: &options.title, warnings, notes: options.notes.clone() };
     let layout = FigureLayout::new(backdrop, View::image(backdrop), options.pixel_size, bar.as_ref(), &words);
     let mut scene = layout.begin();
     if let Some(bar) = &bar {

@@ -4,7 +4,7 @@ use super::page::{Block, Curves, Map, Page, Section};
 use super::{Backdrop, Look, MeshOptions, Plot, ReportError, mesh_figure};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, Roi, Zone};
-use crate::metrology::{Metrology, Origin, SizeResult, StrainGauge};
+use crate::metrology::{Metrology, Noise, Origin, PhotonFit, SizeResult, StrainGauge};
 
 /// Makes the page of what was `found` on `image`, named `name`. `plots` are the curves over element sizes and those of virtual strain
 /// gauges.
@@ -13,7 +13,7 @@ use crate::metrology::{Metrology, Origin, SizeResult, StrainGauge};
 /// Those of the figures.
 pub fn metrology_page(found: &Metrology, name: &str, image: &Image, plots: [&Plot; 2]) -> Result<Page, ReportError> {
     let [sizes, gauges] = plots;
-    let curves = |plot: &Plot| Curves::new(plot, plot.notes.join(" ")).map(Block::Curves);
+    let curves = |plot: &Plot| Curves::new(plot, plot.notes.join("; ")).map(Block::Curves);
     let sections = vec![
         Section { title: "What to do".into(), blocks: advice(found, image)? },
         Section { title: "Element sizes".into(), blocks: vec![curves(sizes)?, size_table(&found.sizes)] },
@@ -43,7 +43,7 @@ fn advice(found: &Metrology, image: &Image) -> Result<Vec<Block>, ReportError> {
     let warning = advice.element_size_px.is_none() || !advice.target_met || advice.period_met == Some(false);
     let mut blocks = vec![Block::Lead { text, warning }];
     blocks.extend(advice.reasons.iter().cloned().map(Block::Text));
-    blocks.extend(advice.hints.iter().map(|hint| Block::Text(format!("Note: {hint}."))));
+    blocks.extend(advice.hints.iter().map(|hint| Block::Text(format!("Note: {hint}"))));
     if let Some(size) = advice.element_size_px {
         let [x0, y0, x1, y1] = found.zone_px.map(|side| side as f64);
         let zone = Zone::rectangle("looked at", Roi { x0, y0, x1, y1 });
@@ -59,11 +59,12 @@ fn advice(found: &Metrology, image: &Image) -> Result<Vec<Block>, ReportError> {
 }
 
 /// A number with `digits` places, or a dash.
-fn number(value: Option<f64>, digits: usize) -> String {
+pub(crate) fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".into(), |v| format!("{v:.digits$}"))
 }
 
-fn larger([a, b]: [f64; 2]) -> f64 {
+/// The larger of two components.
+pub(crate) fn larger([a, b]: [f64; 2]) -> f64 {
     a.max(b)
 }
 
@@ -125,22 +126,10 @@ fn gauge_table(found: &Metrology) -> Block {
 }
 
 fn facts(found: &Metrology) -> Vec<(String, String)> {
-    let (noise, texture) = (&found.noise, &found.texture);
-    let origin = match noise.origin {
-        Origin::StaticImages => format!("measured on {} images at rest", noise.pairs.len()),
-        Origin::Given => "as given".into(),
-        Origin::Assumed => "assumed from the highest frequencies of this one image, not measured".into(),
-    };
+    let texture = &found.texture;
     let both =
         |[x, y]: [Option<f64>; 2], unit: &str| format!("{} along x, {} along y, {unit}", number(x, 2), number(y, 2));
-    let mut facts = vec![
-        ("Noise of one image".to_owned(), format!("{:.2} grey levels, {origin}", noise.sigma_grey)),
-        ("White noise in it".to_owned(), format!("at most {:.2} grey levels", noise.ceiling_grey)),
-    ];
-    facts.extend(noise.pairs.iter().map(|pair| {
-        let [x, y] = pair.drift_px;
-        (pair.name.clone(), format!("{:.2} grey levels, drifted by ({x:.3}, {y:.3}) px", pair.sigma_grey))
-    }));
+    let mut facts = noise_facts(&found.noise);
     let [low, high] = texture.range_grey;
     facts.extend([
         ("Gradient".to_owned(), both(texture.gradient_grey_per_px.map(Some), "rms, grey levels per px")),
@@ -151,6 +140,45 @@ fn facts(found: &Metrology) -> Vec<(String, String)> {
             format!("{dark:.2} % dark, {bright:.2} % bright")
         }),
     ]);
+    facts
+}
+
+/// What is known of the noise: names and values, the level first.
+pub(crate) fn noise_facts(noise: &Noise) -> Vec<(String, String)> {
+    let origin = match noise.origin {
+        Origin::StaticImages if noise.pairs.len() == 1 => "measured on 1 static image".into(),
+        Origin::StaticImages => format!("measured on {} static images", noise.pairs.len()),
+        Origin::Given => "as given".into(),
+        Origin::Assumed => "ASSUMED from the highest frequencies of this one image, not measured".into(),
+    };
+    let (sigma, ceiling) = (noise.sigma_grey, noise.ceiling_grey);
+    let level = format!("{sigma:.2} grey levels, {origin} (white noise in it: at most {ceiling:.2})");
+    let mut facts = vec![("Noise of one image".to_owned(), level)];
+    facts.extend(noise.pairs.iter().map(|pair| {
+        let [x, y] = pair.drift_px;
+        (format!("With {}", pair.name), format!("{:.2}; it has drifted by ({x:.3}, {y:.3}) px", pair.sigma_grey))
+    }));
+    if !noise.by_grey.is_empty() {
+        let part = |part: &crate::metrology::GreyNoise| {
+            format!("{:.2} at {:.0} to {:.0}", part.sigma_grey, part.from_grey, part.to_grey)
+        };
+        facts.push(("By grey level".into(), noise.by_grey.iter().map(part).collect::<Vec<_>>().join(", ")));
+    }
+    if let Some(photon) = noise.photon.filter(PhotonFit::is_certain) {
+        let PhotonFit { a_grey2, b_grey, a_sigma_grey2, b_sigma_grey } = photon;
+        let value = format!("a = {a_grey2:.3} +- {a_sigma_grey2:.3}, b = {b_grey:.5} +- {b_sigma_grey:.5}");
+        facts.push(("Variance a + b grey".into(), value));
+    }
+    if let Some(correlation) = &noise.correlation {
+        let along = |lags: &[f64]| lags[1..].iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
+        let [x, y] = [&correlation.along_x, &correlation.along_y].map(|lags| along(lags));
+        let name = format!("Correlation at 1 to {} px", correlation.along_x.len() - 1);
+        facts.push((name, format!("{x} along x, {y} along y")));
+        if let (Some([x, y]), Some(sigma)) = (correlation.factor, correlation.factor_sigma) {
+            let value = format!("{x:.2} (x), {y:.2} (y) times as uncertain as with white noise, +- {sigma:.2}");
+            facts.push(("Displacements by it".into(), value));
+        }
+    }
     facts
 }
 

@@ -17,7 +17,7 @@ mod letters;
 mod look;
 pub mod map;
 mod mesh_figure;
-mod metrology;
+pub(crate) mod metrology;
 mod over_image;
 pub mod page;
 mod picture;

@@ -339,7 +339,7 @@ mod tests {
             x: Axis::linear("x"),
             y: Axis::linear("y"),
             series: vec![PlotSeries::new("a & b", Style::Line, vec![0.0, 1.0], vec![1.0, 2.0])],
-            notes: vec![],
+            ..Plot::default()
         };
         let blocks = vec![
             Block::Text("<script>alert(1)</script> & \"x\"".into()),

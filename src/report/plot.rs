@@ -45,8 +45,10 @@ pub struct Plot {
     pub y: Axis,
     /// The curves, drawn in this order.
     pub series: Vec<PlotSeries>,
-    /// Lines of text below the picture.
+    /// Lines of text below the picture: what a caption says where figures are for print or a slide.
     pub notes: Vec<String>,
+    /// What must not be overlooked: above the picture, whatever it is for.
+    pub warnings: Vec<String>,
 }
 
 /// An axis of a [`Plot`].
@@ -259,6 +261,7 @@ impl Plot {
         let inner = width + 90.min(width / 8);
         let mut head = Lines::default();
         head.title(&letters, &self.title, inner);
+        self.warnings.iter().for_each(|warning| head.note(&letters, warning, inner, WARNING));
         let mut foot = Lines::default();
         foot.notes(&letters, &self.notes, inner);
         if hidden > 0 {

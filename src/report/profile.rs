@@ -60,7 +60,7 @@ pub(super) fn profile_plot(
             }
         }
     }
-    let mut notes = warnings(measurement, true);
+    let mut notes = Vec::new();
     let mm = options.pixel_size.map_or(String::new(), |size| format!("; 1 px is {} mm", size.mm_per_px()));
     notes.push(format!("from A ({x0}, {y0}) px to B ({x1}, {y1}) px{mm}"));
     if matches!(what, Profiled::Strain(_)) {
@@ -78,6 +78,7 @@ pub(super) fn profile_plot(
         x: Axis::linear("distance from A (px)").with_range(0.0, length),
         series: vec![series],
         notes,
+        warnings: warnings(measurement, true),
         ..Plot::default()
     })
 }

@@ -315,6 +315,7 @@ impl TournamentReport {
             y: Axis::linear(format!("{traction} (MPa)")),
             series,
             notes: self.record.sentences.iter().take(1).cloned().collect(),
+            ..Plot::default()
         })
     }
 
@@ -339,7 +340,7 @@ impl TournamentReport {
             x: Axis::linear(format!("{jump} (\u{b5}m)")),
             y,
             series,
-            notes: Vec::new(),
+            ..Plot::default()
         })
     }
 

@@ -389,7 +389,9 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
     for wanted in [
         format!("Recommended: elements of {advice} px"),
         format!("Elements of {advice} px on the part of the image"),
-        "measured on 2 images at rest".into(),
+        "measured on 2 static images".into(),
+        "By grey level".into(),
+        "Displacements by it".into(),
         "data:image/jpeg".into(),
         "quintic".into(),
     ] {

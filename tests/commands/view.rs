@@ -151,6 +151,11 @@ fn long_series_are_thinned_to_the_size_asked_for_and_say_so() {
     assert!(ran.stderr.contains("small.html with 1 frame of 3, evenly"), "{ran}");
     assert!(desk.read("small.html").contains("1 of 3 frames with a field are in this page"));
     assert!(desk.bytes("small.html").len() < desk.bytes("out/view.html").len());
+    // A folder of a run that has its fields in `correlation` is a run, although somebody keeps a metrology in it.
+    desk.run("correlate ref.png a.png --output joint/correlation --quiet").fine();
+    desk.write("joint/metrology.json", "{}");
+    let ran = desk.run("view joint").fine();
+    assert!(ran.stderr.contains("joint/view.html with 1 frame"), "{ran}");
     desk.run("view out --frames 7").refused(&["--frames names frame 7; the series has 3"]);
     desk.run("view nowhere").refused(&["there is no fields.zarr here"]);
     desk.run("view out --max-mb 0").refused(&["give MB from 0.1 to 10000"]);
@@ -224,16 +229,153 @@ f.onload = () => {
 };
 </script>"#;
 
+/// What is written by a page that goes on with a case file: at once; after the upper zone has got another name, the page another stiffness and the first
+/// extensometer another end; after all that is undone; without its joint.
+const EDITED: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="draw.html" style="width:1280px;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    const send = (type, [x, y]) => {
+      const b = map.getBoundingClientRect(), s = Math.min(b.width / 128, b.height / 96);
+      const clientX = b.left + b.width / 2 + (x + .5 - 64) * s, clientY = b.top + b.height / 2 + (y + .5 - 48) * s;
+      map.dispatchEvent(new w.PointerEvent(type, { bubbles: true, pointerId: 7, pointerType: 'mouse', clientX, clientY }));
+    };
+    const drag = (p, q) => { send('pointerdown', p); send('pointermove', q); send('pointerup', q); };
+    const fill = (id, value) => { at(id).value = value; at(id).dispatchEvent(new w.Event('change')); };
+    const write = name => { said[name] = at('case').textContent; };
+    write('read');
+    said.notes = at('notes').textContent;
+    said.own = ['e', 'nu', 'phi', 'dn', 'dt'].filter(key => !at(`joint-${key}`).disabled);
+    d.dispatchEvent(new w.KeyboardEvent('keydown', { key: 's', bubbles: true }));
+    send('pointerdown', [30, 20]); send('pointerup', [30, 20]);
+    fill('name', 'top');
+    fill('joint-e', '210000');
+    drag([90.25, 70.125], [100, 75]);
+    write('edited');
+    for (let k = 0; k < 3; k++) at('undo').click();
+    write('undone');
+    at('joint').checked = false; at('joint').dispatchEvent(new w.Event('change'));
+    write('alone');
+  } catch (error) { said.error = String(error.stack); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+/// A case file of which a page draws the least.
+const RICH: &str = r#"[images]
+reference = "ref.png"
+deformed = ["a.png", "b.png"]
+pixel_size_mm = 0.0019312512345
+[correlation]
+element_size_px = 8
+noise = 1.5
+[[zone]]
+name = "upper"
+roi = [16.0, 8.03125, 112.0, 40.5]
+guard_px = { left = 1 }
+exclude = [[[40.123456, 10], [48, 10], [48, 16.0625]]]
+[[zone]]
+name = "lower"
+roi = [16.0, 48.25, 112.0, 88.96875]
+[[extensometer]]
+name = "gauge one"
+from = [30.0625, 70.125]
+to = [90.25, 70.125]
+[[probe]]
+name = "p"
+point = [64.0001, 64.5]
+[[opening]]
+name = "mouth"
+zones = ["lower", "upper"]
+[interface]
+zones = ["upper", "lower"]
+guard_px = 3
+[boundary]
+remove_rigid_motion = "none"
+[substrate]
+model = "ramberg-osgood"
+plane = "stress"
+E_MPa = 72000.5
+nu = 0.33
+sigma_0_MPa = 180.0
+alpha = 0.06
+n = 7.0
+exact = true
+[cohesive]
+model = "bilinear-power"
+K_MPa_per_mm = 2e4
+T_n0_MPa = 60.0
+T_t0_MPa = 61.0
+G_Ic_N_per_mm = 1.0
+G_IIc_N_per_mm = 4.0
+eta = 1.0
+[measurement]
+nodes = "free"
+weights = "covariance"
+boundary = "estimated"
+[fit]
+parameters = ["K", "G_Ic"]
+exact = ["thickness"]
+[fit.start]
+K = 1e4
+[output]
+figures = []
+"#;
+
 #[test]
-fn a_page_that_cannot_draw_all_of_a_case_file_says_what_it_loses() {
+fn a_page_that_goes_on_with_a_case_file_changes_nothing_in_it_but_what_is_changed_there() {
     let desk = Desk::with_series();
-    let case = "[images]\nreference = \"ref.png\"\ndeformed = [\"a.png\"]\n[correlation]\nelement_size_px = 16\nnoise = 1.5\n\
-                [[zone]]\nroi = [16, 8, 112, 88]\nguard_px = { bottom = 3 }\n";
-    desk.write("mine.toml", case);
-    desk.run("draw ref.png a.png --case mine.toml").fine();
+    desk.write("mine.toml", RICH);
+    desk.run("draw ref.png a.png b.png --case mine.toml").fine();
+    let Some(said) = seen(&desk.path(""), EDITED) else { return };
+    let said: serde_json::Value =
+        serde_json::from_str(&said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")).unwrap();
+    assert!(said.get("error").is_none() && said["notes"] == "", "{said}");
+    // The law has no work of separation of that name: what would not be written cannot be typed.
+    assert_eq!(said["own"], serde_json::json!(["e", "nu"]));
+    /// Whole numbers as others: TOML has both, a page one kind.
+    fn plain(value: &serde_json::Value) -> serde_json::Value {
+        match value {
+            serde_json::Value::Number(number) => serde_json::json!(number.as_f64()),
+            serde_json::Value::Array(values) => values.iter().map(plain).collect(),
+            serde_json::Value::Object(of) => of.iter().map(|(key, value)| (key.clone(), plain(value))).collect(),
+            other => other.clone(),
+        }
+    }
+    let tables = |text: &str| {
+        let tables = CaseDocument::tables(text, Path::new("case.toml"));
+        plain(&tables.unwrap_or_else(|error| panic!("{error}\n{text}")))
+    };
+    let read = tables(RICH);
+    for stage in ["read", "undone"] {
+        assert_eq!(tables(said[stage].as_str().unwrap()), read, "{stage}: {said}");
+    }
+    let mut wanted = read.clone();
+    wanted["zone"][0]["name"] = "top".into();
+    wanted["opening"][0]["zones"] = serde_json::json!(["lower", "top"]);
+    wanted["interface"]["zones"] = serde_json::json!(["top", "lower"]);
+    wanted["substrate"]["E_MPa"] = 210000.0.into();
+    let mut edited = tables(said["edited"].as_str().unwrap());
+    // To the tenth of a pixel where the pointer was.
+    let end: Vec<f64> = serde_json::from_value(edited["extensometer"][0]["to"].take()).unwrap();
+    assert!((end[0] - 100.0).abs() < 0.6 && (end[1] - 75.0).abs() < 0.6, "{end:?}");
+    edited["extensometer"][0]["to"] = wanted["extensometer"][0]["to"].clone();
+    assert_eq!(plain(&edited), wanted, "{said}");
+    for section in ["interface", "boundary", "substrate", "cohesive", "measurement", "fit"] {
+        assert!(
+            read.get(section).is_some() && tables(said["alone"].as_str().unwrap()).get(section).is_none(),
+            "{section}: {said}"
+        );
+    }
+    // What a page cannot keep is named; so is the folder of names that are meant from elsewhere.
+    desk.write("far/odd.toml", &RICH.replace("noise = 1.5", "noise = inf"));
+    desk.run("draw ref.png --case far/odd.toml").fine();
     let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
-    assert!(back.contains("what is written from here does not have it: [correlation] noise, zone1 guard_px"), "{back}");
-    assert!(back.contains("roi = [16, 8, 112, 88]"), "{back}");
+    assert!(back.contains("does not have these of the case file that was read: [correlation] noise"), "{back}");
+    assert!(back.contains("far: the files it names are meant from there"), "{back}");
+    assert!(back.contains(r#"deformed = [\"a.png\", \"b.png\"]"#), "{back}");
     desk.run("draw ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
     desk.write("wrong.toml", "[images]\nreferenc = 1\n");
     desk.run("draw ref.png a.png --case wrong.toml").refused(&["wrong.toml", "referenc"]);
@@ -282,7 +424,7 @@ fn what_is_drawn_on_the_image_is_a_case_file_that_the_command_measures_by() {
         let without_scale =
             |text: &str| text.lines().filter(|line| !line.starts_with("pixel_size_mm")).collect::<Vec<_>>().join("\n");
         assert_eq!(without_scale(back["case"].as_str().unwrap()), without_scale(case), "{back}");
-        assert!(back["case"].as_str().unwrap().contains("pixel_size_mm = 0.0500000") && back["notes"] == "", "{back}");
+        assert!(back["case"].as_str().unwrap().contains("pixel_size_mm = 0.05\n") && back["notes"] == "", "{back}");
         let summary = desk.json("out/summary.json");
         assert_eq!(summary["frames"].as_array().unwrap().len(), 2, "{summary}");
         for table in ["extensometers", "points", "openings"] {

@@ -34,7 +34,7 @@ pub struct Quiet {
 /// What figures are made for.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct Drawn {
-    /// What figures are made for: screen; paper (84 mm wide, letters of 8 pt, no title, notes in the description of the SVG); slide
+    /// What figures are made for: screen; paper (about 84 mm wide, letters of 8 pt, no title, notes in the description of the SVG); slide
     /// (large letters, no notes).
     #[arg(long, value_name = "screen|paper|slide", default_value = "screen")]
     style: Look,

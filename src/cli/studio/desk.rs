@@ -100,6 +100,7 @@ impl Studied {
                 deformed: Vec::new(),
                 folder: self.folder.display().to_string(),
                 case: self.drawn(),
+                case_folder: None,
             },
             images: json!(images),
             image: shown,

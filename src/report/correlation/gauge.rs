@@ -198,7 +198,7 @@ fn curves(rows: &[Row], drawn: &[DrawnFrame]) -> Result<Block, ReportError> {
             series("scatter at first", &|row| row.scatter.map_or(f64::NAN, |[x, y]| x.max(y))),
             series("peak at last", &|row| row.peak.unwrap_or(f64::NAN)),
         ],
-        notes: Vec::new(),
+        ..Plot::default()
     };
     let numbers: Vec<String> = drawn.iter().map(|frame| frame.number.to_string()).collect();
     let caption = format!("The larger of exx and eyy; frames {}", numbers.join(", "));

@@ -58,7 +58,7 @@ impl CorrelationReport<'_> {
             x: Axis::linear("frame"),
             y,
             series,
-            notes: Vec::new(),
+            ..Plot::default()
         };
         let shift = |c: usize| move |frame: &FrameSummary| frame.rigid_motion.as_ref().map(|m| m.translation_px[c]);
         let mut blocks = vec![
@@ -184,6 +184,6 @@ fn drawn(curve: &Curve, series: PlotSeries, [x, y]: [(String, String); 2]) -> Pl
         x: Axis::linear(label(&x)),
         y: Axis::linear(label(&y)),
         series: vec![series],
-        notes: Vec::new(),
+        ..Plot::default()
     }
 }

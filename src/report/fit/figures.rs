@@ -1,6 +1,7 @@
 //! Figures of an identification.
 
 use super::FitReport;
+use crate::identify::FitStatus;
 use crate::identify::{Iteration, NORMAL_95};
 use crate::report::law_plot::{MODES, law_plot};
 use crate::report::{Axis, Picture, Plot, PlotSeries, ReportError, Style};
@@ -46,6 +47,7 @@ impl FitReport<'_> {
                 y: Axis::linear(label),
                 series,
                 notes: vec![format!("bands: {}", self.bands_hold())],
+                ..Plot::default()
             };
             save(format!("{name}-bands"), plot.draw()?)?;
         }
@@ -58,6 +60,7 @@ impl FitReport<'_> {
                 y: Axis::linear("rise of the objective"),
                 series: vec![PlotSeries::new("", Style::LineAndMarkers, profile.values.clone(), profile.rise.clone())],
                 notes: vec![format!("95 % interval: where the rise is below {:.2}", NORMAL_95 * NORMAL_95)],
+                ..Plot::default()
             };
             save("profile".into(), plot.draw()?)?;
         }
@@ -89,12 +92,15 @@ impl FitReport<'_> {
         if !x_refused.is_empty() {
             series.push(PlotSeries::new("refused", Style::Markers, x_refused, y_refused));
         }
+        let ended = format!("{}: {}", self.fit.status.name(), self.fit.reason);
+        let has_converged = self.fit.status == FitStatus::Converged;
         Plot {
             title: "Objective against evaluation".into(),
             x: Axis::linear("evaluation"),
             y: Axis::log("omega / last of its stage"),
             series,
-            notes: vec![format!("{}: {}", self.fit.status.name(), self.fit.reason)],
+            notes: if has_converged { vec![ended.clone()] } else { Vec::new() },
+            warnings: if has_converged { Vec::new() } else { vec![ended] },
         }
         .draw()
     }
@@ -127,6 +133,7 @@ impl FitReport<'_> {
             y: Axis::linear("value over the value at the end; band: 95 % at the end"),
             series,
             notes: self.fit.parameters.iter().map(in_words).collect(),
+            ..Plot::default()
         }
         .draw()
     }

@@ -126,7 +126,7 @@ fn tests(record: &FitRecord) -> Result<Section, ReportError> {
                 misfit.by_instant.iter().map(|group| group.instants[0] as f64).collect(),
                 ratio,
             )],
-            notes: Vec::new(),
+            ..Plot::default()
         };
         let caption = "The residual of every instant over its expectation: 1 is what noise and element size leave";
         curves.push(Block::Curves(Curves::new(&plot, caption)?));

@@ -102,7 +102,7 @@ impl IdentificationReport<'_> {
                 x: Axis::linear("distance along the joint (mm)"),
                 y: Axis::linear(label),
                 series,
-                notes: Vec::new(),
+                ..Plot::default()
             };
             curves.push(Block::Curves(Curves::new(&plot, format!("{title}: points measured, lines computed"))?));
         }
@@ -138,7 +138,7 @@ impl IdentificationReport<'_> {
                     PlotSeries::new("measured less computed", Style::LineAndMarkers, instant.clone(), off),
                     PlotSeries::new("uncertainty of the measurement", Style::Dashed, instant, noise),
                 ],
-                notes: Vec::new(),
+                ..Plot::default()
             };
             let caption = "A line that rises far above the uncertainty shows that the model does not follow the joint; a little above it is the noise of the prescribed border";
             blocks.push(Block::Grid(vec![Block::Curves(Curves::new(&plot, caption)?)]));
@@ -172,7 +172,7 @@ impl IdentificationReport<'_> {
                 x: Axis::linear("distance along the joint (mm)"),
                 y: Axis::linear(label),
                 series,
-                notes: Vec::new(),
+                ..Plot::default()
             };
             curves.push(Block::Curves(Curves::new(&plot, format!("{title} traction of the adhesive on the strips"))?));
         }
@@ -233,7 +233,7 @@ impl IdentificationReport<'_> {
             x: Axis::linear(x),
             y: Axis::linear(y),
             series: vec![series],
-            notes: Vec::new(),
+            ..Plot::default()
         };
         Ok(Block::Curves(Curves::new(&plot, format!("{title}: traction of the law against the jump"))?))
     }

@@ -22,7 +22,7 @@ impl IdentificationReport<'_> {
             x: Axis::linear("iteration"),
             y,
             series,
-            notes: Vec::new(),
+            ..Plot::default()
         };
         let mut stages: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (k, entry) in history.iter().enumerate() {

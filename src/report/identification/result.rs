@@ -261,7 +261,7 @@ fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
         x: Axis::linear("instant"),
         y: Axis::linear("root mean square (times expected)").with_range(0.0, highest),
         series: vec![PlotSeries::new("", Style::LineAndMarkers, place, ratio)],
-        notes: Vec::new(),
+        ..Plot::default()
     };
     let caption =
         "The residual of every instant over its expectation: 1 is what the noise leaves, above it the model fails";

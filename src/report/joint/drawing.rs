@@ -196,6 +196,7 @@ impl JointProfiles {
             y: Axis::linear(&self.label),
             series,
             notes: self.notes.clone(),
+            ..Plot::default()
         }
         .draw()
     }

@@ -209,6 +209,7 @@ impl JointReport<'_> {
             y: Axis::linear(format!("reaction along {axis} (N per mm of width)")),
             series: series.collect(),
             notes: vec!["A marker for each instant; groups of nodes as in [groups].".into()],
+            ..Plot::default()
         }
         .draw()
     }
@@ -237,6 +238,7 @@ impl JointReport<'_> {
                 curve("sum of the three", Style::Dashed, &|e| e.elastic + e.plastic + e.adhesive),
             ],
             notes: self.balance().map(|balance| balance.text()).into_iter().collect(),
+            ..Plot::default()
         }
         .draw()
     }

@@ -17,9 +17,11 @@ const KINDS = {
   point: { how: 'click', name: 'point', colour: '#cc79a7', key: 'o', say: 'Click a point.' },
   scale: { how: 'drag', name: '', colour: '#e69f00', key: 'k', say: 'Drag a length that you know, then give it in mm.' },
 };
+/** Sections of the case file. */
+const SECTIONS = { roi: 'zone', polygon: 'zone', crack: 'crack', extensometer: 'extensometer', line: 'line', point: 'probe' };
 const KEYS = { select: 's', move: 'm' };
 for (const kind in KINDS) KEYS[kind] = KINDS[kind].key;
-let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, brush: Math.max(4, Math.round(Math.max(W, H) / 40)), opening: false, joint: false, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
+let shapes = [], chosen = -1, tool = 'roi', path = null, drag = null, pointer = null, settings = { size: 16, brush: Math.max(4, Math.round(Math.max(W, H) / 40)), opening: false, joint: false, given: {}, e: 70000, nu: .33, phi: 1, dn: .005, dt: .05 };
 const past = [], future = [];
 const frozen = () => JSON.stringify([shapes, settings]);
 /** What is done after this can be undone. */
@@ -145,16 +147,31 @@ function remove() {
 }
 
 // --- the case file
+// What a case file said that was read (`settings.given`; of a shape, `from`) stands in what is written, too: it is replaced only where something
+// was drawn or typed anew.
 const text = v => JSON.stringify(v).replace(/\u007f/g, '\\u007f');
 const number = v => String(+v.toFixed(3));
-const list = points => `[${points.map(([x, y]) => `[${number(x)}, ${number(y)}]`).join(', ')}]`;
+/** A value as TOML, tables inline. */
+function toml(v) {
+  if (typeof v === 'string') return text(v);
+  if (Array.isArray(v)) return `[${v.map(toml).join(', ')}]`;
+  return v && typeof v === 'object' ? `{ ${lines(v).join(', ')} }` : String(v);
+}
+const lines = table => Object.entries(table).filter(([, v]) => v !== undefined).map(([key, v]) => `${/^[\w-]+$/.test(key) ? key : text(key)} = ${toml(v)}`);
+const isTable = v => Boolean(v) && typeof v === 'object' && !Array.isArray(v);
+/** A section, or one for each of a list. */
+const section = (name, v) => isTable(v) ? ['', `[${name}]${name === 'cohesive' ? ' # to start from' : ''}`, ...lines(v)] : v.flatMap(table => ['', `[[${name}]]`, ...lines(table)]);
+const isSections = v => isTable(v) || (Array.isArray(v) && v.length > 0 && v.every(isTable));
+/** What a shape was in the case file, as long as nobody has moved it. */
+const still = shape => shape.from && shape.from.points === JSON.stringify(shape.points) ? shape.from.table : {};
 /** First pixel inside and first beyond, of the edges of a rectangle. */
-const roiOf = ([[a, b], [c, d]]) => [Math.min(a, c), Math.min(b, d), Math.max(a, c), Math.max(b, d)].map(v => Math.round(v + .5));
+const edges = ([[a, b], [c, d]]) => [Math.min(a, c), Math.min(b, d), Math.max(a, c), Math.max(b, d)].map(v => Math.round(v + .5));
+const roiOf = shape => still(shape).roi || edges(shape.points);
 const scaleOf = () => {
   const scale = shapes.find(shape => shape.kind === 'scale' && shape.mm > 0);
   if (!scale) return null;
-  const [[a, b], [c, d]] = scale.points, px = Math.hypot(c - a, d - b);
-  return px > 0 ? { px, mm: scale.mm } : null;
+  const [[a, b], [c, d]] = scale.points, px = Math.hypot(c - a, d - b), { mm } = still(scale);
+  return px > 0 ? { px, mm: scale.mm, given: mm === scale.mm ? still(scale).pixel : undefined } : null;
 };
 const zones = () => shapes.filter(shape => KINDS[shape.kind].zone);
 /** The two zones of a joint, the lower one first, and the pieces of their facing edges that lie opposite each other; null without. */
@@ -170,47 +187,71 @@ function joint() {
   const point = (u, v) => k ? [u, v] : [v, u];
   return { names: [first.zone.name, second.zone.name], gap, faces: at.map(v => along.map(u => point(u, v))) };
 }
-function jointText() {
-  const found = joint(), s = settings;
-  if (!found) return [];
-  return ['', '[interface]', `zones = [${found.names.map(text).join(', ')}]`, '', '[substrate]', 'model = "linear-elastic"', `E_MPa = ${s.e}`, `nu = ${s.nu}`, '',
-    '[cohesive] # to start from', 'model = "extended-xu-needleman"', `phi_n_N_per_mm = ${s.phi}`, `delta_n_mm = ${s.dn}`, `delta_t_mm = ${s.dt}`, 'r = 1.0', '',
-    '[boundary]', '', '[measurement]', 'nodes = "free"', 'weights = "covariance"', '', '[fit]', 'parameters = ["phi_n", "delta_n", "delta_t"]'];
+/** The fields of the joint: their section, their key there. */
+const FIELDS = { e: ['substrate', 'E_MPa'], nu: ['substrate', 'nu'], phi: ['cohesive', 'phi_n_N_per_mm'], dn: ['cohesive', 'delta_n_mm'], dt: ['cohesive', 'delta_t_mm'] };
+/** Whether a field of the joint is one of its case file: another law has other parameters. */
+const isOwn = key => { const [name, field] = FIELDS[key], table = settings.given[name]; return !table || typeof table[field] === 'number'; };
+const OF_JOINT = ['interface', 'substrate', 'cohesive', 'boundary', 'measurement', 'fit'];
+/** The sections of the joint that is drawn. */
+function jointTables() {
+  const found = joint(), { given } = settings, made = {};
+  for (const name of OF_JOINT) if (given[name] && (settings.joint || !given.interface)) made[name] = given[name];
+  if (!found) return made;
+  const zones = (given.interface || {}).zones;
+  made.interface = { ...given.interface, zones: Array.isArray(zones) && found.names.every(name => zones.includes(name)) ? zones : found.names };
+  const of = name => Object.fromEntries(Object.entries(FIELDS).filter(([key, [table]]) => table === name && isOwn(key)).map(([key, [, field]]) => [field, settings[key]]));
+  made.substrate = isTable(given.substrate) ? { ...given.substrate, ...of('substrate') } : given.substrate || { model: 'linear-elastic', ...of('substrate') };
+  made.cohesive = isTable(given.cohesive) ? { ...given.cohesive, ...of('cohesive') } : { model: 'extended-xu-needleman', ...of('cohesive'), r: 1 };
+  made.boundary = given.boundary || {};
+  made.measurement = given.measurement || { nodes: 'free', weights: 'covariance' };
+  made.fit = given.fit || { parameters: ['phi_n', 'delta_n', 'delta_t'] };
+  return made;
+}
+/** A shape as a table of the case file. */
+function tableOf(shape) {
+  const { kind, name, points } = shape, from = shape.from ? shape.from.table : {}, own = still(shape);
+  const table = { name: shape.from && !from.name && shape.from.name === name ? undefined : name };
+  // The order of a table that is drawn anew, and after it what else the case file says.
+  const made = drawn => ({ ...table, ...drawn, ...from, ...table, ...drawn });
+  if (kind === 'crack') return made({ path: own.path || points });
+  if (kind === 'extensometer' || kind === 'line') return made({ from: own.from || points[0], to: own.to || points[1] });
+  if (kind === 'point') return made({ point: own.point || points[0] });
+  const cuts = shapes.filter(other => isCut(other.kind) && other.zone === name);
+  const cut = cuts.flatMap(other => still(other).corners ? [still(other).corners] : (other.kind === 'brush' ? painted(other) : [other.points]));
+  // A zone of a case file that has no corners is the whole image, or what is found in it.
+  const outline = kind === 'polygon' ? { polygon: own.polygon || points } : { roi: own === from ? from.roi : roiOf(shape) };
+  const guard = typeof shape.guard === 'object' ? shape.guard : shape.guard > 0 ? +number(shape.guard) : undefined;
+  return made({ ...outline, exclude: cut.length ? cut : undefined, mask: shape.mask || undefined, guard_px: guard });
 }
 function caseText() {
-  const lines = [`# Drawn with quadrille ${data.quadrille} on an image of ${W} x ${H} px; px of this image, y down.`, ...(joint() ? ['# From the images to the law of the adhesive: quadrille run case.toml --output out'] : []), '[images]'];
-  if (data.reference) lines.push(`reference = ${text(data.reference)}`);
-  if (data.deformed.length) lines.push(`deformed = ${data.deformed.length === 1 ? text(data.deformed[0]) : `[${data.deformed.map(text).join(', ')}]`}`);
-  if (data.page) lines.push(`page = ${data.page}`);
-  const scale = scaleOf();
-  if (scale) lines.push(`pixel_size_mm = ${(scale.mm / scale.px).toPrecision(6)} # ${number(scale.mm)} mm are ${number(scale.px)} px`);
-  lines.push('', '[correlation]', `element_size_px = ${settings.size}`);
-  for (const shape of shapes) {
-    const { kind, name, points } = shape, named = [`name = ${text(name)}`];
-    if (kind === 'roi') lines.push('', '[[zone]]', ...named, `roi = [${roiOf(points).join(', ')}]`);
-    if (kind === 'polygon') lines.push('', '[[zone]]', ...named, `polygon = ${list(points)}`);
-    const cut = KINDS[kind].zone ? shapes.filter(other => isCut(other.kind) && other.zone === name) : [];
-    if (cut.length) lines.push(`exclude = [${cut.flatMap(other => other.kind === 'brush' ? painted(other) : [other.points]).map(list).join(', ')}]`);
-    if (shape.mask) lines.push(`mask = ${text(shape.mask)}`);
-    if (shape.guard > 0) lines.push(`guard_px = ${number(shape.guard)}`);
-    if (kind === 'crack') lines.push('', '[[crack]]', ...named, `path = ${list(points)}`);
-    if (kind === 'extensometer' || kind === 'line') lines.push('', `[[${kind}]]`, ...named, `from = [${points[0].map(number).join(', ')}]`, `to = [${points[1].map(number).join(', ')}]`);
-    if (kind === 'point') lines.push('', '[[probe]]', ...named, `point = [${points[0].map(number).join(', ')}]`);
-  }
-  if (settings.opening && zones().length === 2) lines.push('', '[[opening]]', `zones = [${zones().map(zone => text(zone.name)).join(', ')}]`);
-  return [...lines, ...jointText()].join('\n') + '\n';
+  const { given } = settings, written = [`# Drawn with quadrille ${data.quadrille} on an image of ${W} x ${H} px; px of this image, y down.`, ...(joint() ? ['# From the images to the law of the adhesive: quadrille run case.toml --output out'] : [])];
+  const top = Object.entries(given).filter(([, v]) => !isSections(v));
+  if (top.length) written.push(...lines(Object.fromEntries(top)), '');
+  const { pixel_size_mm: given_mm, ...images } = given.images || {}, scale = scaleOf();
+  const named = { reference: data.reference || undefined, deformed: (data.deformed.length > 1 ? data.deformed : data.deformed[0]) || images.deformed, page: data.page || images.page };
+  written.push('[images]', ...lines({ ...named, ...images, ...named }));
+  if (scale && scale.given) written.push(`pixel_size_mm = ${scale.given}`);
+  else if (scale) written.push(`pixel_size_mm = ${(scale.mm / scale.px).toPrecision(6)} # ${number(scale.mm)} mm are ${number(scale.px)} px`);
+  written.push(...section('correlation', { ...given.correlation, element_size_px: settings.size }));
+  for (const shape of shapes) if (SECTIONS[shape.kind]) written.push(...section(SECTIONS[shape.kind], [tableOf(shape)]));
+  if (settings.opening && given.opening) written.push(...section('opening', [given.opening].flat()));
+  else if (settings.opening && zones().length === 2) written.push(...section('opening', [{ zones: zones().map(zone => zone.name) }]));
+  const rest = Object.entries(given).filter(([name, v]) => isSections(v) && !['images', 'correlation', 'opening', ...OF_JOINT].includes(name));
+  for (const [name, v] of [...rest, ...Object.entries(jointTables())]) written.push(...section(name, v));
+  return written.join('\n') + '\n';
 }
 /** What the command would refuse, or measure badly. */
 function faults() {
   const found = [], names = new Map();
-  for (const { kind, name, points } of shapes) {
+  for (const shape of shapes) {
+    const { kind, name, points } = shape;
     if (!isCut(kind) && kind !== 'scale') {
       if (!name.trim()) found.push('Something has no name.');
       if (names.has(`${KINDS[kind].name} ${name}`)) found.push(`Two are called '${name}': names must differ.`);
       names.set(`${KINDS[kind].name} ${name}`, true);
     }
     if (kind === 'roi') {
-      const [x0, y0, x1, y1] = roiOf(points), least = Math.min(x1 - x0, y1 - y0);
+      const [x0, y0, x1, y1] = roiOf(shape), least = Math.min(x1 - x0, y1 - y0);
       if (least < settings.size) found.push(`${name} is ${least} px wide: less than one element of ${settings.size} px.`);
       else if (least < 2 * settings.size) found.push(`${name} is ${least} px wide: one element; no strain varies across it.`);
     }
@@ -223,8 +264,9 @@ function faults() {
   if (between && !scaleOf()) found.push('The joint needs the scale: drag a length that you know.');
   if (between && !(between.gap > 0)) found.push('The two zones overlap: between them there is no room for an adhesive.');
   if (between && !(settings.e > 0 && settings.phi > 0 && settings.dn > 0 && settings.dt > 0)) found.push('The values of the joint have to be positive.');
-  if (!data.deformed.length) found.push('No deformed images were named: add `deformed` to the case file.');
-  if (lost.length) found.push(`The case file that was read says more than is drawn here, and what is written from here does not have it: ${lost.join(', ')}.`);
+  if (!data.deformed.length && !(settings.given.images || {}).deformed) found.push('No deformed images were named: add `deformed` to the case file.');
+  if (lost.length) found.push(`What is written from here does not have these of the case file that was read: ${lost.join(', ')}.`);
+  if (data.case_folder) found.push(`The case file that was read lies in ${data.case_folder}: the files it names are meant from there.`);
   if (!zones().length) found.push('Without a zone the specimen is found in the image by itself.');
   return found;
 }
@@ -288,8 +330,8 @@ function draw() {
   else if (drag && drag.kind) stroke(cornersOf(drag), isClosed(drag.kind), KINDS[drag.kind].colour, 2, isClosed(drag.kind));
 }
 /** The elements of a rectangle. */
-function grid({ points }, ratio) {
-  const [x0, y0, x1, y1] = roiOf(points).map(v => v - .5), size = settings.size;
+function grid(shape, ratio) {
+  const [x0, y0, x1, y1] = roiOf(shape).map(v => v - .5), size = settings.size;
   if (size * view.factor() < 5 * ratio) return;
   pen.beginPath();
   for (let x = x0; x <= x1 + 1e-9; x += size) { pen.moveTo(...view.toCanvas([x, y0])); pen.lineTo(...view.toCanvas([x, y0 + Math.floor((y1 - y0) / size) * size])); }
@@ -299,7 +341,7 @@ function grid({ points }, ratio) {
 const say = words => { at('readout').textContent = words; };
 function tell(p) {
   const mm = scaleOf(), where = `x ${p[0].toFixed(1)}, y ${p[1].toFixed(1)} px`;
-  const size = drag && drag.kind === 'brush' ? '' : drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(roiOf(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
+  const size = drag && drag.kind === 'brush' ? '' : drag && drag.kind === 'roi' ? (([a, b, c, d]) => `: ${c - a} x ${d - b} px`)(edges(drag.points)) : drag && drag.kind ? `: ${Math.hypot(drag.points[1][0] - drag.points[0][0], drag.points[1][1] - drag.points[0][1]).toFixed(1)} px` : '';
   say(`${KINDS[tool] ? KINDS[tool].say : tool === 'select' ? 'Click to choose, drag a corner or the whole; Delete removes.' : 'Drag the view.'} (${where}${mm ? `, ${(p[0] * mm.mm / mm.px).toFixed(3)}, ${(p[1] * mm.mm / mm.px).toFixed(3)} mm` : ''}${size})`);
 }
 /** After every change: drawing, case file, faults, fields. */
@@ -315,13 +357,16 @@ function changed() {
   at('mask-label').hidden = !own || !KINDS[own.kind].zone;
   if (document.activeElement !== at('mask')) at('mask').value = (own && own.mask) || '';
   at('guard-label').hidden = !own || !KINDS[own.kind].zone;
-  if (document.activeElement !== at('guard')) at('guard').value = (own && own.guard) || 0;
-  at('opening-label').hidden = zones().length !== 2;
+  if (document.activeElement !== at('guard')) at('guard').value = !own || !own.guard ? 0 : typeof own.guard === 'object' ? '' : own.guard;
+  at('opening-label').hidden = zones().length !== 2 && !settings.given.opening;
   at('opening').checked = settings.opening;
   at('joint-label').hidden = zones().length !== 2;
   at('joint').checked = settings.joint;
   at('joint-values').hidden = !joint();
-  for (const key of ['e', 'nu', 'phi', 'dn', 'dt']) if (document.activeElement !== at(`joint-${key}`)) at(`joint-${key}`).value = settings[key];
+  for (const key in FIELDS) {
+    at(`joint-${key}`).disabled = !isOwn(key);
+    if (document.activeElement !== at(`joint-${key}`)) at(`joint-${key}`).value = isOwn(key) ? settings[key] : '';
+  }
   at('case').textContent = caseText();
   at('notes').replaceChildren(...faults().map(words => { const made = document.createElement('p'); made.className = 'lead'; made.textContent = words; return made; }));
   at('undo').disabled = !past.length;
@@ -402,7 +447,10 @@ at('name').addEventListener('change', event => {
   const own = shapes[chosen], name = event.target.value.trim();
   if (!own || !name) { changed(); return; }
   remember();
-  for (const shape of shapes) if (isCut(shape.kind) && KINDS[own.kind].zone && shape.zone === own.name) shape.zone = name;
+  if (KINDS[own.kind].zone) {
+    for (const shape of shapes) if (isCut(shape.kind) && shape.zone === own.name) shape.zone = name;
+    for (const table of [settings.given.interface, settings.given.opening].flat()) if (table && Array.isArray(table.zones)) table.zones = table.zones.map(zone => zone === own.name ? name : zone);
+  }
   own.name = name;
   changed();
 });
@@ -426,12 +474,13 @@ at('guard').addEventListener('change', event => {
   const own = shapes[chosen];
   if (!own || !KINDS[own.kind].zone) return;
   remember();
+  // Sides of their own in the case file (a table) give way to one number for all.
   own.guard = Math.max(0, Math.min(64, parseFloat(event.target.value) || 0));
   changed();
 });
 at('opening').addEventListener('change', event => { remember(); settings.opening = event.target.checked; changed(); });
 at('joint').addEventListener('change', event => { remember(); settings.joint = event.target.checked; changed(); });
-for (const key of ['e', 'nu', 'phi', 'dn', 'dt']) at(`joint-${key}`).addEventListener('change', event => { remember(); settings[key] = Math.max(0, parseFloat(event.target.value) || 0); changed(); });
+for (const key in FIELDS) at(`joint-${key}`).addEventListener('change', event => { remember(); settings[key] = Math.max(0, parseFloat(event.target.value) || 0); changed(); });
 at('copy').addEventListener('click', async () => {
   try { await navigator.clipboard.writeText(caseText()); say('Copied.'); } catch {
     const range = document.createRange();
@@ -459,43 +508,42 @@ document.addEventListener('keydown', event => {
 at('subtitle').textContent = `${data.shown}, ${W} x ${H} px`;
 at('where').textContent = `Save it in ${data.folder}: names of images are meant from the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
 if (data.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.png}`; }
-/** What a case file has and this page cannot draw: it would be missing in what is written from here. */
+/** What of a case file this page cannot write again. */
 let lost = [];
-/** The shapes of a case file. */
+/** The shapes of a case file, and all else it says. */
 function load(given) {
-  const rest = (table, where, keys) => Object.keys(table || {}).forEach(key => { if (!keys.includes(key)) lost.push(where ? `${where} ${key}` : key); });
-  const edge = v => tenth(v - .5), each = (kind, make) => [given[kind] || []].flat().forEach((table, k) => make(table, table.name || `${kind}${k + 1}`));
+  const rest = JSON.parse(JSON.stringify(given)), edge = v => v - .5;
   shapes = []; lost = [];
-  rest(given, '', ['images', 'correlation', 'zone', 'crack', 'extensometer', 'line', 'probe', 'opening', 'interface', 'substrate', 'cohesive', 'boundary', 'measurement', 'fit']);
-  rest(given.images, '[images]', ['reference', 'deformed', 'page', 'pixel_size_mm']);
-  rest(given.correlation, '[correlation]', ['element_size_px']);
-  each('zone', (zone, name) => {
-    const { roi, polygon, exclude = [], guard_px: guard, mask } = zone;
-    rest(zone, name, ['name', 'roi', 'polygon', 'exclude', 'guard_px', 'mask']);
-    if (roi && polygon) lost.push(`${name} roi`);
-    if (typeof guard === 'object') lost.push(`${name} guard_px`);
+  // Numbers that a page does not keep: infinite ones, and whole ones beyond 2^53.
+  const check = (v, where) => {
+    if (v === null || (Number.isInteger(v) && !Number.isSafeInteger(v))) lost.push(where);
+    else if (typeof v === 'object') Object.keys(v).forEach(key => check(v[key], where ? `${where} ${key}` : `[${key}]`));
+  };
+  check(given, '');
+  const add = (kind, table, name, points, more) => shapes.push({ kind, name, points, from: { table, name, points: JSON.stringify(points) }, ...more });
+  /** Takes the tables that can be drawn; the others are written as they are. */
+  const each = (kind, can, make) => {
+    const tables = [rest[kind] || []].flat();
+    tables.filter(can).forEach((table, k) => make(table, table.name || `${kind}${k + 1}`));
+    rest[kind] = tables.filter(table => !can(table));
+    if (!rest[kind].length) delete rest[kind];
+  };
+  each('zone', zone => !(zone.roi && zone.polygon), (zone, name) => {
+    const { roi, polygon, exclude = [], guard_px: guard = 0, mask = '' } = zone;
     const points = polygon || (roi ? [[edge(roi[0]), edge(roi[1])], [edge(roi[2]), edge(roi[3])]] : [[-.5, -.5], [W - .5, H - .5]]);
-    shapes.push({ kind: polygon ? 'polygon' : 'roi', name, points, guard: typeof guard === 'number' ? guard : 0, mask: mask || '' });
-    exclude.forEach(points => shapes.push({ kind: 'exclude', name: '', points, zone: name }));
+    add(polygon ? 'polygon' : 'roi', zone, name, points, { guard, mask });
+    exclude.forEach(corners => add('exclude', { corners }, '', corners, { zone: name }));
   });
-  each('crack', (crack, name) => { rest(crack, name, ['name', 'path']); if (Array.isArray(crack.path)) shapes.push({ kind: 'crack', name, points: crack.path }); else lost.push(`${name} path`); });
-  for (const kind of ['extensometer', 'line']) each(kind, (one, name) => { rest(one, name, ['name', 'from', 'to']); shapes.push({ kind, name, points: [one.from, one.to] }); });
-  each('probe', (probe, name) => { rest(probe, name, ['name', 'point']); shapes.push({ kind: 'point', name, points: [probe.point] }); });
-  each('opening', (opening, name) => { settings.opening = true; rest(opening, name, ['zones']); });
-  const { images = {}, correlation = {}, substrate = {}, cohesive = {} } = given, size = correlation.element_size_px;
-  if (typeof size === 'number') settings.size = size;
-  if (images.pixel_size_mm > 0) { const length = Math.min(100, Math.round(W / 2)), y = tenth(.95 * H); shapes.push({ kind: 'scale', name: '', points: [[0, y], [length, y]], mm: length * images.pixel_size_mm }); }
-  settings.joint = Boolean(given.interface);
-  const values = { e: substrate.E_MPa, nu: substrate.nu, phi: cohesive.phi_n_N_per_mm, dn: cohesive.delta_n_mm, dt: cohesive.delta_t_mm };
-  for (const key in values) if (typeof values[key] === 'number') settings[key] = values[key];
-  rest(given.interface, '[interface]', ['zones']);
-  rest(substrate, '[substrate]', ['model', 'E_MPa', 'nu']);
-  rest(cohesive, '[cohesive]', ['model', 'phi_n_N_per_mm', 'delta_n_mm', 'delta_t_mm', 'r']);
-  rest(given.boundary, '[boundary]', []);
-  rest(given.measurement, '[measurement]', ['nodes', 'weights']);
-  rest(given.fit, '[fit]', ['parameters']);
-  if (substrate.model && substrate.model !== 'linear-elastic') lost.push(`[substrate] model = "${substrate.model}"`);
-  if (cohesive.model && cohesive.model !== 'extended-xu-needleman') lost.push(`[cohesive] model = "${cohesive.model}"`);
+  each('crack', crack => Array.isArray(crack.path), (crack, name) => add('crack', crack, name, crack.path));
+  for (const kind of ['extensometer', 'line']) each(kind, one => one.from && one.to, (one, name) => add(kind, one, name, [one.from, one.to]));
+  each('probe', probe => Boolean(probe.point), (probe, name) => add('point', probe, name, [probe.point]));
+  const { images = {}, correlation = {} } = rest, pixel = images.pixel_size_mm;
+  settings.opening = Boolean(rest.opening);
+  settings.joint = Boolean(rest.interface);
+  if (correlation.element_size_px !== undefined) settings.size = correlation.element_size_px;
+  if (pixel > 0) { const length = Math.min(100, Math.round(W / 2)), y = tenth(.95 * H), mm = length * pixel; add('scale', { mm, pixel }, '', [[0, y], [length, y]], { mm }); }
+  for (const key in FIELDS) { const [name, field] = FIELDS[key], value = (rest[name] || {})[field]; if (typeof value === 'number') settings[key] = value; }
+  settings.given = rest;
 }
 if (data.case) load(data.case);
 Object.assign(drawing, {

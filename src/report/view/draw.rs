@@ -26,6 +26,8 @@ pub struct Drawing<'a> {
     pub folder: String,
     /// The case file that is gone on with, as it was read: what the page can draw of it is there to begin with.
     pub case: Option<Value>,
+    /// Its folder, where that is not `folder`.
+    pub case_folder: Option<String>,
 }
 
 impl Drawing<'_> {
@@ -46,6 +48,7 @@ impl Drawing<'_> {
             "deformed": self.deformed,
             "folder": self.folder,
             "case": self.case,
+            "case_folder": self.case_folder,
             "width": width,
             "height": height,
             "png": self.backdrop.png().map(|png| STANDARD.encode(png)),
