@@ -221,7 +221,7 @@ fn plot(found: &Metrology, reference: &Path) -> Plot {
     Plot {
         title: format!("{name}: what elements of a size measure"),
         x: Axis::log("element size (px)"),
-        y: Axis::log("uncertainty (0.001 px); period resolved (px)"),
+        y: Axis::log("uncertainty (0.001 px); period (px)"),
         series: drawn.into_iter().filter(|series| !series.x.is_empty()).collect(),
         notes,
         ..Plot::default()

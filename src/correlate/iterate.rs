@@ -99,6 +99,9 @@ const HELD_SHARE: f64 = 1e-3;
 const RENEW_SHARE: f64 = 2e-3;
 /// A correction that falls by less than this has stalled.
 const STALLED: f64 = 0.8;
+/// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
+/// limit this many times in a row: long enough for the half step of an overshoot to have its effect.
+const TOO_SLOW: [usize; 2] = [12, 8];
 /// [`Limits::wild_elements`] of what nothing but the images holds.
 pub(super) const WILD_ELEMENTS: f64 = 8.0;
 
@@ -139,7 +142,7 @@ pub(super) fn iterate<B: Backend>(
         turn: limits.turn,
     };
     // The last two corrections, the latest first.
-    let (mut before, mut stalls) = ([f64::INFINITY; 2], 0);
+    let (mut before, mut stalls, mut late) = ([f64::INFINITY; 2], 0, 0);
     // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
     let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
     for iteration in 1..=limits.max_iterations {
@@ -187,6 +190,13 @@ pub(super) fn iterate<B: Backend>(
                 break;
             }
         }
+        let target =
+            limits.enough_px.get(step.worst_node).map_or(limits.tolerance_px, |px| px.max(limits.tolerance_px));
+        let arrives = iterations_left(correction, before[1], target) <= (limits.max_iterations - iteration) as f64;
+        late = if arrives || iteration < TOO_SLOW[0] { 0 } else { late + 1 };
+        if late == TOO_SLOW[1] {
+            break;
+        }
         // After a half step the correction is that of the full one: counting starts anew.
         stalls = if correction > STALLED * before[0] && damping == 1.0 { stalls + 1 } else { 0 };
         before = [correction, before[0]];
@@ -206,6 +216,14 @@ fn error_left(correction: f64, [last, one_before]: [f64; 2]) -> f64 {
     }
     let rate = if earlier > 0.0 { (correction / earlier).min(0.99) } else { 0.0 };
     (last + correction) * rate / (1.0 - rate)
+}
+
+/// Iterations until a correction that was `earlier` two iterations ago has fallen to `target`; infinite if it does not fall.
+fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
+    if correction <= target {
+        return 0.0;
+    }
+    if correction < earlier { 2.0 * (target / correction).ln() / (correction / earlier).ln() } else { f64::INFINITY }
 }
 
 /// The solver of the pixels that are inside the deformed image.
@@ -229,4 +247,19 @@ fn own_solver<B: Backend>(
     let regulariser = regulariser.or(level.regulariser.as_ref());
     let regularised = regulariser.and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
     Ok((regularised.unwrap_or_else(|| Solver::iterative(matrix)), moments))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::iterations_left;
+
+    #[test]
+    fn what_falls_by_a_tenth_each_time_needs_as_many_iterations_as_tenths() {
+        // Two iterations ago it was 1 / 0.9^2 of what it is: 44 more take it to a hundredth, ln 0.01 / ln 0.9 = 43.7.
+        let left = iterations_left(1e-2, 1e-2 / 0.81, 1e-4);
+        assert!((left - 43.7).abs() < 0.05, "{left}");
+        assert_eq!(iterations_left(1e-5, 1e-2, 1e-4), 0.0);
+        assert_eq!(iterations_left(1e-2, 1e-2, 1e-4), f64::INFINITY);
+        assert_eq!(iterations_left(2e-2, 1e-2, 1e-4), f64::INFINITY);
+    }
 }

@@ -123,6 +123,7 @@ impl<B: Backend> Correlator<B> {
         }
         let mut times = vec![0u8; mesh.n_elements()];
         let mut astray = vec![false; mesh.n_elements()];
+        let mut came_back = astray.clone();
         for _ in 0..ROUNDS {
             let any = excluded.contains(&true);
             let elements = if any {
@@ -136,8 +137,10 @@ impl<B: Backend> Correlator<B> {
             let mut next = self.tested(&elements, found, excluded, &mut times, true);
             if next == *excluded && outcome.status == Status::Converged && astray.contains(&true) {
                 // The rest has settled: what only hindered it may come back, once.
-                for (astray, times) in astray.iter_mut().zip(&mut times).filter(|(astray, _)| **astray) {
-                    (*astray, *times) = (false, TIMES - 1);
+                for element in 0..mesh.n_elements() {
+                    if std::mem::take(&mut astray[element]) {
+                        (times[element], came_back[element]) = (TIMES - 1, true);
+                    }
                 }
                 next = self.tested(&elements, found, excluded, &mut times, true);
             }
@@ -161,7 +164,7 @@ impl<B: Backend> Correlator<B> {
                 }
                 // What has too few neighbours left to be held by goes as well.
                 for element in self.leave_out_astray(frame, field, &before, outcome, excluded, tries)? {
-                    (times[element], astray[element]) = (TIMES, true);
+                    (times[element], astray[element]) = (TIMES, !came_back[element]);
                 }
             }
             *found = self.backend.found(prepared, frame, field)?;

@@ -1,6 +1,7 @@
 //! The page of `quadrille metrology`: the advice first, then what it rests on.
 
 use super::page::{Block, Curves, Map, Page, Section};
+use super::words::capital;
 use super::{Backdrop, Look, MeshOptions, Plot, ReportError, mesh_figure};
 use crate::imaging::Image;
 use crate::mesh::{Mesh, Roi, Zone};
@@ -13,7 +14,8 @@ use crate::metrology::{Metrology, Noise, Origin, PhotonFit, SizeResult, StrainGa
 /// Those of the figures.
 pub fn metrology_page(found: &Metrology, name: &str, image: &Image, plots: [&Plot; 2]) -> Result<Page, ReportError> {
     let [sizes, gauges] = plots;
-    let curves = |plot: &Plot| Curves::new(plot, plot.notes.join("; ")).map(Block::Curves);
+    let curves =
+        |plot: &Plot| Curves::new(plot, plot.notes.join("; ")).map(|curves| Block::Grid(vec![Block::Curves(curves)]));
     let sections = vec![
         Section { title: "What to do".into(), blocks: advice(found, image)? },
         Section { title: "Element sizes".into(), blocks: vec![curves(sizes)?, size_table(&found.sizes)] },
@@ -42,8 +44,9 @@ fn advice(found: &Metrology, image: &Image) -> Result<Vec<Block>, ReportError> {
     };
     let warning = advice.element_size_px.is_none() || !advice.target_met || advice.period_met == Some(false);
     let mut blocks = vec![Block::Lead { text, warning }];
-    blocks.extend(advice.reasons.iter().cloned().map(Block::Text));
-    blocks.extend(advice.hints.iter().map(|hint| Block::Text(format!("Note: {hint}"))));
+    let sentence = |text: &String| format!("{}.", capital(text.trim_end_matches('.')));
+    blocks.extend(advice.reasons.iter().map(|reason| Block::Text(sentence(reason))));
+    blocks.extend(advice.hints.iter().map(|hint| Block::Lead { text: sentence(hint), warning: true }));
     if let Some(size) = advice.element_size_px {
         let [x0, y0, x1, y1] = found.zone_px.map(|side| side as f64);
         let zone = Zone::rectangle("looked at", Roi { x0, y0, x1, y1 });
@@ -76,9 +79,9 @@ fn size_table(sizes: &[SizeResult]) -> Block {
         "measured inside, px",
         "measured on the edge, px",
         "strain at the centre, 1e-6",
-        "period resolved, px: best",
-        "mean",
-        "worst",
+        "period resolved, best phase, px",
+        "mean phase, px",
+        "worst phase, px",
     ];
     let row = |result: &SizeResult| {
         let measured = result.measured.as_ref();
