@@ -12,6 +12,8 @@ pub(super) struct Deformation {
     pub young: f64,
     pub nu: f64,
     pub plane: PlaneState,
+    /// `(1 - nu)/E` and `(1 + nu)/E`: divided once, since every point of every iteration asks for them.
+    compliance: [f64; 2],
 }
 
 /// Equivalent stress, the plastic compliance `h(q)` there, 1/MPa, and `q h'(q)`.
@@ -37,15 +39,26 @@ fn deviator(x: f64, y: f64) -> (f64, f64, f64) {
 }
 
 impl Deformation {
+    /// The elastic part with Young's modulus and Poisson's ratio.
+    pub fn new(young: f64, nu: f64, plane: PlaneState) -> Self {
+        Self { young, nu, plane, compliance: [(1.0 - nu) / young, (1.0 + nu) / young] }
+    }
+
+    /// The stiffness of the modes `sx + sy`, and `sx - sy` and `txy`, with the plastic compliance `h`.
+    #[inline]
+    fn stiffness(&self, h: f64) -> [f64; 2] {
+        [1.0 / (self.compliance[0] + 0.5 * h), 1.0 / (self.compliance[1] + 1.5 * h)]
+    }
+
     /// The modes of a strain in the plane state.
+    #[inline]
     pub fn modes(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain) -> Modes {
-        let Self { young, nu, .. } = *self;
         match self.plane {
             PlaneState::PlaneStress => {
                 let (sum, difference) = (x + y, x - y);
                 Modes {
                     weight: [sum * sum / 4.0, 0.75 * (difference * difference + shear * shear)],
-                    elastic: [(1.0 - nu) / young, (1.0 + nu) / young],
+                    elastic: self.compliance,
                     plastic: [0.5, 1.5],
                 }
             }
@@ -53,7 +66,7 @@ impl Deformation {
                 let (x, y, z) = deviator(x, y);
                 Modes {
                     weight: [0.0, 1.5 * (x * x + y * y + z * z + 0.5 * shear * shear)],
-                    elastic: [1.0, (1.0 + nu) / young],
+                    elastic: [1.0, self.compliance[1]],
                     plastic: [0.0, 1.5],
                 }
             }
@@ -61,17 +74,18 @@ impl Deformation {
     }
 
     /// The stress with the plastic compliance `h`.
+    #[inline]
     pub fn stress_at(&self, EngineeringStrain { xx: x, yy: y, gamma_xy: shear }: EngineeringStrain, h: f64) -> Stress {
         let Self { young, nu, .. } = *self;
         match self.plane {
             PlaneState::PlaneStress => {
-                let sum = (x + y) / ((1.0 - nu) / young + 0.5 * h);
-                let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
+                let [of_sum, stiffness] = self.stiffness(h);
+                let sum = (x + y) * of_sum;
                 let difference = (x - y) * stiffness;
                 Stress([0.5 * (sum + difference), 0.5 * (sum - difference), 0.5 * shear * stiffness])
             }
             PlaneState::PlaneStrain => {
-                let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
+                let [_, stiffness] = self.stiffness(h);
                 let pressure = young * (x + y) / (3.0 * (1.0 - 2.0 * nu));
                 let (x, y, _) = deviator(x, y);
                 Stress([stiffness * x + pressure, stiffness * y + pressure, 0.5 * shear * stiffness])
@@ -80,14 +94,12 @@ impl Deformation {
     }
 
     /// The secant, with the plastic compliance `h`.
+    #[inline]
     pub fn secant_at(&self, h: f64) -> SubstrateStiffness {
         let Self { young, nu, .. } = *self;
-        let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
+        let [sum, stiffness] = self.stiffness(h);
         let (along, across) = match self.plane {
-            PlaneState::PlaneStress => {
-                let sum = 1.0 / ((1.0 - nu) / young + 0.5 * h);
-                (0.5 * (sum + stiffness), 0.5 * (sum - stiffness))
-            }
+            PlaneState::PlaneStress => (0.5 * (sum + stiffness), 0.5 * (sum - stiffness)),
             PlaneState::PlaneStrain => {
                 let bulk = young / (3.0 * (1.0 - 2.0 * nu));
                 (bulk + stiffness * 2.0 / 3.0, bulk - stiffness / 3.0)
@@ -97,6 +109,7 @@ impl Deformation {
     }
 
     /// The tangent at a strain whose stress is `stress`.
+    #[inline]
     pub fn tangent_at(&self, strain: EngineeringStrain, stress: Stress, point: &Point) -> SubstrateStiffness {
         let Point { q, h, slope } = *point;
         let mut tangent = self.secant_at(h);
@@ -105,11 +118,10 @@ impl Deformation {
         let Stress([x, y, shear]) = stress;
         let Self { young, nu, .. } = *self;
         if q > 0.0 && slope != 0.0 {
-            let stiffness = 1.0 / ((1.0 + nu) / young + 1.5 * h);
+            let [stiffness_sum, stiffness] = self.stiffness(h);
             let (v, denominator) = match self.plane {
                 PlaneState::PlaneStress => {
                     // By modes: normal m = (sum/4, 3 difference/4, 3 shear)/q is d q/d(sum, difference, shear).
-                    let stiffness_sum = 1.0 / ((1.0 - nu) / young + 0.5 * h);
                     let (sum, difference) = ((x + y) / q, (x - y) / q);
                     let shear = shear / q;
                     let along = 0.5 * stiffness_sum * sum;

@@ -47,14 +47,14 @@ impl RambergOsgood {
             return Err(SubstrateError::Parameter { key: Self::PARAMETERS[4].key(), value: n, needed });
         }
         let whole_power = (n.fract() == 0.0).then_some(n as i32 - 1);
-        Ok(Self { elastic: Deformation { young, nu, plane }, sigma_0, alpha, n, whole_power })
+        Ok(Self { elastic: Deformation::new(young, nu, plane), sigma_0, alpha, n, whole_power })
     }
 
     /// The plastic compliance `h = (alpha/E)(q/sigma_0)^(n-1)`, 1/MPa.
     fn plastic_compliance(&self, q: f64) -> f64 {
         let ratio = q / self.sigma_0;
         let power = match self.whole_power {
-            Some(power) => ratio.powi(power),
+            Some(power) => whole_power(ratio, power),
             None => ratio.powf(self.n - 1.0),
         };
         self.alpha / self.elastic.young * power
@@ -64,6 +64,7 @@ impl RambergOsgood {
     ///
     /// Both the elastic and the purely plastic solution are above the root; from the smaller of them Newton
     /// comes down to it without overshooting, since `q/sqrt(sum)` is convex. A bracket guards it all the same.
+    /// The elastic one is the smaller where its plastic strain is: that takes no root.
     fn equivalent_stress(&self, modes: &Modes) -> f64 {
         let Modes { weight, elastic, plastic } = *modes;
         let norm = weight[0] + weight[1];
@@ -74,19 +75,20 @@ impl RambergOsgood {
         // Without elastic compliance: q h = sqrt(w_1/c_1^2 + w_2/c_2^2).
         let plastic_strain = (4.0 * weight[0] + weight[1] / 2.25).sqrt();
         let of_plastic =
-            self.sigma_0 * (plastic_strain * self.elastic.young / (self.alpha * self.sigma_0)).powf(1.0 / self.n);
-        let (mut low, mut high) = (0.0, of_elastic.min(of_plastic) * (1.0 + 1e-14));
+            || self.sigma_0 * (plastic_strain * self.elastic.young / (self.alpha * self.sigma_0)).powf(1.0 / self.n);
+        let is_elastic = of_elastic * self.plastic_compliance(of_elastic) <= plastic_strain;
+        let (mut low, mut high) = (0.0, if is_elastic { of_elastic } else { of_plastic() } * (1.0 + 1e-14));
         let mut q = high;
         for _ in 0..80 {
             let h = self.plastic_compliance(q);
             let inverse = [1.0 / (elastic[0] + plastic[0] * h), 1.0 / (elastic[1] + plastic[1] * h)];
             let terms = [weight[0] * inverse[0] * inverse[0], weight[1] * inverse[1] * inverse[1]];
             let sum = terms[0] + terms[1];
-            // q/R - 1 and its slope, R = sqrt(sum): R'/R = -(sum c_i t_i/(a_i + c_i h)) h'/sum.
-            let ratio = q / sum.sqrt();
-            let bend = (plastic[0] * terms[0] * inverse[0] + plastic[1] * terms[1] * inverse[1]) / sum;
-            let step = q * (1.0 - 1.0 / ratio) / (1.0 + bend * (self.n - 1.0) * h);
-            if ratio > 1.0 {
+            // q/R - 1 over its slope, R = sqrt(sum): R'/R = -(sum c_i t_i/(a_i + c_i h)) h'/sum.
+            let root = sum.sqrt();
+            let bend = plastic[0] * terms[0] * inverse[0] + plastic[1] * terms[1] * inverse[1];
+            let step = (q - root) * sum / (sum + bend * (self.n - 1.0) * h);
+            if q > root {
                 high = q;
             } else {
                 low = q;
@@ -109,6 +111,20 @@ impl RambergOsgood {
         let h = self.plastic_compliance(q);
         Point { q, h, slope: (self.n - 1.0) * h }
     }
+}
+
+/// `base^power`, of a power that is not negative: inside the loop of every point, without the call that `powi` is.
+#[inline]
+fn whole_power(mut base: f64, power: i32) -> f64 {
+    let (mut product, mut left) = (1.0, power);
+    while left > 0 {
+        if left & 1 == 1 {
+            product *= base;
+        }
+        base *= base;
+        left >>= 1;
+    }
+    product
 }
 
 impl SubstrateLaw for RambergOsgood {

@@ -137,7 +137,7 @@ impl Tabulated {
     fn of([young, nu, factor]: [f64; 3], curve: Arc<Curve>, plane: PlaneState) -> Result<Self, SubstrateError> {
         check_elastic(&Self::PARAMETERS, young, nu)?;
         check_positive(&Self::PARAMETERS[2], factor)?;
-        Ok(Self { elastic: Deformation { young, nu, plane }, factor, curve })
+        Ok(Self { elastic: Deformation::new(young, nu, plane), factor, curve })
     }
 
     /// Plastic strain, its slope by the stress, and its integral over the stress, at `q`.
