@@ -943,6 +943,35 @@ fn a_series_is_an_animation_with_the_same_colours_in_all_frames() {
 }
 
 #[test]
+fn a_series_is_a_video_where_ffmpeg_is_there_and_else_it_is_asked_for() {
+    let desk = Desk::with_series();
+    desk.correlate("--roi 16,16,112,80 --no-report --export none --output out ref.png a.png b.png c.png").fine();
+    let words = ["figures", "out", "--frames", "all", "--quantity", "uy", "--format", "mp4,apng"];
+    desk.run_with(&[("PATH", "/nowhere")], &words).refused(&["needs the program ffmpeg", "gif or apng"]);
+    if std::process::Command::new("ffmpeg").arg("-version").output().is_err() {
+        println!("no ffmpeg here: the video is not made");
+        return;
+    }
+    desk.run_words(&words).fine();
+    let still =
+        image::load_from_memory_with_format(&desk.bytes("out/figures/uy.apng"), image::ImageFormat::Png).unwrap();
+    // What a player would see, without compression.
+    let played = std::process::Command::new("ffmpeg")
+        .args(["-loglevel", "error", "-i", "out/figures/uy.mp4", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"])
+        .current_dir(desk.path(""))
+        .output()
+        .unwrap();
+    assert!(played.status.success(), "{}", String::from_utf8_lossy(&played.stderr));
+    // Its coding wants even sides.
+    let [width, height] = [still.width(), still.height()].map(|side| side.next_multiple_of(2) as usize);
+    let frame = 3 * width * height;
+    assert_eq!(played.stdout.len() % frame, 0, "{} bytes of {width} x {height}", played.stdout.len());
+    let frames: Vec<&[u8]> = played.stdout.chunks(frame).collect();
+    assert!(frames.len() >= 3 && frames[0] != frames[frames.len() - 1], "{} frames", frames.len());
+    assert!(frames[0][..3].iter().all(|&white| white > 250), "a figure begins with white");
+}
+
+#[test]
 fn frames_without_a_field_are_named_and_wrong_words_refused() {
     let desk = Desk::with_series();
     desk.write("b.png", "no image");
