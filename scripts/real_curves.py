@@ -53,10 +53,15 @@ def row(*cells):
     print("| " + " | ".join(cells) + " |", flush=True)
 
 
+def outcome(fit):
+    return fit["verdict"]["outcome"] if fit["status"] == "converged" else f"not converged ({fit['status']})"
+
+
 def told(fit, key):
     """Value and standard uncertainty of a parameter."""
     found = fit["parameters"][key]
-    std = found["std"]
+    # Of a fit that did not converge the values are the best so far, and say nothing of how sure they are.
+    std = found["std"] if fit["status"] == "converged" else None
     return f"{found['value']:.4g}" + (f" ± {std:.2g}" if std else ""), found["value"]
 
 
@@ -217,7 +222,7 @@ def lap(args, program):
         differences.append(value / work - 1)
         row(f"Fe-SMA strip, test {number} ({'no prestrain' if number in plain else 'prestrained'}): {load / 1e3:.2f} kN, G_IIc, N/mm "
             f"(energy balance of the coupon {balance:.3f})", f"{work:.3f}", text, f"{100 * (value / work - 1):+.1f} %",
-            fit["verdict"]["outcome"])
+            outcome(fit))
     if len(differences) > 1:
         row("mean and spread of these", "", "", f"{100 * np.mean(differences):+.1f} ± {100 * np.std(differences, ddof=1):.1f} %", "")
 

@@ -37,7 +37,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     let write = |html: &str| -> Result<()> {
         Ok(std::fs::write(&path, html).map_err(|error| format!("{}: cannot be written: {error}", path.display()))?)
     };
-    if args.run.join(METROLOGY).is_file() && Store::open(&fields_in(&args.run)).is_err() {
+    if args.run.join(METROLOGY).is_file() && Store::open(fields_in(&args.run)).is_err() {
         // One page is all there is to see of it, and was made with it.
         let made = args.run.join(RunFolder::REPORT);
         let html = std::fs::read_to_string(&made).map_err(|error| {

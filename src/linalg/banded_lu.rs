@@ -8,6 +8,13 @@ use crate::isa::{Isa, multiversioned};
 /// nearly positive definite hardly any is, and the band stays narrow.
 const PIVOT_SHARE: f64 = 0.1;
 
+/// Numbers that are worked on side by side. What lies beyond the end of a row or of a column is zero, and counted in up to
+/// the next multiple: no tail is left to go through one by one.
+const LANES: usize = 8;
+
+/// Lanes of the pivot's row that are held in registers while all rows below are gone through.
+const HELD: usize = 4;
+
 /// The factor of a matrix whose entries lie within a half bandwidth of the diagonal.
 #[derive(Debug, Clone)]
 pub struct BandedLu {
@@ -15,12 +22,14 @@ pub struct BandedLu {
     isa: Isa,
     /// Row by row, `band.width()` entries from column `i - half` on: after the elimination the upper triangle.
     rows: Vec<f64>,
-    /// Column by column, the multipliers of the `half` rows below.
+    /// Column by column, `band.height()` entries: the multipliers of the `half` rows below.
     lower: Vec<f64>,
     /// The row that was exchanged with each.
     exchanged: Vec<u32>,
     /// Last column in use of each row of the upper triangle.
     ends: Vec<u32>,
+    /// Entries of a row that are not zero any more, at most: those beyond belong to exchanges.
+    used: usize,
 }
 
 /// Size of a band matrix.
@@ -33,7 +42,17 @@ struct Band {
 impl Band {
     /// Room per row: exchanges lengthen a row by as much as the other may lie below it.
     fn width(self) -> usize {
-        3 * self.half + 1
+        3 * self.half + 1 + LANES
+    }
+
+    /// Room per column of multipliers.
+    fn height(self) -> usize {
+        self.half.next_multiple_of(LANES)
+    }
+
+    /// Room for a right-hand side: zeros behind it.
+    fn room(self) -> usize {
+        self.n + 2 * self.half + LANES
     }
 }
 
@@ -45,9 +64,10 @@ impl BandedLu {
             band,
             isa: Isa::detect(),
             rows: vec![0.0; n * band.width()],
-            lower: vec![0.0; n * half],
+            lower: vec![0.0; n * band.height()],
             exchanged: vec![0; n],
             ends: vec![0; n],
+            used: 0,
         }
     }
 
@@ -67,7 +87,7 @@ impl BandedLu {
         let (Band { n, half }, width) = (self.band, self.band.width());
         let pattern = matrix.pattern();
         assert_eq!(pattern.n(), n, "the size of the matrix");
-        self.rows.fill(0.0);
+        self.rows.chunks_exact_mut(width).for_each(|row| row[..self.used].fill(0.0));
         for column in 0..n {
             for (&row, value) in pattern.column(column).iter().zip(&matrix.values()[pattern.range(column)]) {
                 let row = row as usize;
@@ -77,6 +97,8 @@ impl BandedLu {
         }
         let failed =
             eliminate(self.isa, self.band, &mut self.rows, &mut self.lower, &mut self.exchanged, &mut self.ends);
+        let longest = (0..n).map(|k| (self.ends[k] as usize).saturating_sub(k)).max();
+        self.used = half + 1 + half.max(longest.unwrap_or(0)).next_multiple_of(LANES);
         failed.map_or(Ok(()), |unknown| Err(Singular { unknown }))
     }
 
@@ -94,8 +116,14 @@ impl BandedLu {
     /// When the length of `rhs` is no multiple of `n`.
     pub fn solve(&self, rhs: &mut [f64]) {
         assert_eq!(rhs.len() % self.band.n.max(1), 0, "the length of the right-hand sides");
-        for column in rhs.chunks_exact_mut(self.band.n.max(1)) {
-            substitute(self.isa, self.band, &self.rows, &self.lower, &self.exchanged, &self.ends, column);
+        let (n, each) = (self.band.n.max(1), self.band.room());
+        let mut room = vec![0.0; rhs.len() / n * each];
+        for (room, column) in room.chunks_exact_mut(each).zip(rhs.chunks_exact(n)) {
+            room[..n].copy_from_slice(column);
+        }
+        substitute(self.isa, self.band, &self.rows, &self.lower, &self.exchanged, &self.ends, &mut room);
+        for (room, column) in room.chunks_exact(each).zip(rhs.chunks_exact_mut(n)) {
+            column.copy_from_slice(&room[..n]);
         }
     }
 }
@@ -108,7 +136,7 @@ multiversioned! {
 }
 
 multiversioned! {
-    /// Forward and backward substitution for one right-hand side.
+    /// Forward and backward substitution for right-hand sides with [`Band::room`] each.
     fn substitute [] [] (
         band: Band, rows: &[f64], lower: &[f64], exchanged: &[u32], ends: &[u32], rhs: &mut [f64]
     ) => substitute_body
@@ -132,19 +160,20 @@ fn eliminate_body<const FMA: bool>(
     let mut end = 0;
     for k in 0..n {
         let last = (k + half).min(n - 1);
-        // Column k in row i stands at k + half - i.
-        let own = rows[k * width + half].abs();
-        let (mut pivot, mut largest) = (k, own);
-        for i in k + 1..=last {
-            let size = rows[i * width + k + half - i].abs();
-            if size > largest {
-                (pivot, largest) = (i, size);
+        // Column k in row i stands at k + half - i. From row to row is far: it is fetched once.
+        let own = rows[k * width + half];
+        let (mut pivot, mut largest) = (k, own.abs());
+        let multipliers = &mut lower[k * band.height()..][..last - k];
+        for (i, multiplier) in (k + 1..=last).zip(multipliers.iter_mut()) {
+            *multiplier = rows[i * width + k + half - i];
+            if multiplier.abs() > largest {
+                (pivot, largest) = (i, multiplier.abs());
             }
         }
         if !(largest > 0.0 && largest.is_finite()) {
             return Some(k);
         }
-        if own >= PIVOT_SHARE * largest {
+        if own.abs() >= PIVOT_SHARE * largest {
             pivot = k;
         }
         exchanged[k] = pivot as u32;
@@ -155,22 +184,44 @@ fn eliminate_body<const FMA: bool>(
         if pivot != k {
             let start = (pivot - k - 1) * width + k + half - pivot;
             row_k.swap_with_slice(&mut below[start..start + end - k + 1]);
+            multipliers[pivot - k - 1] = own;
         }
         let inverse = 1.0 / row_k[0];
-        let multipliers = &mut lower[k * half..k * half + last - k];
-        for (i, multiplier) in (k + 1..=last).zip(multipliers) {
-            let start = (i - k - 1) * width + k + half - i;
-            let row = &mut below[start..start + end - k + 1];
-            *multiplier = row[0] * inverse;
-            if *multiplier != 0.0 {
-                let factor = -*multiplier;
-                for (entry, &of_pivot) in row[1..].iter_mut().zip(&row_k[1..]) {
-                    *entry = mul_add::<FMA>(factor, of_pivot, *entry);
-                }
+        multipliers.iter_mut().for_each(|multiplier| *multiplier *= inverse);
+        // Beyond its end the pivot's row is zero.
+        let row_k = &above[k * width + half + 1..][..(end - k).next_multiple_of(LANES)];
+        for (at, pivots) in row_k.chunks(HELD * LANES).enumerate() {
+            let below = &mut below[at * HELD * LANES..];
+            match pivots.len() / LANES {
+                1 => take_off::<FMA, 1>(band, pivots, multipliers, below),
+                2 => take_off::<FMA, 2>(band, pivots, multipliers, below),
+                3 => take_off::<FMA, 3>(band, pivots, multipliers, below),
+                _ => take_off::<FMA, HELD>(band, pivots, multipliers, below),
             }
         }
     }
     None
+}
+
+/// Takes a part of the pivot's row off the rows below, each as often as its multiplier says.
+#[inline(always)]
+fn take_off<const FMA: bool, const N: usize>(band: Band, pivots: &[f64], multipliers: &[f64], below: &mut [f64]) {
+    let (Band { half, .. }, width) = (band, band.width());
+    let mut held = [[0.0; LANES]; N];
+    for (held, pivots) in held.iter_mut().zip(pivots.chunks_exact(LANES)) {
+        held.copy_from_slice(pivots);
+    }
+    for (i, &multiplier) in multipliers.iter().enumerate() {
+        if multiplier == 0.0 {
+            continue;
+        }
+        let row = &mut below[i * width + half - i..][..N * LANES];
+        for (entries, held) in row.chunks_exact_mut(LANES).zip(&held) {
+            for lane in 0..LANES {
+                entries[lane] = mul_add::<FMA>(-multiplier, held[lane], entries[lane]);
+            }
+        }
+    }
 }
 
 #[inline(always)]
@@ -183,26 +234,31 @@ fn substitute_body<const FMA: bool>(
     rhs: &mut [f64],
 ) {
     let (Band { n, half }, width) = (band, band.width());
+    // Each unknown waits for the one before it: of several right-hand sides those of others are gone on with meanwhile.
     for k in 0..n {
-        rhs.swap(k, exchanged[k] as usize);
-        let last = (k + half).min(n - 1);
-        let factor = -rhs[k];
-        for (below, &multiplier) in rhs[k + 1..=last].iter_mut().zip(&lower[k * half..]) {
-            *below = mul_add::<FMA>(factor, multiplier, *below);
+        let multipliers = &lower[k * band.height()..][..band.height()];
+        for rhs in rhs.chunks_exact_mut(band.room()) {
+            rhs.swap(k, exchanged[k] as usize);
+            let factor = -rhs[k];
+            for (below, multipliers) in rhs[k + 1..].chunks_exact_mut(LANES).zip(multipliers.chunks_exact(LANES)) {
+                for lane in 0..LANES {
+                    below[lane] = mul_add::<FMA>(factor, multipliers[lane], below[lane]);
+                }
+            }
         }
     }
     for k in (0..n).rev() {
-        let end = ends[k] as usize;
-        let row = &rows[k * width + half..k * width + half + end - k + 1];
-        // Sums side by side: a single chain would wait for each addition.
-        let mut sums = [0.0; 8];
-        let (pairs, known) = (row[1..].chunks_exact(8), rhs[k + 1..=end].chunks_exact(8));
-        let tail: f64 = pairs.remainder().iter().zip(known.remainder()).map(|(a, b)| a * b).sum();
-        for (a, b) in pairs.zip(known) {
-            for lane in 0..8 {
-                sums[lane] = mul_add::<FMA>(a[lane], b[lane], sums[lane]);
+        let row = &rows[k * width + half..][..1 + (ends[k] as usize - k).next_multiple_of(LANES)];
+        for rhs in rhs.chunks_exact_mut(band.room()) {
+            // Sums side by side: a single chain would wait for each addition.
+            let mut sums = [0.0; LANES];
+            for (a, b) in row[1..].chunks_exact(LANES).zip(rhs[k + 1..].chunks_exact(LANES)) {
+                for lane in 0..LANES {
+                    sums[lane] = mul_add::<FMA>(a[lane], b[lane], sums[lane]);
+                }
             }
+            let [a, b, c, d] = std::array::from_fn(|lane| sums[lane] + sums[lane + LANES / 2]);
+            rhs[k] = (rhs[k] - ((a + c) + (b + d))) / row[0];
         }
-        rhs[k] = (rhs[k] - (sums.iter().sum::<f64>() + tail)) / row[0];
     }
 }

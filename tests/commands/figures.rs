@@ -1027,7 +1027,6 @@ fn figures_for_a_column_are_84_mm_wide_and_keep_what_is_no_matter_of_the_caption
         series: series.into(),
         notes: vec![note.into()],
         warnings: vec!["not converged: iteration limit reached".into()],
-        ..Plot::default()
     };
     let sheet = |picture: &Picture, ratio: u32| (picture.width() / ratio) as i32;
     for (name, screen, column, slide) in [

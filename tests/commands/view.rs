@@ -370,7 +370,7 @@ fn a_page_that_goes_on_with_a_case_file_changes_nothing_in_it_but_what_is_change
         );
     }
     // What a page cannot keep is named; so is the folder of names that are meant from elsewhere.
-    desk.write("far/odd.toml", &RICH.replace("noise = 1.5", "noise = inf"));
+    desk.write("far/odd.toml", RICH.replace("noise = 1.5", "noise = inf"));
     desk.run("draw ref.png --case far/odd.toml").fine();
     let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
     assert!(back.contains("does not have these of the case file that was read: [correlation] noise"), "{back}");

@@ -488,6 +488,20 @@ fn the_tangent_of_a_law_with_corners_is_continuous_along_a_path_of_constant_mix(
 }
 
 #[test]
+fn four_points_at_once_have_the_bits_of_one_after_the_other() {
+    for law in substrate_laws() {
+        // Elastic, plastic, at rest and far off beside one another: each ends after another number of iterations.
+        for strains in STRAINS.windows(2) {
+            let four = [strains[0], [0.0; 3], strains[1].map(|e| 40.0 * e), strains[1]].map(engineering);
+            let together = law.responses(&four);
+            for (strain, together) in four.into_iter().zip(together) {
+                assert_eq!(together, law.response(strain), "{law:?} at {strain:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn every_substrate_tangent_is_symmetric_positive_definite_and_the_difference_of_its_stress() {
     for law in substrate_laws() {
         assert_eq!(law.stress(EngineeringStrain::default()), Stress::default());

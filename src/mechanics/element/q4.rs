@@ -170,15 +170,15 @@ impl Q4 {
     /// The same and its derivative by the displacements.
     pub fn tangent(&self, law: &dyn SubstrateLaw, u: &ElementVector) -> (ElementVector, ElementStiffness) {
         let (mut force, mut stiffness) = (ElementVector::zeros(), ElementStiffness::zeros());
-        for point in &self.points {
-            let response = law.response(self.strain(point, u));
+        let responses = law.responses(&self.points.map(|point| self.strain(&point, u)));
+        for (point, response) in self.points.iter().zip(&responses) {
             if self.small {
                 point.add_force(response.stress, &mut force);
                 point.add_stiffness(&response.tangent, &mut stiffness);
             } else {
                 let f = point.deformation(u);
                 point.add_turned_force(response.stress, &f, &mut force);
-                point.add_turned_stiffness(&response, &f, &mut stiffness);
+                point.add_turned_stiffness(response, &f, &mut stiffness);
             }
         }
         stiffness.fill_lower_triangle_with_upper_triangle();

@@ -3,7 +3,7 @@
 //! The stress follows from one scalar monotone equation in the equivalent stress `q`. In plane stress elastic and plastic compliance
 //! share the modes `sx + sy`, `sx - sy`, `txy`; in plane strain the deviator is proportional to that of the strain.
 
-use super::{EngineeringStrain, PlaneState, Stress, SubstrateEnergy, SubstrateStiffness, isotropic};
+use super::{EngineeringStrain, PlaneState, Stress, SubstrateEnergy, SubstrateResponse, SubstrateStiffness, isotropic};
 use nalgebra::Vector3;
 
 /// The elastic part.
@@ -106,6 +106,13 @@ impl Deformation {
             }
         };
         isotropic(along, across, 0.5 * stiffness)
+    }
+
+    /// Stress and tangent at a strain.
+    #[inline]
+    pub fn response_at(&self, strain: EngineeringStrain, point: &Point) -> SubstrateResponse {
+        let stress = self.stress_at(strain, point.h);
+        SubstrateResponse { stress, tangent: self.tangent_at(strain, stress, point) }
     }
 
     /// The tangent at a strain whose stress is `stress`.

@@ -60,56 +60,90 @@ impl RambergOsgood {
         self.alpha / self.elastic.young * power
     }
 
-    /// The equivalent stress: the root of `q^2 = sum_i w_i/(a_i + c_i h(q))^2`.
+    /// The equivalent stress at `N` points: the root of `q^2 = sum_i w_i/(a_i + c_i h(q))^2` at each.
     ///
     /// Both the elastic and the purely plastic solution are above the root; from the smaller of them Newton
     /// comes down to it without overshooting, since `q/sqrt(sum)` is convex. A bracket guards it all the same.
     /// The elastic one is the smaller where its plastic strain is: that takes no root.
-    fn equivalent_stress(&self, modes: &Modes) -> f64 {
-        let Modes { weight, elastic, plastic } = *modes;
-        let norm = weight[0] + weight[1];
-        if norm.is_nan() || norm == 0.0 || norm.is_infinite() {
-            return norm;
+    ///
+    /// An iteration is a chain of divisions, each of which waits for the one before: those of several points go side by
+    /// side, and give the same bits as one after the other.
+    fn equivalent_stress<const N: usize>(&self, modes: &[Modes; N]) -> [f64; N] {
+        let mut q = [0.0; N];
+        let (mut low, mut high) = ([0.0; N], [0.0; N]);
+        let mut left = [false; N];
+        for (k, Modes { weight, elastic, .. }) in modes.iter().enumerate() {
+            let norm = weight[0] + weight[1];
+            if norm.is_nan() || norm == 0.0 || norm.is_infinite() {
+                q[k] = norm;
+                continue;
+            }
+            let of_elastic = (weight[0] / elastic[0].powi(2) + weight[1] / elastic[1].powi(2)).sqrt();
+            // Without elastic compliance: q h = sqrt(w_1/c_1^2 + w_2/c_2^2).
+            let plastic_strain = (4.0 * weight[0] + weight[1] / 2.25).sqrt();
+            let of_plastic = || {
+                let share = plastic_strain * self.elastic.young / (self.alpha * self.sigma_0);
+                self.sigma_0 * share.powf(1.0 / self.n)
+            };
+            let is_elastic = of_elastic * self.plastic_compliance(of_elastic) <= plastic_strain;
+            high[k] = if is_elastic { of_elastic } else { of_plastic() } * (1.0 + 1e-14);
+            (q[k], left[k]) = (high[k], true);
         }
-        let of_elastic = (weight[0] / elastic[0].powi(2) + weight[1] / elastic[1].powi(2)).sqrt();
-        // Without elastic compliance: q h = sqrt(w_1/c_1^2 + w_2/c_2^2).
-        let plastic_strain = (4.0 * weight[0] + weight[1] / 2.25).sqrt();
-        let of_plastic =
-            || self.sigma_0 * (plastic_strain * self.elastic.young / (self.alpha * self.sigma_0)).powf(1.0 / self.n);
-        let is_elastic = of_elastic * self.plastic_compliance(of_elastic) <= plastic_strain;
-        let (mut low, mut high) = (0.0, if is_elastic { of_elastic } else { of_plastic() } * (1.0 + 1e-14));
-        let mut q = high;
         for _ in 0..80 {
-            let h = self.plastic_compliance(q);
-            let inverse = [1.0 / (elastic[0] + plastic[0] * h), 1.0 / (elastic[1] + plastic[1] * h)];
-            let terms = [weight[0] * inverse[0] * inverse[0], weight[1] * inverse[1] * inverse[1]];
-            let sum = terms[0] + terms[1];
-            // q/R - 1 over its slope, R = sqrt(sum): R'/R = -(sum c_i t_i/(a_i + c_i h)) h'/sum.
-            let root = sum.sqrt();
-            let bend = plastic[0] * terms[0] * inverse[0] + plastic[1] * terms[1] * inverse[1];
-            let step = (q - root) * sum / (sum + bend * (self.n - 1.0) * h);
-            if q > root {
-                high = q;
-            } else {
-                low = q;
+            if !left.contains(&true) {
+                break;
             }
-            let next = q - step;
-            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-            // Quadratic: a step of 1e-9 leaves less than the round-off.
-            let small = step.abs() <= 1e-9 * q;
-            if small {
-                return if (q - step).is_finite() && step.abs() < q { q - step } else { q };
+            let steps: [(f64, f64); N] = std::array::from_fn(|k| self.newton_step(&modes[k], q[k]));
+            for k in 0..N {
+                if !left[k] {
+                    continue;
+                }
+                let (step, root) = steps[k];
+                if q[k] > root {
+                    high[k] = q[k];
+                } else {
+                    low[k] = q[k];
+                }
+                let next = q[k] - step;
+                // Quadratic: a step of 1e-9 leaves less than the round-off.
+                if step.abs() <= 1e-9 * q[k] {
+                    left[k] = false;
+                    if next.is_finite() && step.abs() < q[k] {
+                        q[k] = next;
+                    }
+                } else {
+                    q[k] = if next > low[k] && next < high[k] { next } else { 0.5 * (low[k] + high[k]) };
+                }
             }
-            q = next;
         }
         q
     }
 
+    /// A step of Newton's iteration for `q/R - 1`, `R = sqrt(sum_i t_i)`, `t_i = w_i/(a_i + c_i h)^2`, and `R`.
+    #[inline(always)]
+    fn newton_step(&self, Modes { weight, elastic, plastic }: &Modes, q: f64) -> (f64, f64) {
+        let h = self.plastic_compliance(q);
+        let inverse = [1.0 / (elastic[0] + plastic[0] * h), 1.0 / (elastic[1] + plastic[1] * h)];
+        let terms = [weight[0] * inverse[0] * inverse[0], weight[1] * inverse[1] * inverse[1]];
+        let sum = terms[0] + terms[1];
+        // R'/R = -(sum c_i t_i/(a_i + c_i h)) h'/sum.
+        let root = sum.sqrt();
+        let bend = plastic[0] * terms[0] * inverse[0] + plastic[1] * terms[1] * inverse[1];
+        ((q - root) * sum / (sum + bend * (self.n - 1.0) * h), root)
+    }
+
+    /// Everything at `N` strains.
+    fn points<const N: usize>(&self, strains: &[EngineeringStrain; N]) -> [Point; N] {
+        self.equivalent_stress(&strains.map(|strain| self.elastic.modes(strain))).map(|q| {
+            let h = self.plastic_compliance(q);
+            Point { q, h, slope: (self.n - 1.0) * h }
+        })
+    }
+
     /// Everything at a strain.
     fn point(&self, strain: EngineeringStrain) -> Point {
-        let q = self.equivalent_stress(&self.elastic.modes(strain));
-        let h = self.plastic_compliance(q);
-        Point { q, h, slope: (self.n - 1.0) * h }
+        let [point] = self.points(&[strain]);
+        point
     }
 }
 
@@ -145,9 +179,12 @@ impl SubstrateLaw for RambergOsgood {
     }
 
     fn response(&self, strain: EngineeringStrain) -> SubstrateResponse {
-        let point = self.point(strain);
-        let stress = self.elastic.stress_at(strain, point.h);
-        SubstrateResponse { stress, tangent: self.elastic.tangent_at(strain, stress, &point) }
+        self.elastic.response_at(strain, &self.point(strain))
+    }
+
+    fn responses(&self, strains: &[EngineeringStrain; 4]) -> [SubstrateResponse; 4] {
+        let points = self.points(strains);
+        std::array::from_fn(|k| self.elastic.response_at(strains[k], &points[k]))
     }
 
     fn stress(&self, strain: EngineeringStrain) -> Stress {

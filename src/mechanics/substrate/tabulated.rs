@@ -213,8 +213,7 @@ impl SubstrateLaw for Tabulated {
 
     fn response(&self, strain: EngineeringStrain) -> SubstrateResponse {
         let point = self.point(strain);
-        let stress = self.elastic.stress_at(strain, point.h);
-        SubstrateResponse { stress, tangent: self.elastic.tangent_at(strain, stress, &point) }
+        self.elastic.response_at(strain, &point)
     }
 
     fn stress(&self, strain: EngineeringStrain) -> Stress {
