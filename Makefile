@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel demo paper real study fuzz soak package deny licences test check bench book clean
+.PHONY: help build wheel demo paper real study fuzz miri soak package deny licences test check bench book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -46,6 +46,11 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)
+
+miri: ## Look for undefined behaviour: the engine on a few pixels, meshes and factors in the interpreter Miri (a nightly toolchain)
+	scripts/prepare.sh --miri
+	MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" $(CARGO) +nightly miri test --locked --no-default-features --test miri
+	MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" $(CARGO) +nightly miri test --locked --no-default-features --lib -- linalg:: mesh::element mesh::carried mesh::zone_pixels
 
 soak: ## Long and hostile runs: every write that fails, 100 000 frames with kills, memory that ends (an hour or two); in out/soak
 	$(CARGO) build --release --locked

@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny or --python it installs that and nothing else.
+# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny, --miri or --python it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -110,6 +110,16 @@ if [ "${1:-}" = --deny ]; then
         exit
     fi
     say "cargo-deny: missing (see above)"
+    exit 1
+fi
+# The interpreter of what the compiler makes (make miri), with the nightly toolchain that it belongs to.
+if [ "${1:-}" = --miri ]; then
+    cargo +nightly miri --version >/dev/null 2>&1 && say "Miri: there" && exit
+    if command -v rustup >/dev/null && rustup toolchain install nightly --profile minimal -c miri -c rust-src --no-self-update; then
+        say "Miri: there"
+        exit
+    fi
+    say "Miri: missing (needs rustup, and the network)"
     exit 1
 fi
 # What the book is built with (make book), and nothing that needs root.

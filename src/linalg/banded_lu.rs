@@ -71,6 +71,12 @@ impl BandedLu {
         }
     }
 
+    /// Number of values (8 bytes each) of a factor of such matrices.
+    pub fn n_values(n: usize, half: usize) -> usize {
+        let band = Band { n, half };
+        n * (band.width() + band.height())
+    }
+
     /// Memory that it takes, bytes.
     pub fn bytes(&self) -> usize {
         8 * (self.rows.len() + self.lower.len() + self.exchanged.len())

@@ -79,7 +79,7 @@ impl LuPlan {
     /// Number of values that a factor holds (8 bytes each); `None` where that depends on the pivots.
     pub fn n_values(&self) -> Option<usize> {
         match &self.kind {
-            PlanKind::Banded { half } => Some(self.pattern.n() * (4 * half + 1)),
+            PlanKind::Banded { half } => Some(BandedLu::n_values(self.pattern.n(), *half)),
             PlanKind::Sparse(_) => None,
             PlanKind::Nested(fronts) => Some(fronts.n_values()),
         }

@@ -30,6 +30,7 @@ const NEAR: f64 = 0.1;
 ///         PlotSeries::new("measured", Style::Markers, size, sigma).with_band(vec![0.002; 4]),
 ///     ],
 ///     notes: vec!["Bars: +-2 standard deviations of ten repetitions.".into()],
+///     ..Plot::default()
 /// };
 /// let picture = plot.draw().unwrap();
 /// assert!(picture.svg().starts_with("<svg"));

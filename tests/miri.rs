@@ -1,0 +1,68 @@
+//! The engine on a few pixels, for Miri (`make miri`): whether the code that the compiler takes on trust (columns filtered side
+//! by side, taps read by one comparison) reads and writes only what is its own. Without Miri it runs in no time.
+
+use quadrille::backend::cpu::CpuBackend;
+use quadrille::correlate::{Correlator, Options};
+use quadrille::field::Status;
+use quadrille::imaging::{Image, Interpolation, Pixels};
+use quadrille::linalg::{LuChoice, LuPlan, SparseMatrix, SparsePattern};
+use quadrille::mesh::{Roi, Zone};
+use std::sync::Arc;
+
+/// Waves along both axes and across, of 5 to 9 px, that have moved by `u`.
+fn waves(width: usize, height: usize, u: [f64; 2]) -> Arc<Image> {
+    let grey = |x: f64, y: f64| {
+        let wave = |kx: f64, ky: f64, phase: f64| (kx * x + ky * y + phase).sin();
+        (128.0 + 40.0 * (wave(0.7, 0.1, 0.3) + wave(-0.2, 0.9, 1.1) + wave(0.8, -0.7, 2.0))) as f32
+    };
+    let at = |k: usize| grey((k % width) as f64 - u[0], (k / width) as f64 - u[1]);
+    Arc::new(Image::new(width, height, Pixels::F32((0..width * height).map(at).collect())).unwrap())
+}
+
+#[test]
+fn a_pair_of_a_few_pixels_is_correlated() {
+    // More than a strip of columns and an odd number of them; the whole image, of whose border some leaves it.
+    let (width, height) = (71, 26);
+    let moved = [0.4, -0.3];
+    let (reference, deformed) = (waves(width, height, [0.0; 2]), waves(width, height, moved));
+    let zone = Zone::rectangle("all", Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 });
+    for interpolation in [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys] {
+        let options = Options { element_size: 12, interpolation, ..Options::default() };
+        let correlator =
+            Correlator::new(CpuBackend::default(), reference.clone(), std::slice::from_ref(&zone), options).unwrap();
+        let found = correlator.correlate(deformed.clone(), None).unwrap().measurement;
+        assert_eq!(found.status, Status::Converged, "{interpolation:?}");
+        let n = found.displacement.len() as f64;
+        for (c, moved) in moved.into_iter().enumerate() {
+            let mean = found.displacement.iter().map(|u| u[c]).sum::<f64>() / n;
+            assert!((mean - moved).abs() < 0.02, "{interpolation:?}: {mean} for {moved}");
+        }
+    }
+}
+
+#[test]
+fn factors_of_small_matrices_solve() {
+    // A chain of five unknowns each coupled with the next four.
+    let n = 14;
+    let groups: Vec<Vec<u32>> = (0..n as u32 - 4).map(|k| (k..k + 5).collect()).collect();
+    let pattern = Arc::new(SparsePattern::from_groups(n, groups.iter().map(Vec::as_slice)));
+    let points: Vec<[f64; 2]> = (0..n).map(|k| [k as f64, 0.0]).collect();
+    for diagonal in [0.3, 9.0] {
+        let mut matrix = SparseMatrix::zero(&pattern);
+        for column in 0..n {
+            pattern.range(column).for_each(|at| matrix.values_mut()[at] = (1.0 + 0.37 * at as f64).sin());
+            let at = pattern.place(column, column).unwrap();
+            matrix.values_mut()[at] += diagonal;
+        }
+        let exact: Vec<f64> = (0..2 * n).map(|k| (0.1 + 1.3 * k as f64).cos()).collect();
+        let rhs: Vec<f64> = exact.chunks(n).flat_map(|x| matrix.times(x)).collect();
+        for choice in [LuChoice::Banded, LuChoice::Nested] {
+            let mut factor = LuPlan::new(&pattern, &points, choice).factor();
+            factor.refactor(&matrix).unwrap();
+            let mut found = rhs.clone();
+            factor.solve(&mut found);
+            let off = found.iter().zip(&exact).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(off < 1e-9, "{choice:?}, diagonal {diagonal}: {off:e}");
+        }
+    }
+}
