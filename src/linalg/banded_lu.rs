@@ -214,17 +214,15 @@ fn eliminate_body<const FMA: bool>(
 fn take_off<const FMA: bool, const N: usize>(band: Band, pivots: &[f64], multipliers: &[f64], below: &mut [f64]) {
     let (Band { half, .. }, width) = (band, band.width());
     let mut held = [[0.0; LANES]; N];
-    for (held, pivots) in held.iter_mut().zip(pivots.chunks_exact(LANES)) {
-        held.copy_from_slice(pivots);
-    }
+    held.copy_from_slice(&pivots.as_chunks().0[..N]);
     for (i, &multiplier) in multipliers.iter().enumerate() {
         if multiplier == 0.0 {
             continue;
         }
-        let row = &mut below[i * width + half - i..][..N * LANES];
-        for (entries, held) in row.chunks_exact_mut(LANES).zip(&held) {
+        let entries = &mut below[i * width + half - i..].as_chunks_mut::<LANES>().0[..N];
+        for part in 0..N {
             for lane in 0..LANES {
-                entries[lane] = mul_add::<FMA>(-multiplier, held[lane], entries[lane]);
+                entries[part][lane] = mul_add::<FMA>(-multiplier, held[part][lane], entries[part][lane]);
             }
         }
     }
@@ -242,29 +240,33 @@ fn substitute_body<const FMA: bool>(
     let (Band { n, half }, width) = (band, band.width());
     // Each unknown waits for the one before it: of several right-hand sides those of others are gone on with meanwhile.
     for k in 0..n {
-        let multipliers = &lower[k * band.height()..][..band.height()];
+        let multipliers = lower[k * band.height()..][..band.height()].as_chunks::<LANES>().0;
         for rhs in rhs.chunks_exact_mut(band.room()) {
             rhs.swap(k, exchanged[k] as usize);
             let factor = -rhs[k];
-            for (below, multipliers) in rhs[k + 1..].chunks_exact_mut(LANES).zip(multipliers.chunks_exact(LANES)) {
+            let below = &mut rhs[k + 1..].as_chunks_mut::<LANES>().0[..multipliers.len()];
+            for part in 0..multipliers.len() {
                 for lane in 0..LANES {
-                    below[lane] = mul_add::<FMA>(factor, multipliers[lane], below[lane]);
+                    below[part][lane] = mul_add::<FMA>(factor, multipliers[part][lane], below[part][lane]);
                 }
             }
         }
     }
     for k in (0..n).rev() {
-        let row = &rows[k * width + half..][..1 + (ends[k] as usize - k).next_multiple_of(LANES)];
+        let pivot = rows[k * width + half];
+        let row = rows[k * width + half + 1..].as_chunks::<LANES>().0;
+        let row = &row[..(ends[k] as usize - k).div_ceil(LANES)];
         for rhs in rhs.chunks_exact_mut(band.room()) {
             // Sums side by side: a single chain would wait for each addition.
             let mut sums = [0.0; LANES];
-            for (a, b) in row[1..].chunks_exact(LANES).zip(rhs[k + 1..].chunks_exact(LANES)) {
+            let known = &rhs[k + 1..].as_chunks::<LANES>().0[..row.len()];
+            for part in 0..row.len() {
                 for lane in 0..LANES {
-                    sums[lane] = mul_add::<FMA>(a[lane], b[lane], sums[lane]);
+                    sums[lane] = mul_add::<FMA>(row[part][lane], known[part][lane], sums[lane]);
                 }
             }
             let [a, b, c, d] = std::array::from_fn(|lane| sums[lane] + sums[lane + LANES / 2]);
-            rhs[k] = (rhs[k] - ((a + c) + (b + d))) / row[0];
+            rhs[k] = (rhs[k] - ((a + c) + (b + d))) / pivot;
         }
     }
 }
