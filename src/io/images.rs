@@ -30,6 +30,8 @@ pub struct Loaded {
     pub pages: usize,
     /// The largest grey level that the file can hold, in the scale of the image; 1 for a file of floats.
     pub white: f32,
+    /// When it was taken by the clock of the camera, `2024-05-01T10:11:12.25`, where the file says so (EXIF, or the time of a TIFF page).
+    pub taken: Option<String>,
 }
 
 /// Why a file gives no image.
@@ -265,7 +267,7 @@ impl PagedFile {
         let image = Image::new(raw.width, raw.height, pixels)
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
         let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
-        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white })
+        Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken })
     }
 
     fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, ImageFault> {
@@ -395,7 +397,7 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
     // The decoder's own limit of 512 MiB is too low for large sensors; `check_size` sets ours.
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.no_limits();
-    let decoder = reader.into_decoder().map_err(problem)?;
+    let mut decoder = reader.into_decoder().map_err(problem)?;
     let (width, height) = decoder.dimensions();
     let ratio = match format {
         // A bitmap packs 8 pixels in a byte.
@@ -405,6 +407,7 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
     };
     check_size(accepted, width.into(), height.into(), decoder.total_bytes().into(), ratio, bytes.len())?;
 
+    let taken = decoder.exif_metadata().ok().flatten().and_then(|exif| tiff_pages::taken_of_exif(&exif));
     let mut notes = Vec::new();
     let image = DynamicImage::from_decoder(decoder).map_err(problem)?;
     let (n, colour, mut pixels) = match image {
@@ -429,7 +432,7 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
         notes.push(format!("{bits} bit grey levels are stretched to 0..255"));
     }
     let channels = Channels { n, colour, planar: false };
-    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes })
+    Ok(Raw { width: width as usize, height: height as usize, channels, pixels, white, notes, taken })
 }
 
 fn problem(error: image::ImageError) -> ImageFault {

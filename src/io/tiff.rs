@@ -8,6 +8,9 @@
 //! on which the LZW decoder stumbles (image-rs/weezl issue 68).
 
 mod samples;
+mod taken;
+
+pub(super) use taken::taken_of_exif;
 
 use super::images::raw::{Accepted, Channels, ImageFault, Raw, check_size};
 use crate::imaging::Pixels;
@@ -77,9 +80,10 @@ impl PageList {
         let directory = Directory::read(self.file, bytes, offset)?;
         let entries = offset..directory.next.min(bytes.len());
         let kept = bytes[entries.clone()].to_vec();
+        let taken = taken::taken(&directory, bytes);
         let decoded = directory.decode(bytes, accepted);
         bytes[entries].copy_from_slice(&kept);
-        let mut raw = decoded?;
+        let mut raw = Raw { taken, ..decoded? };
         if !self.complete {
             raw.notes.push(format!("the list of pages breaks off after page {}", pages - 1));
         }
@@ -194,11 +198,11 @@ impl Directory {
             let place = offset + head + k * entry;
             let tag = file.number(bytes, place, 2).ok_or_else(cut)? as u16;
             let size = match file.number(bytes, place + 2, 2).ok_or_else(cut)? {
-                1 => 1,
+                1 | 2 => 1, // bytes, text
                 3 => 2,
                 4 => 4,
                 16 => 8,
-                _ => continue, // text, fractions, signed numbers: nothing needed here
+                _ => continue, // fractions, signed numbers: nothing needed here
             };
             let count = file.number(bytes, place + 4, file.word()).ok_or_else(cut)?;
             let count = usize::try_from(count).map_err(|_| cut())?;
@@ -221,6 +225,14 @@ impl Directory {
     fn value(&self, bytes: &[u8], tag: u16) -> Option<u64> {
         let field = self.field(tag)?;
         self.file.number(bytes, field.at, field.size)
+    }
+
+    /// The text of `tag`, up to its end.
+    fn text<'a>(&self, bytes: &'a [u8], tag: u16) -> Option<&'a str> {
+        let Field { at, size, count, .. } = self.field(tag)?;
+        let field = bytes.get(at..at.checked_add(count.checked_mul(size)?)?)?;
+        let end = field.iter().position(|&byte| byte == 0).unwrap_or(field.len());
+        std::str::from_utf8(&field[..end]).ok()
     }
 
     /// Replaces each number of `tag`, when the page has it.
@@ -270,7 +282,7 @@ impl Directory {
             let index = channels.first(pixels);
             let map = self.colour_map(bytes)?;
             let (pixels, white) = apply_map(index, &map, bits, &mut notes)?;
-            return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes });
+            return Ok(Raw { width, height, channels: Channels::GREY, pixels, white, notes, taken: None });
         }
         if photometric == 6 {
             notes.push("Y Cb Cr colours: the grey levels are Y".into());
@@ -282,7 +294,7 @@ impl Directory {
             notes.push(format!("{bits} bit grey levels, kept as 16 bit numbers"));
         }
         let white = if bits > 8 && stored.packed() { ((1_u32 << bits) - 1) as f32 } else { pixels.white() };
-        Ok(Raw { width, height, channels, pixels, white, notes })
+        Ok(Raw { width, height, channels, pixels, white, notes, taken: None })
     }
 
     /// How the page is stored; what cannot be read or cannot be meant is refused here.

@@ -160,6 +160,9 @@ pub struct FrameSummary {
     pub number: usize,
     /// Its file.
     pub file: String,
+    /// When it was taken, where its file says so, by the clock of the camera: `2024-05-01T10:11:12.25`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taken: Option<String>,
     /// How it ended.
     pub status: Status,
     /// What to know about it: why it could not be read, what its file is like, or that tracking lost it.
@@ -373,6 +376,7 @@ impl FrameSummary {
         Self {
             number,
             file,
+            taken: None,
             status: Status::Unreadable,
             messages: vec![message],
             reference_frame: 0,
@@ -440,6 +444,7 @@ impl FrameSummary {
         Self {
             number,
             file,
+            taken: None,
             status: result.measurement.status,
             messages,
             reference_frame: result.reference_frame,

@@ -3,7 +3,7 @@
 use super::text::ranges;
 use crate::field::Status;
 use crate::io::series::natural_order;
-use crate::report::summary::Summary;
+use crate::report::summary::{FrameSummary, Summary};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -30,6 +30,7 @@ pub(super) fn about_series(
     let mut said = copies(summary, hashes, references);
     said.extend(dropped(&summary.frames.iter().map(|frame| frame.file.as_str()).collect::<Vec<_>>()));
     said.extend(blank(summary));
+    said.extend(taken_out_of_order(&summary.frames));
     said.extend(in_noise(summary));
     let motion = Motion::of(summary);
     said.extend(motion.order(summary));
@@ -97,6 +98,49 @@ fn dropped(files: &[&str]) -> Option<String> {
          dropped shifts the loads and times of those behind it, unless these are given by a column `frame` or by time",
         files[first],
         files[first + 1]
+    ))
+}
+
+/// Frames that stand at another place of the series than the times in their files: as few as there can be.
+fn taken_out_of_order(frames: &[FrameSummary]) -> Option<String> {
+    let taken: Vec<(&FrameSummary, &str)> =
+        frames.iter().filter_map(|frame| Some((frame, frame.taken.as_deref()?))).collect();
+    // The longest way through the series on which times never fall: by its length, the place of the last frame of the one that ends
+    // earliest, and of each frame the one before it.
+    let (mut last, mut before): (Vec<usize>, Vec<Option<usize>>) = (Vec::new(), Vec::new());
+    for (at, &(_, time)) in taken.iter().enumerate() {
+        let length = last.partition_point(|&k| taken[k].1 <= time);
+        before.push(length.checked_sub(1).map(|shorter| last[shorter]));
+        match last.get_mut(length) {
+            Some(place) => *place = at,
+            None => last.push(at),
+        }
+    }
+    let mut in_order = vec![false; taken.len()];
+    let mut here = last.last().copied();
+    while let Some(at) = here {
+        in_order[at] = true;
+        here = before[at];
+    }
+    let first = in_order.iter().position(|&kept| !kept)?;
+    let out: Vec<usize> =
+        taken.iter().zip(&in_order).filter(|(_, kept)| !**kept).map(|((frame, _), _)| frame.number).collect();
+    let (frame, time) = taken[first];
+    let before = first.checked_sub(1).map(|k| taken[k]).filter(|(_, before)| *before > time);
+    let (beside, where_it_stands) = match before {
+        Some(before) => (Some(before), "before"),
+        None => (taken.get(first + 1).copied(), "behind"),
+    };
+    let beside = beside.map_or_else(String::new, |(beside, time)| {
+        format!(", and frame {}, which stands {where_it_stands} it, at {time}", beside.number)
+    });
+    let (whose, seem) = match out.as_slice() {
+        [number] => (format!("frame {number}"), "seems"),
+        _ => (format!("frames {}", ranges(&out)), "seem"),
+    };
+    Some(format!(
+        "warning: {whose} {seem} to be out of order: by the times in the files, {} was taken at {time}{beside}",
+        frame.file
     ))
 }
 
@@ -297,7 +341,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Motion, dropped};
+    use super::{Motion, dropped, taken_out_of_order};
+    use crate::report::summary::FrameSummary;
 
     #[test]
     fn a_detour_is_what_a_frame_adds_to_the_way_at_any_place() {
@@ -317,6 +362,40 @@ mod tests {
                 assert!((added - detour).abs() < 1e-13, "frame {at} at {place}: {added} and {detour}");
             }
         }
+    }
+
+    #[test]
+    fn frames_that_were_taken_at_another_time_than_they_stand_at_are_told_and_no_others() {
+        let said = |seconds: &[Option<u32>]| {
+            let frames: Vec<FrameSummary> = (1..)
+                .zip(seconds)
+                .map(|(number, second)| FrameSummary {
+                    taken: second.map(|second| format!("2024-05-01T10:11:{second:02}")),
+                    ..FrameSummary::unreadable(number, format!("{number}.tif"), String::new(), 0.0)
+                })
+                .collect();
+            taken_out_of_order(&frames)
+        };
+        let all = |seconds: &[u32]| said(&seconds.iter().map(|&second| Some(second)).collect::<Vec<_>>());
+        // Several frames of one second are in order, as are those whose files say nothing.
+        assert_eq!(all(&[1, 1, 2, 3, 3, 3, 10]), None);
+        assert_eq!(said(&[Some(4), None, Some(5), None]), None);
+        assert_eq!(all(&[]), None);
+        let late = all(&[1, 2, 9, 3, 4, 5]).unwrap();
+        assert!(
+            late.contains(" frame 3 seems ")
+                && late.contains("3.tif was taken at 2024-05-01T10:11:09, and frame 4, which stands behind"),
+            "{late}"
+        );
+        let early = said(&[Some(5), Some(6), None, Some(1), Some(7), Some(8)]).unwrap();
+        assert!(
+            early.contains(" frame 4 seems ")
+                && early.contains("and frame 2, which stands before it, at 2024-05-01T10:11:06"),
+            "{early}"
+        );
+        let two = all(&[1, 5, 3, 4, 2, 6, 7]).unwrap();
+        assert!(two.contains(" frames 2, 5 seem "), "{two}");
+        assert!(all(&[5, 4, 3, 2, 1]).unwrap().contains(" frames 1-4 seem "), "one of them can stay");
     }
 
     #[test]

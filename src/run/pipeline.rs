@@ -83,6 +83,7 @@ struct Decoded {
 struct Picture {
     image: Arc<Image>,
     sha256: String,
+    taken: Option<String>,
     notes: Vec<String>,
     /// With the generation of its correlator.
     uploaded: Option<(usize, Uploaded)>,
@@ -216,9 +217,10 @@ fn decode(
         let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
         let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
         let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
-        let loaded = loaded.map(|Loaded { image, sha256, notes, .. }| Picture {
+        let loaded = loaded.map(|Loaded { image, sha256, taken, notes, .. }| Picture {
             image: Arc::new(image),
             sha256,
+            taken,
             notes,
             uploaded: None,
         });
@@ -409,7 +411,8 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
         Err(error) => return Ok(Done::unreadable(None, number, file, chain(&error), seconds_decode)),
     };
     let begin = Instant::now();
-    let (sha256, mut notes) = (Some(picture.sha256.clone()), std::mem::take(&mut picture.notes));
+    let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
+    let mut notes = std::mem::take(&mut picture.notes);
     match worker.correlate(engine, number, source, picture) {
         Ok(Correlated { result, correlator, tracked, renewed, refused }) => {
             notes.extend(about_tracking(&result).filter(|_| tracked).map(str::to_owned));
@@ -424,6 +427,7 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
             let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
             let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
             let device = correlator.device();
+            summary.taken = taken;
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
             let summary = summary.with_saturation(saturation).with_blank(blank);
             Ok(Done { sha256, summary, result: Some(result), news, kept: None })

@@ -11,6 +11,9 @@ use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use tiff::encoder::TiffEncoder;
+use tiff::encoder::colortype::Gray8;
+use tiff::tags::Tag;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_quadrille");
 
@@ -444,6 +447,39 @@ fn frames_that_a_camera_dropped_doubled_swapped_or_tore_are_named_and_pull_no_ot
             }
         }
     }
+}
+
+/// The 8-bit image `name` with the time of the page as a TIFF file, written by another program than this one's.
+fn stamped_tiff(desk: &Desk, name: &str, image: &Image, time: &str) {
+    let grey: Vec<u8> = (0..WIDTH * HEIGHT).map(|k| image.grey(k % WIDTH, k / WIDTH) as u8).collect();
+    let mut file = TiffEncoder::new(fs::File::create(desk.path(name)).unwrap()).unwrap();
+    let mut page = file.new_image::<Gray8>(WIDTH as u32, HEIGHT as u32).unwrap();
+    page.encoder().write_tag(Tag::DateTime, time).unwrap();
+    page.write_data(&grey).unwrap();
+}
+
+#[test]
+fn frames_whose_files_say_that_they_were_taken_at_another_time_are_named() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("s")).unwrap();
+    // The specimen moves too little to tell an order by.
+    for k in 0..7 {
+        let second = if k == 4 { 2 } else { 2 * k };
+        let image = moved([0.01 * f64::from(k), 0.0]);
+        stamped_tiff(&desk, &format!("s/t_{k}.tif"), &image, &format!("2024:05:01 10:11:{second:02}"));
+    }
+    let line = "correlate --export none --element-size 8 --reference s/t_0.tif s/t_*.tif --output run";
+    desk.run(line).fine();
+    let summary = desk.json("run/summary.json");
+    let said = summary["messages"].to_string();
+    let wanted = "frame 4 seems to be out of order: by the times in the files, s/t_4.tif was taken at 2024-05-01T10:11:02, and \
+                  frame 3, which stands before it, at 2024-05-01T10:11:06";
+    assert!(said.contains(wanted), "{said}");
+    assert_eq!(summary["frames"][5]["taken"], "2024-05-01T10:11:12");
+    // In the order of its times nothing is said; nor of files that have none.
+    fs::remove_file(desk.path("s/t_4.tif")).unwrap();
+    desk.run(&format!("{line} --overwrite")).fine();
+    assert!(!desk.json("run/summary.json")["messages"].to_string().contains("out of order"));
 }
 
 #[test]

@@ -29,6 +29,7 @@ impl Values {
         let map = MmapMut::map_anon(len * size_of::<f32>()).map_err(out_of_memory)?;
         // Only a hint: without huge pages it is merely slower.
         #[cfg(target_os = "linux")]
+        #[cfg(not(miri))] // which does not know this advice
         let _ = map.advise(memmap2::Advice::HugePage);
         Ok(Self(map))
     }

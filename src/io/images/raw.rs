@@ -63,6 +63,8 @@ pub(in crate::io) struct Raw {
     /// The largest grey level that there can be.
     pub white: f32,
     pub notes: Vec<String>,
+    /// As the file says.
+    pub taken: Option<String>,
 }
 
 /// Refuses a size that cannot be meant, before anything is allocated for it.
