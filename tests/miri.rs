@@ -2,11 +2,11 @@
 //! by side, taps read by one comparison) reads and writes only what is its own. Without Miri it runs in no time.
 
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::correlate::{Correlator, Options};
-use quadrille::field::Status;
+use quadrille::backend::{Backend, GreyTransfer, KernelOptions};
+use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::linalg::{LuChoice, LuPlan, SparseMatrix, SparsePattern};
-use quadrille::mesh::{Roi, Zone};
+use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
 use std::sync::Arc;
 
 /// Waves along both axes and across, of 5 to 9 px, that have moved by `u`.
@@ -20,25 +20,33 @@ fn waves(width: usize, height: usize, u: [f64; 2]) -> Arc<Image> {
 }
 
 #[test]
-fn a_pair_of_a_few_pixels_is_correlated() {
-    // More than a strip of columns and an odd number of them; the whole image, of whose border some leaves it.
-    let (width, height) = if cfg!(miri) { (37, 17) } else { (71, 26) };
+fn passes_over_a_few_pixels_read_what_is_there() {
+    // More than a strip of columns and an odd number of them; the whole image, of whose border some leaves it. No whole correlation:
+    // the factor of its matrix is of faer, which reads memory that it has not written (numbers that it then replaces).
+    let (width, height) = (37, 17);
     let moved = [0.4, -0.3];
-    let (reference, deformed) = (waves(width, height, [0.0; 2]), waves(width, height, moved));
+    let images = [waves(width, height, [0.0; 2]), waves(width, height, moved)];
     let zone = Zone::rectangle("all", Roi { x0: 0.0, y0: 0.0, x1: width as f64, y1: height as f64 });
-    // Miri takes minutes for one of them.
-    let all = [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys];
-    for &interpolation in if cfg!(miri) { &all[..1] } else { &all[..] } {
-        let options = Options { element_size: 8, interpolation, ..Options::default() };
-        let correlator =
-            Correlator::new(CpuBackend::default(), reference.clone(), std::slice::from_ref(&zone), options).unwrap();
-        let found = correlator.correlate(deformed.clone(), None).unwrap().measurement;
-        assert_eq!(found.status, Status::Converged, "{interpolation:?}");
-        let n = found.displacement.len() as f64;
-        for (c, moved) in moved.into_iter().enumerate() {
-            let mean = found.displacement.iter().map(|u| u[c]).sum::<f64>() / n;
-            assert!((mean - moved).abs() < 0.02, "{interpolation:?}: {mean} for {moved}");
-        }
+    let mesh = PixelMesh::on_zones(std::slice::from_ref(&zone), 8, ELEMENT_SHARE, [width, height]).unwrap();
+    let backend = CpuBackend::default();
+    for interpolation in [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys] {
+        let options = KernelOptions { interpolation, grey_offset: 128.0, brightness: Brightness::Zone };
+        let [mut reference, mut deformed] =
+            images.clone().map(|image: Arc<Image>| backend.frame(image, &options).unwrap());
+        let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).unwrap();
+        let mut residual = |u: [f64; 2]| {
+            let displacement = vec![u; mesh.mesh.nodes().len()];
+            let mut field = backend.start(&level, &mut deformed, &displacement, &[GreyTransfer::NONE]).unwrap();
+            let (sums, _) = backend.observe(&level, &mut deformed, &mut field).unwrap()[0];
+            assert!(
+                backend.right_hand_side(&level, &mut deformed, &field).unwrap().iter().flatten().all(|v| v.is_finite())
+            );
+            (sums.ff - 2.0 * sums.fg + sums.gg) / sums.n
+        };
+        let (still, found) = (residual([0.0; 2]), residual(moved));
+        // Grey levels change by some 25 over half a pixel; interpolation of waves of 5 px leaves below one of them, but for the border,
+        // where the image is continued by itself.
+        assert!(still > 100.0 && found < 9.0, "{interpolation:?}: {still} at rest, {found} where it has moved");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Grey levels of an image and of its halvings, on the host.
 
 use super::GreyMap;
-use crate::imaging::{Image, Pixels};
+use crate::imaging::{Image, Levels};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -53,12 +53,12 @@ impl Pyramid {
         if self.levels[level].is_none() {
             let (width, height) = (self.image.width(), self.image.height());
             let map = match (level, self.image.pixels()) {
-                (0, Pixels::U8(p)) => convert(p, width, height, self.offset),
-                (0, Pixels::U16(p)) => convert(p, width, height, self.offset),
-                (0, Pixels::F32(p)) => convert(p, width, height, self.offset),
-                (1, Pixels::U8(p)) => halve(p, width, height, self.offset),
-                (1, Pixels::U16(p)) => halve(p, width, height, self.offset),
-                (1, Pixels::F32(p)) => halve(p, width, height, self.offset),
+                (0, Levels::U8(p)) => convert(p, width, height, self.offset),
+                (0, Levels::U16(p)) => convert(p, width, height, self.offset),
+                (0, Levels::F32(p)) => convert(p, width, height, self.offset),
+                (1, Levels::U8(p)) => halve(p, width, height, self.offset),
+                (1, Levels::U16(p)) => halve(p, width, height, self.offset),
+                (1, Levels::F32(p)) => halve(p, width, height, self.offset),
                 _ => {
                     let finer = self.level(level - 1);
                     halve(&finer.values, finer.width, finer.height, 0.0)

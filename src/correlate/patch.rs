@@ -2,7 +2,7 @@
 //! the whole image.
 
 use crate::backend::{at_pixel, taps};
-use crate::imaging::{Image, Interpolation, Pixels};
+use crate::imaging::{Image, Interpolation, Levels};
 
 /// Samples beside the piece from which its coefficients are made: poles of 0.27 and 0.43 forget what lies further to
 /// below 3e-5.
@@ -40,9 +40,9 @@ impl Patch {
                 Through::Pixel(y) if within => {
                     let at = y * image.width() + corner[0] as usize;
                     match image.pixels() {
-                        Pixels::U8(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
-                        Pixels::U16(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
-                        Pixels::F32(p) => coefficients.extend(p[at..][..width].iter().map(|&v| v - offset)),
+                        Levels::U8(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
+                        Levels::U16(p) => coefficients.extend(p[at..][..width].iter().map(|&v| f32::from(v) - offset)),
+                        Levels::F32(p) => coefficients.extend(p[at..][..width].iter().map(|&v| v - offset)),
                     }
                 }
                 Through::Pixel(y) => coefficients.extend(along(y)),
@@ -149,6 +149,7 @@ fn filter_columns(pole: f32, width: usize, values: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::imaging::Pixels;
 
     #[test]
     fn grey_levels_and_gradients_are_sums_of_cardinal_functions() {

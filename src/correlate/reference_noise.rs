@@ -1,13 +1,13 @@
 //! The noise of an image, as far as the image alone tells it.
 
-use crate::imaging::{Image, Pixels};
+use crate::imaging::{Image, Levels};
 use crate::mesh::{Mesh, Roi};
 use crate::units::Px;
 
 /// Standard deviation of the rounding to integer grey levels; none for float images.
 pub(super) fn rounding(image: &Image) -> f64 {
     match image.pixels() {
-        Pixels::F32(_) => 0.0,
+        Levels::F32(_) => 0.0,
         _ => 1.0 / 12f64.sqrt(),
     }
 }

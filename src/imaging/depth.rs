@@ -1,6 +1,6 @@
 //! How many of the bits of a file an image uses, and how many of its pixels are saturated.
 
-use super::{Image, Pixels};
+use super::{Image, Levels};
 use std::ops::AddAssign;
 
 /// Depths that cameras have.
@@ -38,10 +38,10 @@ impl GreyDepth {
     /// ```
     pub fn of(image: &Image) -> Option<Self> {
         match image.pixels() {
-            Pixels::U8(_) => Some(Self { stored: 8, used: 8, shift: 0 }),
+            Levels::U8(_) => Some(Self { stored: 8, used: 8, shift: 0 }),
             // One pass: the bits that any pixel has give the largest depth and the shift alike.
-            Pixels::U16(levels) => Some(Self::of_bits(bits_set(levels))),
-            Pixels::F32(_) => None,
+            Levels::U16(levels) => Some(Self::of_bits(bits_set(levels))),
+            Levels::F32(_) => None,
         }
     }
 
@@ -107,12 +107,12 @@ impl Saturation {
             (y0..y1.min(height)).filter(move |_| x0 < x1).map(move |y| y * width + x0..y * width + x1)
         });
         match image.pixels() {
-            Pixels::U8(levels) => {
+            Levels::U8(levels) => {
                 let mut found = Self { depth: GreyDepth { stored: 8, used: 8, shift: 0 }, black: 0, white: 0, n: 0 };
                 rows.for_each(|row| levels[row].chunks(RUN).for_each(|run| found.count(run, u8::MAX)));
                 Some(found)
             }
-            Pixels::U16(levels) => {
+            Levels::U16(levels) => {
                 let mut found = Self { depth: GreyDepth::of_bits(0), black: 0, white: 0, n: 0 };
                 let mut bits = 0;
                 for run in rows.flat_map(|row| levels[row].chunks(RUN)) {
@@ -127,7 +127,7 @@ impl Saturation {
                 }
                 Some(found)
             }
-            Pixels::F32(_) => None,
+            Levels::F32(_) => None,
         }
     }
 
@@ -185,6 +185,7 @@ fn count_ends<T: Level>(levels: &[T], highest: T) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::imaging::Pixels;
 
     #[test]
     fn the_depth_of_a_camera_is_found_from_the_bits_that_are_set() {

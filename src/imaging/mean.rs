@@ -1,6 +1,6 @@
 //! The mean of several images, and how far they have moved between them.
 
-use super::{Image, Pixels};
+use super::{Image, Levels, Pixels};
 use std::ops::Range;
 
 /// Rows that are enough to find a shift.
@@ -28,9 +28,9 @@ impl Mean {
         let fits = (image.width(), image.height()) == (self.width, self.height);
         if fits {
             match image.pixels() {
-                Pixels::U8(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
-                Pixels::U16(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
-                Pixels::F32(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
+                Levels::U8(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
+                Levels::U16(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
+                Levels::F32(levels) => self.sum.iter_mut().zip(levels).for_each(|(sum, &v)| *sum += f64::from(v)),
             }
             self.n += 1;
         }
@@ -54,7 +54,7 @@ impl Mean {
     /// let image = |levels: [u8; 2]| Image::new(2, 1, Pixels::U8(levels.into())).unwrap();
     /// let mut mean = Mean::new(&image([10, 20]));
     /// assert!(mean.add(&image([11, 24])));
-    /// assert_eq!(*mean.image().pixels(), Pixels::F32(vec![10.5, 22.0]));
+    /// assert_eq!(mean.image().pixels(), Pixels::F32(vec![10.5, 22.0]));
     /// ```
     pub fn image(self) -> Image {
         let n = self.n as f64;
@@ -68,9 +68,9 @@ impl Mean {
 /// Grey levels of some pixels, row by row.
 fn greys(image: &Image, pixels: Range<usize>) -> Vec<f32> {
     match image.pixels() {
-        Pixels::U8(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
-        Pixels::U16(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
-        Pixels::F32(levels) => levels[pixels].to_vec(),
+        Levels::U8(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
+        Levels::U16(levels) => levels[pixels].iter().map(|&v| v.into()).collect(),
+        Levels::F32(levels) => levels[pixels].to_vec(),
     }
 }
 
@@ -131,6 +131,6 @@ mod tests {
         let image = Image::new(1, 1, Pixels::F32(vec![f32::MAX])).unwrap();
         let mut mean = Mean::new(&image);
         assert!((0..3).all(|_| mean.add(&image)));
-        assert_eq!(*mean.image().pixels(), *image.pixels());
+        assert_eq!(mean.image().pixels(), image.pixels());
     }
 }

@@ -9,7 +9,7 @@ mod specimen;
 
 pub use blank::{Blank, FlatBlocks};
 pub use depth::{GreyDepth, Saturation};
-pub use image::{Image, ImageError, Pixels};
+pub use image::{Image, ImageError, Levels, Pixels, SharedPixels};
 pub use interpolation::Interpolation;
 pub use mean::{Mean, small_shift};
 pub use specimen::{LeftOut, Specimen, SpecimenPart};

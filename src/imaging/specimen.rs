@@ -1,6 +1,6 @@
 //! Where in an image the specimen is: what carries texture, is not clipped, and hangs together.
 
-use super::{GreyDepth, Image, Pixels};
+use super::{GreyDepth, Image, Levels};
 use rayon::prelude::*;
 
 /// Side of the cells in which texture is looked at, px.
@@ -134,7 +134,7 @@ impl Specimen {
 /// Noise that no image is without, grey levels: that of rounding, or what floats of this range could hardly show.
 fn floor_of(image: &Image) -> f32 {
     match image.pixels() {
-        Pixels::F32(_) => {
+        Levels::F32(_) => {
             let (low, high) = image.range();
             1e-4 * (high - low)
         }
@@ -309,9 +309,9 @@ fn line(image: &Image, y: usize) -> Vec<f32> {
     let mut line = Vec::with_capacity(width + 4);
     line.extend([0.0; 2]);
     match image.pixels() {
-        Pixels::U8(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
-        Pixels::U16(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
-        Pixels::F32(levels) => line.extend_from_slice(&levels[row]),
+        Levels::U8(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
+        Levels::U16(levels) => line.extend(levels[row].iter().map(|&v| f32::from(v))),
+        Levels::F32(levels) => line.extend_from_slice(&levels[row]),
     }
     let (first, last) = (line[2], line[width + 1]);
     line[..2].fill(first);

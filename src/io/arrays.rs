@@ -67,6 +67,7 @@ impl Values {
     }
 
     /// Their bytes, the lowest first, in the order `order` of their places.
+    #[expect(clippy::indexing_slicing, reason = "written by the program, in an order of its own places")]
     pub(super) fn bytes(&self, order: impl Iterator<Item = usize>) -> Vec<u8> {
         match self {
             Values::F64(values) => order.flat_map(|k| values[k].to_le_bytes()).collect(),

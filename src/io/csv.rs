@@ -111,6 +111,10 @@ pub struct DisplacementRow {
 ///
 /// # Errors
 /// Those of `out`.
+#[expect(
+    clippy::indexing_slicing,
+    reason = "written by the program: a measurement has one value for each node of its mesh"
+)]
 pub fn write_displacements<W: Write>(
     mut out: W,
     header: &[String],

@@ -381,7 +381,7 @@ impl Format {
 
 /// The first bytes as text, or as numbers when they are no text.
 pub(super) fn beginning(bytes: &[u8]) -> String {
-    let head = &bytes[..bytes.len().min(16)];
+    let head = bytes.get(..16).unwrap_or(bytes);
     if head.iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace()) {
         return format!("the text \"{}\"", head.escape_ascii());
     }

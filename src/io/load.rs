@@ -115,7 +115,7 @@ fn text_of(path: &Path) -> Result<String, LoadError> {
     })?;
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
-        let line = 1 + error.as_bytes()[..valid].iter().filter(|&&b| b == b'\n').count();
+        let line = 1 + error.as_bytes().iter().take(valid).filter(|&&b| b == b'\n').count();
         LoadError::NotText { path: path.to_owned(), line }
     })
 }
@@ -174,8 +174,9 @@ pub fn parse_load(text: &str, path: &Path, n_frames: usize) -> Result<LoadTable,
     let columns = table.columns.iter().enumerate().map(|(k, name)| {
         let mut of_frames = vec![None; n_frames];
         for (frame, row) in frames.iter().zip(&values) {
-            if let Some(cell) = frame.checked_sub(1) {
-                of_frames[cell] = row[k];
+            let cell = frame.checked_sub(1).and_then(|at| of_frames.get_mut(at));
+            if let (Some(cell), Some(value)) = (cell, row.get(k)) {
+                *cell = *value;
             }
         }
         LoadColumn { name: name.clone(), values: of_frames }

@@ -1,7 +1,7 @@
 //! Masks: images whose white pixels say where to measure.
 
 use super::images::{Accepted, ReadError, read_accepted};
-use crate::imaging::Pixels;
+use crate::imaging::Levels;
 use crate::mesh::Mask;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -99,9 +99,9 @@ pub fn read_mask(path: &Path, width: usize, height: usize) -> Result<LoadedMask,
     let limit = loaded.white / 2.0;
     let levels = |keep: &dyn Fn(f32) -> bool| -> Vec<bool> {
         match image.pixels() {
-            Pixels::U8(levels) => levels.iter().map(|&v| keep(v.into())).collect(),
-            Pixels::U16(levels) => levels.iter().map(|&v| keep(v.into())).collect(),
-            Pixels::F32(levels) => levels.iter().map(|&v| keep(v)).collect(),
+            Levels::U8(levels) => levels.iter().map(|&v| keep(v.into())).collect(),
+            Levels::U16(levels) => levels.iter().map(|&v| keep(v.into())).collect(),
+            Levels::F32(levels) => levels.iter().map(|&v| keep(v)).collect(),
         }
     };
     let bits = levels(&|v| v > limit);

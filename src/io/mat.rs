@@ -3,6 +3,8 @@
 //! The format is that of MathWorks' "MAT-File Format", chapter 1: a header of 128 bytes, then one element for
 //! each variable, made of a tag (type, bytes) and data padded to 8 bytes. Numbers stand column by column.
 
+#![expect(clippy::indexing_slicing, reason = "writes: pads to eight bytes, and a tag is of eight")]
+
 use super::arrays::{ArrayFile, ArrayFileError, Number, Open, Shape, Values};
 use std::io::Write;
 

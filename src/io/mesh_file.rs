@@ -334,6 +334,7 @@ impl Parsed {
             ZoneElements { name, nodes: zone.nodes, elements: zone.elements }
         };
         let zones = zones.into_iter().map(named).collect();
+        #[expect(clippy::indexing_slicing, reason = "places were found in this list of nodes")]
         let curve = |(name, places): (&String, &BTreeSet<usize>)| {
             let at = |&place: &usize| [self.nodes[place].at[0], self.nodes[place].at[1]];
             NamedCurve { name: name.clone(), nodes: places.iter().map(at).collect() }
@@ -346,7 +347,7 @@ impl Parsed {
     fn check_positions(&self) -> Result<(), MeshFileFault> {
         let mut first: Option<FileNode> = None;
         for &place in self.elements.iter().flat_map(|element| &element.nodes) {
-            let node = self.nodes[place];
+            let Some(&node) = self.nodes.get(place) else { continue };
             let [x, y, z] = node.at;
             if !(x.is_finite() && y.is_finite()) {
                 return Err(MeshFileFault::NotFinite { node: node.number, x, y });
@@ -373,6 +374,7 @@ struct Builder {
 
 impl Builder {
     fn add(&mut self, element: &FileElement, nodes: &[FileNode]) {
+        #[expect(clippy::indexing_slicing, reason = "the caller has looked every node up")]
         let number = |place: usize| {
             *self.local.entry(place).or_insert_with(|| {
                 let [x, y, _] = nodes[place].at;

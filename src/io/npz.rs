@@ -143,7 +143,11 @@ pub fn read_npz(from: impl Read + Seek) -> io::Result<BTreeMap<String, Values>> 
 /// Refuses a `.npy` file that claims a header longer than itself, for which the reader would make room.
 fn within(npy: &[u8]) -> io::Result<()> {
     // Behind the magic word and the version stands the length, from version 2 on in four bytes.
-    let header = npy.get(8..12).filter(|_| npy[6] >= 2).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
+    let header = npy
+        .get(8..12)
+        .filter(|_| npy.get(6).is_some_and(|&version| version >= 2))
+        .and_then(|n| n.try_into().ok())
+        .map(u32::from_le_bytes);
     if header.is_some_and(|length| length as usize > npy.len()) {
         return Err(io::Error::new(io::ErrorKind::InvalidData, "the header of an array is longer than its file"));
     }

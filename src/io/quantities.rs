@@ -1,5 +1,10 @@
 //! Quantities of a series as tables: long, a row for each frame and place.
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "writes the tables of a run: its points, lines and cracks are counted by the case, and what was drawn of a frame has as many"
+)]
+
 use super::load::LoadTable;
 use crate::field::{
     CrackLine, CrackTip, Curve, ElementMark, FrameQuantities, Jump, Measurement, NodalNoise, OPEN_BY_SIGMA,

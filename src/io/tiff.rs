@@ -64,11 +64,11 @@ impl PageList {
 
     /// The pages that are images of their own: no thumbnails and no masks of another page.
     pub(super) fn images(&self, bytes: &[u8]) -> Vec<usize> {
-        let whole = |&page: &usize| {
-            let directory = Directory::read(self.file, bytes, self.offsets[page]);
+        let whole = |&(_, &offset): &(usize, &usize)| {
+            let directory = Directory::read(self.file, bytes, offset);
             directory.map_or(0, |directory| directory.value(bytes, SUBFILE).unwrap_or(0)) & 0b101 == 0
         };
-        (0..self.len()).filter(whole).collect()
+        self.offsets.iter().enumerate().filter(whole).map(|(page, _)| page).collect()
     }
 
     /// Decodes page `page` of the file `bytes`, which are edited and put right again.
@@ -79,10 +79,12 @@ impl PageList {
         };
         let directory = Directory::read(self.file, bytes, offset)?;
         let entries = offset..directory.next.min(bytes.len());
-        let kept = bytes[entries.clone()].to_vec();
+        let kept = bytes.get(entries.clone()).unwrap_or_default().to_vec();
         let taken = taken::taken(&directory, bytes);
         let decoded = directory.decode(bytes, accepted);
-        bytes[entries].copy_from_slice(&kept);
+        if let Some(entries) = bytes.get_mut(entries) {
+            entries.copy_from_slice(&kept);
+        }
         let mut raw = Raw { taken, ..decoded? };
         if !self.complete {
             raw.notes.push(format!("the list of pages breaks off after page {}", pages - 1));
@@ -101,7 +103,7 @@ struct ByteLayout {
 impl ByteLayout {
     fn of(bytes: &[u8]) -> Result<Self, ImageFault> {
         let magic = bytes.get(..4).ok_or_else(|| ImageFault::Truncated("the header is not complete".into()))?;
-        let file = ByteLayout { little: magic[0] == b'I', big: magic.contains(&b'+') };
+        let file = ByteLayout { little: magic.starts_with(b"I"), big: magic.contains(&b'+') };
         // BigTIFF says its offset size, which is always 8, and a zero.
         if file.big && (file.number(bytes, 4, 2), file.number(bytes, 6, 2)) != (Some(8), Some(0)) {
             return Err(ImageFault::Corrupt("the BigTIFF header is not valid".into()));
@@ -119,7 +121,7 @@ impl ByteLayout {
     /// Writes `value` in `size` bytes at `at`; nothing beyond the end of the file.
     fn set(self, bytes: &mut [u8], at: usize, size: usize, value: u64) {
         let Some(field) = at.checked_add(size).and_then(|end| bytes.get_mut(at..end)) else { return };
-        field.copy_from_slice(&value.to_le_bytes()[..size]);
+        field.iter_mut().zip(value.to_le_bytes()).for_each(|(byte, value)| *byte = value);
         if !self.little {
             field.reverse();
         }
@@ -231,8 +233,7 @@ impl Directory {
     fn text<'a>(&self, bytes: &'a [u8], tag: u16) -> Option<&'a str> {
         let Field { at, size, count, .. } = self.field(tag)?;
         let field = bytes.get(at..at.checked_add(count.checked_mul(size)?)?)?;
-        let end = field.iter().position(|&byte| byte == 0).unwrap_or(field.len());
-        std::str::from_utf8(&field[..end]).ok()
+        field.split(|&byte| byte == 0).next().and_then(|text| std::str::from_utf8(text).ok())
     }
 
     /// Replaces each number of `tag`, when the page has it.
@@ -437,6 +438,7 @@ impl Storage {
     }
 
     /// The rows of the image, plane by plane, from tiles above each other.
+    #[expect(clippy::indexing_slicing, reason = "all rows of all tiles are there: `decode` has compared their number")]
     fn join<T: Copy>(&self, stored: &[T]) -> Vec<T> {
         let (tile_width, tile_height) = self.tile.unwrap_or((self.width, self.height));
         let (n, planes) = if self.planar { (1, self.samples) } else { (self.samples, 1) };

@@ -72,6 +72,7 @@ pub fn write_vtu<W: Write>(
     let measured: Vec<u8> = measured().map(u8::from).collect();
     // Of every frame, or ParaView would lose the array along a series.
     let hidden: Vec<u8> = measured.iter().map(|&measured| if measured == 1 { 0 } else { HIDDEN_POINT }).collect();
+    #[expect(clippy::indexing_slicing, reason = "written by the program: the nodes of its own mesh")]
     let is_whole = |nodes: &[u32; 4]| nodes.iter().all(|&node| measured[node as usize] == 1);
     let hidden_cells: Vec<u8> =
         mesh.elements().iter().map(|nodes| if is_whole(nodes) { 0 } else { HIDDEN_CELL }).collect();

@@ -9,7 +9,7 @@ use super::{MetrologyError, Still, grey_levels};
 use crate::backend::cpu::CpuBackend;
 use crate::correlate::{Correlator, Options as CorrelateOptions, assumed_noise};
 use crate::field::Status;
-use crate::imaging::{Image, Interpolation, Pixels};
+use crate::imaging::{Image, Interpolation, Levels};
 use crate::mesh::shape_functions;
 use serde::Serialize;
 use std::sync::Arc;
@@ -198,7 +198,7 @@ pub(super) fn noise(
 /// Noise of the rounding to whole grey levels; a trace for floats, since no image is without any.
 fn rounding(image: &Image) -> f64 {
     match image.pixels() {
-        Pixels::F32(_) => 1e-6 * f64::from(image.range().1 - image.range().0),
+        Levels::F32(_) => 1e-6 * f64::from(image.range().1 - image.range().0),
         _ => 1.0 / 12f64.sqrt(),
     }
 }

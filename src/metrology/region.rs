@@ -2,7 +2,7 @@
 
 use super::MetrologyError;
 use super::wave::FADE;
-use crate::imaging::{Image, Pixels};
+use crate::imaging::{Image, Levels, Pixels};
 use crate::mesh::{Roi, Zone};
 use std::sync::Arc;
 
@@ -107,9 +107,9 @@ impl Region {
         let [width, height] = self.size;
         let rows = (self.corner[1]..).take(height).map(|y| y * image.width() + self.corner[0]);
         let pixels = match image.pixels() {
-            Pixels::U8(p) => Pixels::U8(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
-            Pixels::U16(p) => Pixels::U16(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
-            Pixels::F32(p) => Pixels::F32(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
+            Levels::U8(p) => Pixels::U8(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
+            Levels::U16(p) => Pixels::U16(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
+            Levels::F32(p) => Pixels::F32(rows.flat_map(|at| &p[at..at + width]).copied().collect()),
         };
         // A part of an image is an image: its length fits and its grey levels are finite.
         Arc::new(Image::new(width, height, pixels).expect("a part of an image"))

@@ -2,7 +2,7 @@
 
 use super::grey_levels;
 use super::region::Region;
-use crate::imaging::{Image, Interpolation, Pixels};
+use crate::imaging::{Image, Interpolation, Levels};
 use serde::Serialize;
 
 /// Texture of the zone.
@@ -46,10 +46,10 @@ impl TextureFigures {
         let of_noise = noise * noise * Interpolation::Cubic.gradient_noise_gain();
         let percentiles_grey = Self::percentiles(&sorted);
         let full = match image.pixels() {
-            Pixels::U8(_) => Some(255.0),
+            Levels::U8(_) => Some(255.0),
             // Camera data of 10 to 14 bits are often stored in 16.
-            Pixels::U16(_) if sorted.last().is_some_and(|&v| v > 32767.0) => Some(65535.0),
-            Pixels::U16(_) | Pixels::F32(_) => None,
+            Levels::U16(_) if sorted.last().is_some_and(|&v| v > 32767.0) => Some(65535.0),
+            Levels::U16(_) | Levels::F32(_) => None,
         };
         let mean = sorted.iter().map(|&v| f64::from(v)).sum::<f64>() / sorted.len() as f64;
         let squares = sorted.iter().map(|&v| (f64::from(v) - mean).powi(2)).sum::<f64>();

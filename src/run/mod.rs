@@ -77,9 +77,12 @@ pub use watching::{Watching, watch};
 #[doc(hidden)]
 pub use restart::is_of_a_restart;
 
-pub(crate) use error::shell_word;
-pub(crate) use folder::{About, FIGURES, frame_in_words, locks_in};
-pub(crate) use lock::{Holder, holders};
-pub(crate) use page::read_json;
-pub(crate) use record::Record;
-pub(crate) use restart::all_frames;
+#[cfg(feature = "cli")]
+pub(crate) use self::{
+    error::shell_word,
+    folder::{About, FIGURES, frame_in_words, locks_in},
+    lock::{Holder, holders},
+    page::read_json,
+    record::Record,
+    restart::all_frames,
+};

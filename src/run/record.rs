@@ -28,6 +28,7 @@ impl Record {
     ///
     /// By name: a section `[[zone]]` with a mesh file is as many zones as the file has groups. They are named by the
     /// file, behind the name of the section when it has one.
+    #[cfg(feature = "cli")]
     pub fn guards_px(&self, names: &[String]) -> Vec<f64> {
         let sections: Vec<&Value> = self.0.get("zone").and_then(Value::as_array).into_iter().flatten().collect();
         let text = |section: &Value, key: &str| section.get(key).and_then(Value::as_str).map(str::to_owned);

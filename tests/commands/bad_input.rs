@@ -19,7 +19,7 @@ fn constant(grey: u8) -> Image {
 /// A float TIFF file with `value` in the pixel (5, 7); an [`Image`] would refuse NaN.
 fn float_file_with(desk: &Desk, name: &str, value: f32) {
     let image = speckle(&Translation([0.25, -0.25]), Depth::F32);
-    let Pixels::F32(mut levels) = image.pixels().clone() else { panic!("a float image") };
+    let Pixels::F32(mut levels) = image.clone().into_pixels() else { panic!("a float image") };
     let mark = 12345.678_f32;
     levels[7 * WIDTH + 5] = mark;
     desk.image(name, &Image::new(WIDTH, HEIGHT, Pixels::F32(levels)).unwrap());

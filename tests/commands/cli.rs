@@ -412,7 +412,7 @@ fn the_page_that_is_asked_for_is_read_and_further_pages_are_mentioned() {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let mut encoder = tiff::encoder::TiffEncoder::new(&mut bytes).unwrap();
         for shift in shifts {
-            let Pixels::U8(levels) = moved([shift, 0.0]).pixels().clone() else { panic!("8 bit") };
+            let Pixels::U8(levels) = moved([shift, 0.0]).into_pixels() else { panic!("8 bit") };
             encoder.write_image::<tiff::encoder::colortype::Gray8>(WIDTH as u32, HEIGHT as u32, &levels).unwrap();
         }
         desk.write(name, bytes.into_inner());

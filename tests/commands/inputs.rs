@@ -4,7 +4,7 @@
 
 use crate::program;
 use program::{Desk, HEIGHT, INSIDE, Ran, WIDTH, assert_moved, moved, speckle};
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::{Image, Levels, Pixels};
 use quadrille::io::csv::DisplacementRow;
 use quadrille::io::mask::{MaskError, read_mask};
 use quadrille::synth::{Depth, RenderOptions, Texture, Translation, render};
@@ -42,7 +42,7 @@ fn stack(images: &[Image]) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
     for image in images {
-        let Pixels::U8(levels) = image.pixels() else { panic!("8 bit") };
+        let Levels::U8(levels) = image.pixels() else { panic!("8 bit") };
         encoder.write_image::<Gray8>(image.width() as u32, image.height() as u32, levels).unwrap();
     }
     bytes.into_inner()
@@ -455,7 +455,7 @@ fn the_bits_that_are_used_are_said() {
     let desk = Desk::new();
     // 16 bit renderings are 257 times the grey level of 255: brought to 12 bits, at either end of the 16.
     let twelve = |u: [f64; 2], shift: u32| {
-        let Pixels::U16(levels) = speckle(&Translation(u), Depth::U16).pixels().clone() else { panic!("16 bit") };
+        let Pixels::U16(levels) = speckle(&Translation(u), Depth::U16).into_pixels() else { panic!("16 bit") };
         Image::new(WIDTH, HEIGHT, Pixels::U16(levels.iter().map(|v| (v >> 4) << shift).collect())).unwrap()
     };
     for (shift, said) in [
@@ -479,7 +479,7 @@ fn the_share_of_saturated_pixels_is_counted_in_the_zones_and_said_when_it_is_muc
     let desk = Desk::new();
     // Everything brighter than 180 is lost; outside the zone all is black.
     let clipped = |u: [f64; 2], limit: u8| {
-        let Pixels::U8(levels) = moved(u).pixels().clone() else { panic!("8 bit") };
+        let Pixels::U8(levels) = moved(u).into_pixels() else { panic!("8 bit") };
         image_of(|x, y| match levels[y * WIDTH + x] {
             _ if !(8..120).contains(&x) => 0,
             v if v >= limit => 255,
@@ -491,7 +491,7 @@ fn the_share_of_saturated_pixels_is_counted_in_the_zones_and_said_when_it_is_muc
     let ran = desk.correlate(&format!("{INSIDE} --output out ref.png a.png"));
     let percent = |value: &Value| value["saturated_percent"].as_f64().unwrap();
     assert!(percent(&desk.json("out/summary.json")["reference"]) < 1.0, "{ran}");
-    let Pixels::U8(levels) = clipped([0.25, -0.25], 180).pixels().clone() else { panic!("8 bit") };
+    let Pixels::U8(levels) = clipped([0.25, -0.25], 180).into_pixels() else { panic!("8 bit") };
     let inside = (16..80).flat_map(|y| (16..112).map(move |x| y * WIDTH + x));
     let white = inside.filter(|&at| levels[at] == 255).count() as f64;
     let wanted = 100.0 * white / (96.0 * 64.0);

@@ -12,7 +12,7 @@ use quadrille::correlate::{
     Correlate, Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
 };
 use quadrille::field::{Brightness, StartFrom, Status};
-use quadrille::imaging::{Image, Interpolation, Pixels};
+use quadrille::imaging::{Image, Interpolation, Levels, Pixels};
 use quadrille::io::images::read_image;
 use quadrille::linalg::SolverChoice;
 use quadrille::mesh::{Guard, Mask, Zone};
@@ -98,9 +98,9 @@ fn assert_few_words(what: &str, found: &Correlation, image: &Image) {
     assert!(traffic.bytes_down <= 20 * nodes + 64 * iterations, "{what}: {traffic:?}, {nodes} nodes");
     let pixels = image.width() * image.height();
     let bytes = match image.pixels() {
-        Pixels::U8(_) => pixels,
-        Pixels::U16(_) => 2 * pixels,
-        Pixels::F32(_) => 4 * pixels,
+        Levels::U8(_) => pixels,
+        Levels::U16(_) => 2 * pixels,
+        Levels::F32(_) => 4 * pixels,
     };
     // The image once, in its own depth; starts of 16 bytes per node.
     assert!((bytes..=bytes + 64 * nodes + 4096).contains(&traffic.bytes_up), "{what}: {traffic:?}");
@@ -315,9 +315,9 @@ fn part(image: &Image, (x0, y0): (usize, usize), width: usize, height: usize) ->
     }
     let (stride, at) = (image.width(), (x0, y0));
     let pixels = match image.pixels() {
-        Pixels::U8(p) => Pixels::U8(of(p, stride, at, width, height)),
-        Pixels::U16(p) => Pixels::U16(of(p, stride, at, width, height)),
-        Pixels::F32(p) => Pixels::F32(of(p, stride, at, width, height)),
+        Levels::U8(p) => Pixels::U8(of(p, stride, at, width, height)),
+        Levels::U16(p) => Pixels::U16(of(p, stride, at, width, height)),
+        Levels::F32(p) => Pixels::F32(of(p, stride, at, width, height)),
     };
     Arc::new(Image::new(width, height, pixels).unwrap())
 }

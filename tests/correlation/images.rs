@@ -7,7 +7,7 @@ use image::codecs::png::PngEncoder;
 use image::codecs::pnm::{PnmEncoder, PnmSubtype, SampleEncoding};
 use image::{ExtendedColorType, ImageEncoder};
 use proptest::prelude::*;
-use quadrille::imaging::{Image, ImageError, Pixels};
+use quadrille::imaging::{Image, ImageError, Levels, Pixels};
 use quadrille::io::images::{Loaded, ReadError, WriteError, read_image, write_image};
 use quadrille::io::series::{SeriesError, expand_series};
 use std::io::Cursor;
@@ -49,7 +49,7 @@ fn read(name: &str, content: &[u8]) -> Loaded {
 fn assert_reads(name: &str, content: &[u8], want: &Pixels) -> Vec<String> {
     let loaded = read(name, content);
     assert_eq!((loaded.image.width(), loaded.image.height()), (WIDTH, HEIGHT), "{name}");
-    assert_eq!(loaded.image.pixels(), want, "{name}");
+    assert_eq!(loaded.image.pixels(), *want, "{name}");
     loaded.notes
 }
 
@@ -246,8 +246,8 @@ fn big_tiff_is_read() {
     encoder.write_image::<colortype::Gray16>(WIDTH as u32, HEIGHT as u32, &levels).unwrap();
     encoder.write_image::<colortype::Gray8>(WIDTH as u32, HEIGHT as u32, &bytes_of(&levels)).unwrap();
     let file = file.into_inner();
-    assert_eq!(*read("big.tif", &file).image.pixels(), Pixels::U16(levels.clone()));
-    assert_eq!(*read_page("big.tif", &file, 1).unwrap().image.pixels(), Pixels::U8(bytes_of(&levels)));
+    assert_eq!(read("big.tif", &file).image.pixels(), Pixels::U16(levels.clone()));
+    assert_eq!(read_page("big.tif", &file, 1).unwrap().image.pixels(), Pixels::U8(bytes_of(&levels)));
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn a_tag_of_a_big_tiff_whose_numbers_lie_beyond_any_file_does_no_harm() {
     let file = [head, (entries.len() as u64).to_le_bytes().to_vec(), entries.concat(), vec![0; 8]].concat();
     // The decoder may refuse the tag; what it may not do is write at the address.
     if let Ok(loaded) = read_page("far.tif", &file, 0) {
-        assert_eq!(*loaded.image.pixels(), Pixels::U8(vec![7, 9]));
+        assert_eq!(loaded.image.pixels(), Pixels::U8(vec![7, 9]));
     }
 }
 
@@ -509,7 +509,7 @@ fn bmp_and_jpeg_are_read() {
     let mut file = Vec::new();
     JpegEncoder::new_with_quality(&mut file, 100).encode(&smooth, w, h, ExtendedColorType::L8).unwrap();
     let loaded = read("grey.jpg", &file);
-    assert!(matches!(loaded.image.pixels(), Pixels::U8(_)) && loaded.notes.is_empty());
+    assert!(matches!(loaded.image.pixels(), Levels::U8(_)) && loaded.notes.is_empty());
     for (i, &want) in smooth.iter().enumerate() {
         // At quality 100 the coefficients are rounded to whole numbers: about a grey level.
         assert!((loaded.image.grey(i % WIDTH, i / WIDTH) - f32::from(want)).abs() <= 2.0, "pixel {i}");
@@ -568,7 +568,7 @@ fn a_page_of_several_is_chosen() {
     let file = tiff_file(false, &[page(0), page(1), page(2)]);
     for k in 0..3 {
         let loaded = read_page("pages.tif", &file, usize::from(k)).unwrap();
-        assert_eq!(*loaded.image.pixels(), Pixels::U8(bytes.iter().map(|v| v ^ k).collect()));
+        assert_eq!(loaded.image.pixels(), Pixels::U8(bytes.iter().map(|v| v ^ k).collect()));
         assert_eq!(loaded.pages, 3);
         assert_notes(&loaded.notes, &[&format!("3 pages: page {k} is read; --page chooses another")]);
     }
@@ -732,7 +732,7 @@ fn what_is_written_is_read_again() {
         for name in ["a b.tif", "a.TIFF", "a.png"] {
             let path = folder.path().join(name);
             let written = write_image(&path, &image);
-            if name == "a.png" && matches!(image.pixels(), Pixels::F32(_)) {
+            if name == "a.png" && matches!(image.pixels(), Levels::F32(_)) {
                 assert!(matches!(written, Err(WriteError::FloatPng { .. })));
                 continue;
             }

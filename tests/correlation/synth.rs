@@ -1,6 +1,6 @@
 //! The synthetic images: what they claim about texture, motion and noise is checked here.
 
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::{Image, Levels};
 use quadrille::synth::{
     Accuracy, Affine, Depth, Motion, Peel, RenderOptions, Rotation, Series, Sinusoids, Star, SynthError, Texture,
     Translation, exact_at, inverse_at, render,
@@ -240,7 +240,7 @@ fn two_by_two_points_integrate_a_pixel_to_a_hundredth_of_a_grey_level() {
 fn depths_are_the_same_image_on_two_scales() {
     let at = |depth| picture(&Accuracy::new(80, 60), &RenderOptions { depth, ..RenderOptions::new(80, 60) });
     let (bytes, words, floats) = (at(Depth::U8), at(Depth::U16), at(Depth::F32));
-    let (Pixels::U8(bytes), Pixels::U16(words), Pixels::F32(floats)) =
+    let (Levels::U8(bytes), Levels::U16(words), Levels::F32(floats)) =
         (bytes.pixels(), words.pixels(), floats.pixels())
     else {
         panic!("a depth was not kept");

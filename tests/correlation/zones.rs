@@ -6,7 +6,7 @@ use crate::program;
 use common::{data, drawn, prepared, zone};
 use program::Desk;
 use quadrille::correlate::Options;
-use quadrille::imaging::{Image, Pixels, Specimen};
+use quadrille::imaging::{Image, Levels, Pixels, Specimen};
 use quadrille::io::csv::NodeValues;
 use quadrille::io::images::read_image;
 use quadrille::mesh::{Guard, Zone};
@@ -169,7 +169,7 @@ fn noise_stripes_and_one_grey_level_are_no_specimen() {
 #[test]
 fn the_zone_does_not_depend_on_threads_depth_or_scale_of_grey() {
     let image = strip_with_a_hole([0.0; 2], 2);
-    let Pixels::U8(levels) = image.pixels() else { panic!("8 bit") };
+    let Levels::U8(levels) = image.pixels() else { panic!("8 bit") };
     let found = Specimen::find(&image, 16, 8);
     for threads in [1, 3, 8] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -17,7 +17,7 @@ use crate::backend::{
     KernelOptions, LOST_SHARE, PixelSums, Place, Step,
 };
 use crate::field::Brightness;
-use crate::imaging::{Image, Interpolation, Pixels};
+use crate::imaging::{Image, Interpolation, Levels};
 use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{ElementPixels, Mesh, PixelMesh};
@@ -81,9 +81,9 @@ impl CpuFrame {
                 let image = &self.grey.image;
                 let (width, height) = (image.width(), image.height());
                 match image.pixels() {
-                    Pixels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
-                    Pixels::U16(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
-                    Pixels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+                    Levels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+                    Levels::U16(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+                    Levels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
                 }
             } else {
                 let grey = self.grey.level(level);
@@ -312,9 +312,9 @@ impl Backend for CpuBackend {
             let image = &frame.grey.image;
             let (width, height, offset) = (image.width(), image.height(), options.grey_offset);
             match image.pixels() {
-                Pixels::U8(p) => plane::plane_of(&self.pool, p, width, height, offset),
-                Pixels::U16(p) => plane::plane_of(&self.pool, p, width, height, offset),
-                Pixels::F32(p) => plane::plane_of(&self.pool, p, width, height, offset),
+                Levels::U8(p) => plane::plane_of(&self.pool, p, width, height, offset),
+                Levels::U16(p) => plane::plane_of(&self.pool, p, width, height, offset),
+                Levels::F32(p) => plane::plane_of(&self.pool, p, width, height, offset),
             }
         } else {
             let grey = frame.grey.level(level);

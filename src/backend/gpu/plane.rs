@@ -6,7 +6,7 @@ use super::shader::Kernel;
 use crate::backend::pyramid::Pyramid;
 use crate::backend::spline::{at_pixel, causal_start};
 use crate::backend::{BackendError, KernelOptions, Traffic};
-use crate::imaging::{Image, Interpolation, Pixels};
+use crate::imaging::{Image, Interpolation, Levels};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -140,9 +140,9 @@ impl GpuFrame {
         let image = self.host.image.clone();
         let (width, height) = (image.width(), image.height());
         let (bytes, depth): (&[u8], usize) = match image.pixels() {
-            Pixels::U8(p) => (p, 1),
-            Pixels::U16(p) => (bytemuck::cast_slice(p), 2),
-            Pixels::F32(p) => (bytemuck::cast_slice(p), 4),
+            Levels::U8(p) => (p, 1),
+            Levels::U16(p) => (bytemuck::cast_slice(p), 2),
+            Levels::F32(p) => (bytemuck::cast_slice(p), 4),
         };
         let raw = gpu.storage(bytes.len() as u64, &format!("an image of {width} x {height} px"))?;
         self.traffic.bytes_up += gpu.write(&raw, bytes);
@@ -370,6 +370,7 @@ mod tests {
     use super::super::{GpuBackend, GpuOptions, adapters};
     use super::*;
     use crate::field::Brightness;
+    use crate::imaging::Pixels;
     use std::io::Write;
 
     /// A device; none, which is said, where there is no driver.

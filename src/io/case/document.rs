@@ -284,7 +284,7 @@ pub fn read_document(path: &Path) -> Result<CaseDocument, CaseError> {
     match std::str::from_utf8(&bytes) {
         Ok(text) => CaseDocument::parse(text, path),
         Err(error) => {
-            let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+            let line = 1 + bytes.iter().take(error.valid_up_to()).filter(|&&b| b == b'\n').count();
             Err(CaseError::NotText { path: path.to_owned(), line })
         }
     }

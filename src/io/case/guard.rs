@@ -79,11 +79,11 @@ impl<'de> Deserialize<'de> for CaseGuard {
                         }
                         _ => n_sides += 1,
                     }
-                    let side = SIDES.iter().position(|side| *side == key);
-                    let side = side.ok_or_else(|| {
+                    let width = widths.iter_mut().zip(SIDES).find(|(_, side)| *side == key);
+                    let (width, _) = width.ok_or_else(|| {
                         de::Error::custom(format!("unknown side `{key}`, expected left, top, right or bottom"))
                     })?;
-                    widths[side] = map.next_value()?;
+                    *width = map.next_value()?;
                 }
                 match (along, width, n_sides) {
                     (None, None, _) => {}

@@ -1,5 +1,7 @@
 //! The JSON schema of case files, and the reference of their keys made from it.
 
+#![expect(clippy::indexing_slicing, reason = "the schema is made by the program of its own types; a test writes it")]
+
 use super::document::{Reader, sections};
 use super::{Case, STD};
 use schemars::generate::SchemaSettings;

@@ -1,6 +1,6 @@
 //! Images written as TIFF or PNG.
 
-use crate::imaging::{Image, Pixels};
+use crate::imaging::{Image, Levels};
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -47,7 +47,7 @@ pub fn write_image(path: &Path, image: &Image) -> Result<(), WriteError> {
     let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let encoded = match ending.as_deref() {
         Some("tif" | "tiff") => encode_tiff(image),
-        Some("png") if matches!(image.pixels(), Pixels::F32(_)) => {
+        Some("png") if matches!(image.pixels(), Levels::F32(_)) => {
             return Err(WriteError::FloatPng { path: path.to_owned() });
         }
         Some("png") => encode_png(image),
@@ -63,9 +63,9 @@ fn encode_tiff(image: &Image) -> Result<Vec<u8>, String> {
     let mut bytes = Cursor::new(Vec::new());
     let mut encoder = TiffEncoder::new(&mut bytes).map_err(|e| e.to_string())?;
     match image.pixels() {
-        Pixels::U8(levels) => encoder.write_image::<colortype::Gray8>(width, height, levels),
-        Pixels::U16(levels) => encoder.write_image::<colortype::Gray16>(width, height, levels),
-        Pixels::F32(levels) => encoder.write_image::<colortype::Gray32Float>(width, height, levels),
+        Levels::U8(levels) => encoder.write_image::<colortype::Gray8>(width, height, levels),
+        Levels::U16(levels) => encoder.write_image::<colortype::Gray16>(width, height, levels),
+        Levels::F32(levels) => encoder.write_image::<colortype::Gray32Float>(width, height, levels),
     }
     .map_err(|e| e.to_string())?;
     Ok(bytes.into_inner())
@@ -85,12 +85,12 @@ fn encode_png(image: &Image) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let encoder = PngEncoder::new(&mut bytes);
     match image.pixels() {
-        Pixels::U8(levels) => encoder.write_image(levels, width, height, ExtendedColorType::L8),
-        Pixels::U16(levels) => {
+        Levels::U8(levels) => encoder.write_image(levels, width, height, ExtendedColorType::L8),
+        Levels::U16(levels) => {
             let native: Vec<u8> = levels.iter().flat_map(|v| v.to_ne_bytes()).collect();
             encoder.write_image(&native, width, height, ExtendedColorType::L16)
         }
-        Pixels::F32(_) => return Err("PNG cannot hold floats".into()),
+        Levels::F32(_) => return Err("PNG cannot hold floats".into()),
     }
     .map_err(|e| e.to_string())?;
     Ok(bytes)

@@ -54,7 +54,7 @@ pub fn read_boundary(path: &Path) -> Result<BoundaryTable, JointFileError> {
             return Err(wrong(format!("instant is {instant}; instants are counted from 1")));
         }
         values.resize_with(values.len().max(instant), HashMap::new);
-        if values[instant - 1].insert(node, [ux, uy]).is_some() {
+        if values.get_mut(instant - 1).and_then(|instant| instant.insert(node, [ux, uy])).is_some() {
             return Err(wrong(format!("node {node} stands twice in instant {instant}")));
         }
         place.entry(node).or_insert_with(|| {

@@ -69,7 +69,9 @@ impl RunMatrix {
             let variance = (noise * noise).min(most);
             taken += variance * of_noise;
             left += all - variance * of_noise;
-            std::array::from_fn(|k| matrix[k] - variance * noisy[k])
+            let mut left = *matrix;
+            left.iter_mut().zip(noisy).for_each(|(entry, noisy)| *entry -= variance * noisy);
+            left
         };
         let matrices = self.matrices.iter().zip(&self.of_noise).map(without_noise).collect();
         let kappa = if left > 0.0 { taken / left } else { 0.0 };

@@ -26,7 +26,7 @@ pub fn read_curves(substrate: &mut CaseSubstrate, base: &Path) -> Result<(), Joi
             let found = columns.join(",");
             return Err(JointFileError::Header { path, needed: "strain,stress_MPa", found });
         };
-        *curve = Some(rows.iter().map(|row| [row[strain], row[stress]]).collect());
+        *curve = Some(rows.iter().filter_map(|row| Some([*row.get(strain)?, *row.get(stress)?])).collect());
     }
     Ok(())
 }

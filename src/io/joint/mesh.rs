@@ -115,6 +115,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
         let group = mesh.groups.len() as u32;
         mesh.groups.push(zone.name);
         for corners in zone.elements {
+            #[expect(clippy::indexing_slicing, reason = "a zone numbers its own nodes, which parse_mesh has counted")]
             let corners = corners.map(|node| of[node as usize]);
             mesh.element_group.push(group);
             mesh.elements.push(counter_clockwise(corners, &mesh.nodes));
@@ -132,6 +133,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
 }
 
 /// The corners counter-clockwise (y up); of a triangle the last one twice.
+#[expect(clippy::indexing_slicing, reason = "callers have counted the nodes")]
 pub fn counter_clockwise([a, b, c, d]: [u32; 4], nodes: &[[f64; 2]]) -> [u32; 4] {
     let at = [a, b, c, d].map(|node| nodes[node as usize]);
     let area: f64 = (0..4)

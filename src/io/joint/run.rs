@@ -5,7 +5,6 @@ use crate::field::Status;
 use crate::io::store::Store;
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
-use crate::units::TURN;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -108,7 +107,7 @@ fn warnings_beside(store: &Path) -> Vec<String> {
 fn turned(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
     let places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
     for (entry, (row, column)) in matrix.iter_mut().zip(places) {
-        *entry *= factor * TURN[row % 2] * TURN[column % 2];
+        *entry *= if row % 2 == column % 2 { factor } else { -factor };
     }
     matrix
 }

@@ -93,7 +93,7 @@ impl RawTable {
         }
         for record in records {
             let (found, expected) = (record.len(), n_columns);
-            let beyond = (expected..found).all(|at| record[at].is_empty());
+            let beyond = record.iter().skip(expected).all(str::is_empty);
             if found < expected || !beyond {
                 let decimal_commas = separator == b',' && found == 2 * expected;
                 let line = line_of(&record);
@@ -158,21 +158,24 @@ impl RawTable {
     }
 
     /// The line of a row.
+    #[expect(clippy::indexing_slicing, reason = "rows are counted by their callers, from n_rows")]
     pub fn line(&self, row: usize) -> u64 {
         line_of(&self.rows[row])
     }
 
     /// A cell as it stands.
+    #[expect(clippy::indexing_slicing, reason = "no row is shorter than the columns, which `parse` has compared")]
     pub fn cell(&self, row: usize, column: usize) -> &str {
         &self.rows[row][self.places[column]]
     }
 
     /// The column that is called so, with or without its unit.
     pub fn called(&self, name: &str) -> Option<usize> {
-        (0..self.columns.len()).find(|&k| is_called(name, &self.columns[k], &self.given[k]))
+        self.columns.iter().zip(&self.given).position(|(column, given)| is_called(name, column, given))
     }
 
     /// A number of the table, in the unit of its column's name; `None` where the cell is empty.
+    #[expect(clippy::indexing_slicing, reason = "columns are counted by their callers")]
     pub fn value(&self, row: usize, column: usize) -> Result<Option<f64>, LoadError> {
         let cell = self.cell(row, column);
         if cell.is_empty() {
@@ -197,6 +200,10 @@ impl RawTable {
     }
 
     /// The number of the frame of each row, 0 for the reference: from the column `frame`, or in order.
+    #[expect(
+        clippy::indexing_slicing,
+        reason = "the column was found in the header, and frames beyond the last are refused"
+    )]
     pub fn frames(&self, n_frames: usize) -> Result<Vec<usize>, LoadError> {
         let Some(at) = self.frame_at else {
             // With the reference first its row is frame 0.

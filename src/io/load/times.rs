@@ -53,8 +53,8 @@ pub(super) fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Res
     let Times { seconds, clock } = Times::of(&table, column)?;
     let mut of_frames = vec![None; n_frames];
     for (frame, time) in frames.into_iter().zip(seconds) {
-        if let Some(at) = frame.checked_sub(1) {
-            of_frames[at] = time;
+        if let Some(of_frame) = frame.checked_sub(1).and_then(|at| of_frames.get_mut(at)) {
+            *of_frame = time;
         }
     }
     Ok(FrameTimes { seconds: of_frames, clock })
@@ -67,6 +67,7 @@ struct Times {
 }
 
 impl Times {
+    #[expect(clippy::indexing_slicing, reason = "columns are counted by the callers")]
     fn of(table: &RawTable, column: usize) -> Result<Self, LoadError> {
         let cells = || (0..table.n_rows()).map(|row| table.cell(row, column));
         let clock = cells().find(|cell| !cell.is_empty()).is_some_and(|cell| clock_time(cell).is_some());
@@ -91,10 +92,10 @@ impl Times {
 /// See [`parse_record`](super::parse_record).
 pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<LoadTable, LoadError> {
     let path = || table.path().to_owned();
-    let Some(column) = table.called(time) else {
+    let found = table.called(time).and_then(|column| Some((column, table.columns.get(column)?.clone())));
+    let Some((column, name)) = found else {
         return Err(LoadError::NoTime { path: path(), column: time.to_owned(), columns: table.columns.clone() });
     };
-    let name = table.columns[column].clone();
     let times = Times::of(table, column)?;
     let mut rows: Vec<f64> = Vec::with_capacity(table.n_rows());
     for (row, time) in times.seconds.iter().enumerate() {
@@ -108,12 +109,14 @@ pub(super) fn join(table: &RawTable, time: &str, frames: &FrameTimes) -> Result<
         (false, true) => return Err(LoadError::Clocks { path: path(), column: name }),
         (true, false) => {
             notes.push(format!("{name}: clock times, counted from the first row ({})", table.cell(0, column)));
-            let first = rows[0];
+            let first = rows.first().copied().unwrap_or(0.0);
             rows.iter_mut().for_each(|time| *time -= first);
         }
         _ => {}
     }
-    let (from, to) = (rows[0], rows[rows.len() - 1]);
+    let (Some(&from), Some(&to)) = (rows.first(), rows.last()) else {
+        return Err(LoadError::Empty { path: path(), what: "row" });
+    };
     let within = |time: &f64| (from..=to).contains(time);
     let known = || frames.seconds.iter().flatten();
     if let (Some(first), Some(last)) = (known().copied().reduce(f64::min), known().copied().reduce(f64::max))
@@ -161,11 +164,12 @@ fn outside(frames: &[Option<f64>], within: impl Fn(&f64) -> bool, from: f64, to:
 fn at(rows: &[f64], cells: &[Option<f64>], time: f64) -> Option<f64> {
     let after = rows.partition_point(|&row| row < time);
     if rows.get(after) == Some(&time) {
-        return cells[after];
+        return cells.get(after).copied().flatten();
     }
     let before = after.checked_sub(1)?;
-    let (low, high) = (cells[before]?, (*cells.get(after)?)?);
-    Some(low + (high - low) * (time - rows[before]) / (rows[after] - rows[before]))
+    let (low, high) = ((*cells.get(before)?)?, (*cells.get(after)?)?);
+    let (from, to) = (rows.get(before)?, rows.get(after)?);
+    Some(low + (high - low) * (time - from) / (to - from))
 }
 
 /// Seconds of a clock time: `10:31:05.20`, behind a day (`2024-05-07 10:31:05`, `07.05.2024 ...`, also with a T and a Z) those

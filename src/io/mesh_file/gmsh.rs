@@ -55,22 +55,26 @@ struct Msh<'a> {
 impl<'a> Msh<'a> {
     fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
         let place = match self.numbers {
-            Numbers::Text => format!("line {}", 1 + self.bytes[..at].iter().filter(|&&b| b == b'\n').count()),
+            Numbers::Text => format!("line {}", 1 + self.bytes.iter().take(at).filter(|&&b| b == b'\n').count()),
             Numbers::Binary { .. } => format!("byte {at}"),
         };
         MeshFileFault::Invalid { place, what: what.into() }
     }
 
+    /// What has not been read yet.
+    fn rest(&self) -> &'a [u8] {
+        self.bytes.get(self.at..).unwrap_or_default()
+    }
+
     fn skip_blanks(&mut self) {
-        self.at += self.bytes[self.at..].iter().take_while(|b| b.is_ascii_whitespace()).count();
+        self.at += self.rest().iter().take_while(|b| b.is_ascii_whitespace()).count();
     }
 
     /// The next word of a text, and where it begins.
     fn word(&mut self, what: &str) -> Result<(usize, &'a str), MeshFileFault> {
         self.skip_blanks();
         let start = self.at;
-        let rest = &self.bytes[start..];
-        let word = &rest[..rest.iter().take_while(|b| !b.is_ascii_whitespace()).count()];
+        let word = self.rest().split(u8::is_ascii_whitespace).next().unwrap_or_default();
         if word.is_empty() {
             return Err(MeshFileFault::Truncated(format!("it ends where {what} should stand")));
         }
@@ -89,9 +93,9 @@ impl<'a> Msh<'a> {
         let bytes = bytes.ok_or_else(|| MeshFileFault::Truncated(format!("it ends where {what} should stand")))?;
         self.at += size;
         let mut low_first = [0; 8];
-        low_first[..size].copy_from_slice(bytes);
+        low_first.iter_mut().zip(bytes).for_each(|(low, byte)| *low = *byte);
         if !little {
-            low_first[..size].reverse();
+            low_first.iter_mut().zip(bytes.iter().rev()).for_each(|(low, byte)| *low = *byte);
         }
         Ok(low_first)
     }
@@ -199,7 +203,7 @@ impl<'a> Msh<'a> {
     /// Goes behind the end of `section`; what remains in it is passed over.
     fn end(&mut self, section: &str) -> Result<(), MeshFileFault> {
         let mark = format!("$End{section}");
-        let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark.as_bytes());
+        let found = self.rest().windows(mark.len()).position(|window| window == mark.as_bytes());
         let found = found.ok_or_else(|| MeshFileFault::Truncated(format!("{mark} is missing")))?;
         self.at += found + mark.len();
         Ok(())
@@ -239,8 +243,7 @@ impl Content {
             let dimension: i64 = file.parse("the dimension of a group")?;
             let number: i64 = file.parse("the number of a group")?;
             file.skip_blanks();
-            let rest = &file.bytes[file.at..];
-            let line = &rest[..rest.iter().take_while(|&&b| b != b'\n' && b != b'\r').count()];
+            let line = file.rest().split(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
             let name = String::from_utf8_lossy(line.trim_ascii());
             let name = name.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
             let name = name.ok_or_else(|| file.invalid(file.at, "the name of a group is not in quotes"))?;
@@ -294,7 +297,7 @@ impl Content {
                 self.nodes.push(FileNode { number, at: [0.0; 3] });
             }
             let further = if parametric { dimension.clamp(0, 3) as usize } else { 0 };
-            for node in &mut self.nodes[start..] {
+            for node in self.nodes.iter_mut().skip(start) {
                 node.at = file.position(further)?;
             }
         }

@@ -14,15 +14,15 @@ const ZONES: [&str; 2] = ["zone", "gmsh:physical"];
 
 /// Whether `bytes` are an XML file of VTK.
 pub(super) fn is_vtk_xml(bytes: &[u8]) -> bool {
-    bytes.trim_ascii_start().starts_with(b"<") && find(&bytes[..bytes.len().min(4096)], b"<VTKFile").is_some()
+    bytes.trim_ascii_start().starts_with(b"<") && find(bytes.get(..4096).unwrap_or(bytes), b"<VTKFile").is_some()
 }
 
 /// The mesh in `bytes`.
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, MeshFileFault> {
     // What is appended may be raw bytes, which are no XML: the file is cut there.
-    let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
-    let appended = if cut < bytes.len() { Some(Appended::of(bytes, cut)?) } else { None };
-    let mut file = Vtu { xml: &bytes[..cut], appended, encoding: Encoding::default() };
+    let (xml, behind) = split(bytes, find(bytes, b"<AppendedData").unwrap_or(bytes.len()));
+    let appended = if behind.is_empty() { None } else { Some(Appended::of(behind)?) };
+    let mut file = Vtu { xml, appended, encoding: Encoding::default() };
     let pieces = file.pieces()?;
     if appended.is_none() && find(bytes, b"</VTKFile>").is_none() {
         return Err(MeshFileFault::Truncated("its end, </VTKFile>, is missing".into()));
@@ -43,14 +43,18 @@ struct Appended<'a> {
 }
 
 impl<'a> Appended<'a> {
-    fn of(bytes: &'a [u8], cut: usize) -> Result<Self, MeshFileFault> {
-        let rest = &bytes[cut..];
-        let head = find(rest, b">").ok_or_else(|| MeshFileFault::Truncated("the appended data are missing".into()))?;
-        let base64 = find(&rest[..head], b"\"raw\"").or(find(&rest[..head], b"'raw'")).is_none();
-        let start = find(&rest[head..], b"_")
-            .ok_or_else(|| MeshFileFault::Truncated("the appended data are missing".into()))?;
-        Ok(Self { base64, bytes: &rest[head + start + 1..] })
+    fn of(element: &'a [u8]) -> Result<Self, MeshFileFault> {
+        let missing = || MeshFileFault::Truncated("the appended data are missing".into());
+        let (head, rest) = split(element, find(element, b">").ok_or_else(missing)?);
+        let base64 = find(head, b"\"raw\"").or(find(head, b"'raw'")).is_none();
+        let (_, bytes) = split(rest, find(rest, b"_").ok_or_else(missing)? + 1);
+        Ok(Self { base64, bytes })
     }
+}
+
+/// What is before `at`, and the rest.
+fn split(bytes: &[u8], at: usize) -> (&[u8], &[u8]) {
+    bytes.split_at_checked(at).unwrap_or((bytes, &[]))
 }
 
 fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
@@ -74,6 +78,13 @@ struct Piece {
     points: Option<Array>,
     cells: HashMap<String, Array>,
     zone: Option<Array>,
+}
+
+impl Piece {
+    /// Where an array of cells stands in the file; 0 for one that it does not have.
+    fn at(&self, cells: &str) -> usize {
+        self.cells.get(cells).map_or(0, |array| array.at)
+    }
 }
 
 /// An array as the file has it.
@@ -102,8 +113,7 @@ struct Vtu<'a> {
 
 impl Vtu<'_> {
     fn invalid(&self, at: usize, what: impl Into<String>) -> MeshFileFault {
-        let before = &self.xml[..at.min(self.xml.len())];
-        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
+        let line = 1 + self.xml.iter().take(at).filter(|&&b| b == b'\n').count();
         MeshFileFault::Invalid { place: format!("line {line}"), what: what.into() }
     }
 
@@ -255,17 +265,15 @@ impl Vtu<'_> {
 
         let (first_node, first_cell) = (parsed.nodes.len(), parsed.elements.len() + parsed.n_aside);
         parsed.nodes.extend(
-            positions
-                .chunks_exact(3)
-                .enumerate()
-                .map(|(k, at)| FileNode { number: (first_node + k) as u64, at: [at[0], at[1], at[2]] }),
+            (positions.as_chunks::<3>().0.iter().zip(first_node..))
+                .map(|(&at, number)| FileNode { number: number as u64, at }),
         );
         let mut start = 0;
         for (k, (&end, &kind)) in offsets.iter().zip(&kinds).enumerate() {
             let number = (first_cell + k) as u64;
             let nodes = usize::try_from(end).ok().and_then(|end| connectivity.get(start..end)).ok_or_else(|| {
                 let what = format!("cell {number} ends at {end}: there are {} node numbers", connectivity.len());
-                self.invalid(piece.cells["offsets"].at, what)
+                self.invalid(piece.at("offsets"), what)
             })?;
             start += nodes.len();
             let wanted = match kind {
@@ -279,7 +287,7 @@ impl Vtu<'_> {
             };
             if nodes.len() != wanted {
                 let what = format!("cell {number} has {} nodes instead of {wanted}", nodes.len());
-                return Err(self.invalid(piece.cells["connectivity"].at, what));
+                return Err(self.invalid(piece.at("connectivity"), what));
             }
             let mut corners = [0; 4];
             for (corner, &node) in corners.iter_mut().zip(nodes) {
@@ -291,7 +299,7 @@ impl Vtu<'_> {
                 8 => corners.swap(2, 3), // a pixel is stored row by row
                 _ => {}
             }
-            let group = groups.as_ref().map(|groups| groups[k]);
+            let group = groups.as_ref().and_then(|groups| groups.get(k)).copied();
             parsed.elements.push(FileElement { nodes: corners, group });
         }
         // Zones of quadrille count from 0, their names from 1.
@@ -404,12 +412,12 @@ impl Decoder {
     fn raw(self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         if !self.encoding.zlib {
             let n = self.head(bytes, 0)?;
-            let data = bytes[self.word()..].get(..n);
-            return Ok(data.ok_or(format!("it should have {n} bytes, more than there are"))?.to_vec());
+            let (_, data) = split(bytes, self.word());
+            return Ok(data.get(..n).ok_or(format!("it should have {n} bytes, more than there are"))?.to_vec());
         }
         let n_head = self.n_head(bytes)? * self.word();
-        let head = bytes.get(..n_head).ok_or("its head is not complete")?;
-        self.inflate(head, &bytes[n_head..])
+        let (head, blocks) = bytes.split_at_checked(n_head).ok_or("its head is not complete")?;
+        self.inflate(head, blocks)
     }
 
     /// The same in base64. The head may be encoded on its own, or together with what follows.
@@ -422,11 +430,10 @@ impl Decoder {
         };
         let word = letters(self.word());
         if !self.encoding.zlib {
-            let first = text.get(..word).ok_or("it is not complete")?;
+            let (first, rest) = text.split_at_checked(word).ok_or("it is not complete")?;
             let apart = first.ends_with(b"=");
             let n = self.head(&decode(Some(first))?, 0)?;
             if apart {
-                let rest = &text[word..];
                 let mut data = decode(rest.get(..letters(n)))?;
                 data.truncate(n);
                 return Ok(data);
@@ -436,13 +443,14 @@ impl Decoder {
         }
         let n_head = self.n_head(&decode(text.get(..word))?)?;
         let head_letters = letters(n_head * self.word());
-        let head = decode(text.get(..head_letters))?;
+        let (head, behind) = text.split_at_checked(head_letters).ok_or("it is not complete")?;
+        let head = decode(Some(head))?;
         let n_blocks = n_head - 3;
         let mut packed = 0_usize;
         for k in 0..n_blocks {
             packed = packed.saturating_add(self.head(&head, 3 + k)?);
         }
-        let blocks = decode(text[head_letters..].get(..letters(packed)))?;
+        let blocks = decode(behind.get(..letters(packed)))?;
         self.inflate(&head, &blocks)
     }
 
@@ -452,8 +460,8 @@ impl Decoder {
         let mut data = Vec::new();
         for k in 0..n_blocks {
             let packed = self.head(head, 3 + k)?;
-            let block = blocks.get(..packed).ok_or("its blocks are not complete")?;
-            blocks = &blocks[packed..];
+            let (block, behind) = blocks.split_at_checked(packed).ok_or("its blocks are not complete")?;
+            blocks = behind;
             // The last block may be shorter; 0 says that it is not.
             let wanted = if k + 1 == n_blocks && last > 0 { last } else { size };
             let before = data.len();

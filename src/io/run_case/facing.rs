@@ -2,6 +2,11 @@
 //!
 //! Positions are px of the image, y down, but for [`Faces::normal`].
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "zones, axes and corners are arrays of two and four, counted as such; nodes are numbers of a mesh that Mesh::from_zones has checked"
+)]
+
 use crate::field::Facing;
 use crate::io::case::{CaseElements, CaseFile, CaseGuard, CaseZone};
 use crate::io::mesh_file::read_mesh;

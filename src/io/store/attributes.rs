@@ -126,6 +126,7 @@ impl Attributes {
     }
 
     /// Reads the text of the `zarr.json` of the store `path`.
+    #[expect(clippy::indexing_slicing, reason = "a JSON value without such a key reads as null")]
     pub fn parse(text: &[u8], path: &Path) -> Result<Self, StoreError> {
         let file = path.join("zarr.json");
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };

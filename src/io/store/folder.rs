@@ -118,7 +118,7 @@ impl WritableStorageTraits for Folder {
         for (offset, value) in values {
             let at = usize::try_from(offset).map_err(|_| StorageError::Other("a file too large for memory".into()))?;
             bytes.resize(bytes.len().max(at + value.len()), 0);
-            bytes[at..at + value.len()].copy_from_slice(&value);
+            bytes.iter_mut().skip(at).zip(value.iter()).for_each(|(byte, value)| *byte = *value);
         }
         self.set(key, bytes.into())
     }

@@ -418,7 +418,7 @@ impl Form {
         let damaged = |reason: String| StoreError::Metadata { file: file.clone(), reason };
         let array = Array::open(folder.clone(), &format!("/{}", self.name))
             .map_err(|error| damaged(format!("it describes no array ({error})")))?;
-        let by_frame = self.axes[0] == "frame";
+        let by_frame = self.axes.first() == Some(&"frame");
         let fits = |(axis, (&there, &wanted)): (usize, (&u64, &u64))| {
             there == wanted || by_frame && axis == 0 && there > wanted
         };

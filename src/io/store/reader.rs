@@ -215,13 +215,14 @@ impl Store {
         let mut sigma = pairs(&doubles(&self.variable(number, Variable::Sigma)?));
         let element_residual = doubles(&self.variable(number, Variable::Residual)?);
         let mut measured = Vec::with_capacity(marks.len());
-        for (node, mark) in marks.into_iter().enumerate() {
-            let finite = displacement[node].iter().chain(&sigma[node]).all(|v| v.is_finite());
+        let values = displacement.iter_mut().zip(&mut sigma);
+        for (node, (mark, (displacement, sigma))) in marks.into_iter().zip(values).enumerate() {
+            let finite = displacement.iter().chain(sigma.iter()).all(|v| v.is_finite());
             match mark {
                 1 if finite => measured.push(true),
                 0 => {
                     measured.push(false);
-                    (displacement[node], sigma[node]) = ([0.0; 2], [0.0; 2]);
+                    (*displacement, *sigma) = ([0.0; 2], [0.0; 2]);
                 }
                 1 => {
                     let reason = format!("node {node} is measured and has no finite number");
@@ -241,7 +242,7 @@ impl Store {
         let marks = self.marks(number)?;
         let measurement =
             Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error, marks };
-        Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+        Ok(Some(StoredFrame { number, measurement, file: self.file_of(number) }))
     }
 
     /// Of frame `number` (from 1), which diverged, its status and the residual of its elements, which shows why and is no
@@ -267,7 +268,7 @@ impl Store {
             model_error: None,
             marks: None,
         };
-        Ok(Some(StoredFrame { number, measurement, file: self.header.frames[number - 1].clone() }))
+        Ok(Some(StoredFrame { number, measurement, file: self.file_of(number) }))
     }
 
     /// What is the matter with the elements of a frame; none in a store of an earlier version, or where nobody looked.
@@ -293,8 +294,8 @@ impl Store {
         }
         let misfit = doubles(&self.variable(number, Variable::Misfit)?);
         let mut nodes = pairs(&doubles(&self.variable(number, Variable::ModelError)?));
-        let is_known = |(at, &measured): (usize, &bool)| measured && nodes[at].iter().any(|v| !v.is_nan());
-        if misfit.iter().all(|v| v.is_nan()) && !measured.iter().enumerate().any(is_known) {
+        let is_known = |(node, &measured): (&[f64; 2], &bool)| measured && node.iter().any(|v| !v.is_nan());
+        if misfit.iter().all(|v| v.is_nan()) && !nodes.iter().zip(measured).any(is_known) {
             return Ok(None);
         }
         if let Some(element) = misfit.iter().position(|v| !v.is_finite()) {
@@ -327,9 +328,8 @@ impl Store {
         }
         let strains = |variable| -> Result<Vec<Option<TensorStrain>>, StoreError> {
             let values = doubles(&self.variable(number, variable)?);
-            let known =
-                |e: &[f64]| e.iter().all(|v| v.is_finite()).then(|| TensorStrain::of_components([e[0], e[1], e[2]]));
-            Ok(values.chunks_exact(3).map(known).collect())
+            let known = |e: &[f64; 3]| e.iter().all(|v| v.is_finite()).then(|| TensorStrain::of_components(*e));
+            Ok(values.as_chunks().0.iter().map(known).collect())
         };
         let window = match (self.header.strain_window, self.has(Variable::StrainWindow)) {
             (Some(window), true) => {
@@ -367,6 +367,12 @@ impl Store {
         }))
     }
 
+    /// The file of a frame that there is.
+    fn file_of(&self, number: usize) -> String {
+        number.checked_sub(1).and_then(|at| self.header.frames.get(at)).cloned().unwrap_or_default()
+    }
+
+    #[expect(clippy::indexing_slicing, reason = "every store has displacements, which are the first")]
     fn array(&self, variable: Variable) -> &Array<Folder> {
         &self.variables[self.variables.iter().position(|(there, _)| *there == variable).unwrap_or(0)].1
     }
@@ -441,6 +447,10 @@ where
     Ok((file, values))
 }
 
+#[expect(
+    clippy::indexing_slicing,
+    reason = "the zones are counted above, and constant() has compared the numbers of nodes and corners"
+)]
 fn mesh(folder: &Arc<Folder>, attributes: &Attributes) -> Result<Mesh<Px>, StoreError> {
     let (n_nodes, n_elements) = (attributes.n_nodes, attributes.n_elements);
     if n_nodes > u32::MAX as usize || n_elements > u32::MAX as usize {
@@ -487,7 +497,7 @@ fn mesh(folder: &Arc<Folder>, attributes: &Attributes) -> Result<Mesh<Px>, Store
 }
 
 fn pairs(values: &[f64]) -> Vec<[f64; 2]> {
-    values.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+    values.as_chunks().0.to_vec()
 }
 
 fn doubles(values: &[f32]) -> Vec<f64> {

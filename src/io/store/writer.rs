@@ -118,7 +118,7 @@ impl StoreWriter {
         let there = Variable::ALL.into_iter().filter(|v| v.is_in(path));
         let variables = there.map(variable).collect::<Result<_, StoreError>>()?;
         let status = Form::status(n_frames).open(&folder)?;
-        let room = status.shape()[0] as usize;
+        let room = status.shape().first().map_or(0, |&room| room as usize);
         Ok(Self { folder, series: Mutex::new(ByFrame { attributes, room }), mesh, status, variables })
     }
 

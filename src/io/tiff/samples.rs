@@ -80,6 +80,7 @@ pub(super) fn stretch(pixels: &mut Pixels, bits: usize) {
 }
 
 /// The grey levels that the palette `map` (reds, greens, blues) gives to the indices, and the largest possible.
+#[expect(clippy::indexing_slicing, reason = "every index is below the number of colours: it has been compared")]
 pub(super) fn apply_map(
     index: Pixels,
     map: &[u16],
