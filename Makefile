@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel demo paper real study fuzz miri soak package deny licences test check bench book clean
+.PHONY: help build wheel windows demo paper real study fuzz miri soak package deny licences test check bench book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -16,6 +16,9 @@ build: ## Build target/release/quadrille
 
 wheel: ## Build the wheel of Python, try it in a fresh environment, run its tests; in out/wheel (WHEEL=--zig for glibc 2.28)
 	PROFILE=$(or $(PROFILE),release) scripts/wheel.sh $(WHEEL)
+
+windows: ## Cross-compile quadrille.exe and let it correlate a pair under wine (where it is there)
+	scripts/windows.sh --profile $(or $(PROFILE),release)
 
 demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
 	$(CARGO) run --profile $(or $(PROFILE),release) --locked -- demo --output out/demo

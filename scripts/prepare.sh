@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny, --miri or --python it installs that and nothing else.
+# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny, --miri, --windows or --python it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -121,6 +121,12 @@ if [ "${1:-}" = --miri ]; then
     fi
     say "Miri: missing (needs rustup, and the network)"
     exit 1
+fi
+# A cross compiler for Windows, and wine to try what it makes (scripts/windows.sh).
+if [ "${1:-}" = --windows ]; then
+    install gcc-mingw-w64-x86-64-win32 || exit 1
+    install wine64 && say "compiler for Windows, and wine: there"
+    exit 0
 fi
 # What the book is built with (make book), and nothing that needs root.
 if [ "${1:-}" = --python ]; then

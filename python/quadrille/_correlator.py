@@ -155,6 +155,8 @@ class Correlator:
     def correlate(self, image: Image) -> Field:
         """Finds the displacement field of ``image``, of which nothing is known before.
 
+        An array in C order is not copied: let no other thread write to it during the call.
+
         Not converging is no error: see :attr:`Field.status`. Raises ImageError (another size, no contrast, NaN) and DeviceError.
         """
         return self._field(self._engine.correlate(image))

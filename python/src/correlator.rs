@@ -2,7 +2,7 @@
 
 use crate::errors::{raise, raised};
 use crate::field::{field, table};
-use crate::images::{image_of, mask_of};
+use crate::images::{Levels, image_of, mask_of};
 use crate::json::case_of;
 use crate::pool::pool;
 use numpy::IntoPyArray;
@@ -56,7 +56,7 @@ impl Correlator {
         isa: Option<String>,
         threads: Option<i64>,
     ) -> PyResult<Self> {
-        let reference = Arc::new(image_of(reference, "the reference")?);
+        let reference = Arc::new(image_of(reference, "the reference", Levels::Copied)?);
         let mask = mask.map(mask_of).transpose()?;
         let case = case_of(case, Path::new(OPTIONS))?;
         let Ok(device) = device.parse();
@@ -69,7 +69,7 @@ impl Correlator {
 
     /// Finds one image.
     fn correlate<'py>(&self, py: Python<'py>, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-        let image = image_of(image, "the image")?;
+        let image = image_of(image, "the image", Levels::Borrowed)?;
         let (found, strains) = py.detach(|| self.correlate_from(image, None)).map_err(raised)?;
         field(py, found, &strains)
     }
@@ -139,7 +139,7 @@ impl Tracker {
         image: &Bound<'py, PyAny>,
         number: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let image = image_of(image, "the image")?;
+        let image = image_of(image, "the image", Levels::Borrowed)?;
         let correlator = self.correlator.get();
         // Locked while nothing of Python is held: who waits for it here does not keep others from ending.
         let (found, strains) = py.detach(|| {

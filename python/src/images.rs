@@ -9,17 +9,26 @@ use numpy::{
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::{Image, ImageError, Pixels, SharedPixels};
 use quadrille::io::images::Loaded;
 use quadrille::mesh::Mask;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What `array` is said to be when it is none of these.
 const WANTED: &str = "give an array of uint8, uint16 or float32 with two axes: rows, columns";
 
-/// The image in `array`, or in the file that it names. Its grey levels are copied once, a byte or a few for each pixel: other threads
-/// may change the array while the image is worked on.
-pub fn image_of(array: &Bound<'_, PyAny>, what: &str) -> PyResult<Image> {
+/// Whether the grey levels of an array are copied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Levels {
+    /// What is kept: who gave the array may change it afterwards.
+    Copied,
+    /// What is looked at during a call alone, where the array has the layout of an image: rows behind one another.
+    Borrowed,
+}
+
+/// The image in `array`, or in the file that it names.
+pub fn image_of(array: &Bound<'_, PyAny>, what: &str, levels: Levels) -> PyResult<Image> {
     if array.is_instance_of::<PyString>() || array.hasattr("__fspath__")? {
         let path: PathBuf = array.extract()?;
         return Ok(array.py().detach(|| quadrille::io::images::read_image(&path, 0)).map_err(raised)?.image);
@@ -56,16 +65,67 @@ pub fn image_of(array: &Bound<'_, PyAny>, what: &str) -> PyResult<Image> {
     options.set_item("copy", false)?;
     let array = array.call_method("astype", (wanted,), Some(&options))?;
     let (rows, columns) = (shape[0], shape[1]);
-    let pixels = match wanted {
-        "uint8" => Pixels::U8(levels(&array)?),
-        "uint16" => Pixels::U16(levels(&array)?),
-        _ => Pixels::F32(levels(&array)?),
+    let image = match wanted {
+        "uint8" => made(&array, levels, [columns, rows], Pixels::U8, |lent| SharedPixels::U8(lent)),
+        "uint16" => made(&array, levels, [columns, rows], Pixels::U16, |lent| SharedPixels::U16(lent)),
+        _ => made(&array, levels, [columns, rows], Pixels::F32, |lent| SharedPixels::F32(lent)),
     };
-    Image::new(columns, rows, pixels).map_err(|error| raise("ImageError", format!("{what}: {error}")))
+    image?.map_err(|error| raise("ImageError", format!("{what}: {error}")))
 }
 
+/// The image of an array of one kind.
+fn made<T: Element + Copy + Send + Sync>(
+    array: &Bound<'_, PyAny>,
+    levels: Levels,
+    [columns, rows]: [usize; 2],
+    own: impl FnOnce(Vec<T>) -> Pixels,
+    shared: impl FnOnce(Arc<Lent<T>>) -> SharedPixels,
+) -> PyResult<Result<Image, ImageError>> {
+    if levels == Levels::Borrowed
+        && let Some(lent) = Lent::of(array.cast::<PyArray2<T>>()?)
+    {
+        return Ok(Image::shared(columns, rows, shared(Arc::new(lent))));
+    }
+    Ok(Image::new(columns, rows, own(copied(array)?)))
+}
+
+/// The values of an array that is kept alive.
+struct Lent<T: Element> {
+    values: *const T,
+    len: usize,
+    /// Whose they are.
+    _array: Py<PyArray2<T>>,
+}
+
+impl<T: Element> Lent<T> {
+    /// `None` where its rows do not lie one behind the other, from the first to the last.
+    fn of(array: &Bound<'_, PyArray2<T>>) -> Option<Self> {
+        let whole = array.is_c_contiguous() && array.data().is_aligned();
+        whole.then(|| Self { values: array.data().cast_const(), len: array.len(), _array: array.clone().unbind() })
+    }
+}
+
+impl<T: Element> AsRef<[T]> for Lent<T> {
+    fn as_ref(&self) -> &[T] {
+        // SAFETY: `of` has seen that the array is aligned and without gaps; NumPy does not move or free the memory of an array that is
+        // referred to (it refuses to resize it). Of other threads that write into it meanwhile, the documentation asks not to, as NumPy's
+        // own functions do, which read without the lock of the interpreter as well.
+        #[expect(unsafe_code, reason = "grey levels are not copied")]
+        unsafe {
+            std::slice::from_raw_parts(self.values, self.len)
+        }
+    }
+}
+
+// SAFETY: the values are numbers, which nobody changes through this, and the array is only kept.
+#[expect(unsafe_code, reason = "the pointer is that of an array that is kept alive")]
+unsafe impl<T: Element + Sync> Send for Lent<T> {}
+// SAFETY: as for Send.
+#[expect(unsafe_code, reason = "the pointer is that of an array that is kept alive")]
+unsafe impl<T: Element + Sync> Sync for Lent<T> {}
+
 /// The values of an array of any strides, row by row.
-fn levels<T: Element + Copy>(array: &Bound<'_, PyAny>) -> PyResult<Vec<T>> {
+fn copied<T: Element + Copy>(array: &Bound<'_, PyAny>) -> PyResult<Vec<T>> {
     let array: PyReadonlyArray2<'_, T> = array.cast::<PyArray2<T>>()?.try_readonly().map_err(PyErr::from)?;
     let view = array.as_array();
     Ok(view.to_slice().map_or_else(|| view.iter().copied().collect(), <[T]>::to_vec))
@@ -81,21 +141,21 @@ pub fn mask_of(array: &Bound<'_, PyAny>) -> PyResult<Mask> {
         )
     })?;
     let (rows, columns) = (array.shape()[0], array.shape()[1]);
-    let bits = levels(array.as_any())?;
+    let bits = copied(array.as_any())?;
     Mask::new(columns, rows, bits).ok_or_else(|| raise("ZoneError", "the mask holds no pixel".to_owned()))
 }
 
 /// The array that holds the grey levels of `image`, which are moved.
 fn array_of(py: Python<'_>, image: Image) -> PyResult<Bound<'_, PyAny>> {
     let shape = (image.height(), image.width());
-    fn made<T: Element>(py: Python<'_>, shape: (usize, usize), levels: Vec<T>) -> PyResult<Bound<'_, PyAny>> {
+    fn moved<T: Element>(py: Python<'_>, shape: (usize, usize), levels: Vec<T>) -> PyResult<Bound<'_, PyAny>> {
         let array = Array2::from_shape_vec(shape, levels).map_err(|error| raise("ImageError", error.to_string()))?;
         Ok(array.into_pyarray(py).into_any())
     }
     match image.into_pixels() {
-        Pixels::U8(levels) => made(py, shape, levels),
-        Pixels::U16(levels) => made(py, shape, levels),
-        Pixels::F32(levels) => made(py, shape, levels),
+        Pixels::U8(levels) => moved(py, shape, levels),
+        Pixels::U16(levels) => moved(py, shape, levels),
+        Pixels::F32(levels) => moved(py, shape, levels),
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the commands do, from Python: series, cases, joints, metrology, and the command line itself.
 
 use crate::errors::{raise, raised};
-use crate::images::image_of;
+use crate::images::{Levels, image_of};
 use crate::json::{case_of, record};
 use crate::pool::pool;
 use crate::watched::watched;
@@ -202,10 +202,10 @@ pub fn metrology<'py>(
     seed: u64,
     threads: Option<i64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let reference = Arc::new(image_of(reference, "the reference")?);
+    let reference = Arc::new(image_of(reference, "the reference", Levels::Borrowed)?);
     let still = |(at, array): (usize, &Bound<'_, PyAny>)| {
         let name = format!("static image {}", at + 1);
-        Ok(Still { image: Arc::new(image_of(array, &name)?), name })
+        Ok(Still { image: Arc::new(image_of(array, &name, Levels::Borrowed)?), name })
     };
     let stills = stills.iter().enumerate().map(still).collect::<PyResult<Vec<_>>>()?;
     let roi = roi.map(|[x0, y0, x1, y1]| Roi { x0, y0, x1, y1 });

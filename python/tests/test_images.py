@@ -1,6 +1,10 @@
 """Arrays that go in: every kind gives the same field, or says what is wrong with it."""
 
+import os
+import re
+import sys
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -145,6 +149,29 @@ def test_images_are_not_copied_by_python():
     tracemalloc.stop()
     # Arrays of the field, 8 bytes for each number of it, and none of the image, which has a megabyte.
     assert peak < 40 * 8 * len(field.positions) + 65536 < image.nbytes / 4
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/clear_refs"), reason="Linux says the peak of the memory")
+def test_grey_levels_that_lie_row_by_row_are_looked_at_where_they_are():
+    def peak_bytes(image):
+        """How much the memory of this process rises for a moment while `image` is correlated."""
+        said = lambda what: int(re.search(rf"{what}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) * 1024
+        correlator.correlate(image)
+        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+        before = said("VmRSS")
+        correlator.correlate(image)
+        return said("VmHWM") - before
+
+    image = np.tile(spots((256, 256)), (6, 6)).astype(np.float32)
+    image += np.linspace(0, 9, image.shape[1], dtype=np.float32)
+    correlator = quadrille.Correlator(image, [16, 16, 1500, 1500], element_size_px=64, device="cpu", threads=1)
+    columns = np.asfortranarray(image)
+    references = sys.getrefcount(image)
+    straight, turned = peak_bytes(image), peak_bytes(columns)
+    # The same grey levels, column by column: these have to be brought in order, and take room once more.
+    assert turned - straight > 0.8 * image.nbytes, f"{straight} and {turned} bytes for an image of {image.nbytes}"
+    # Nothing keeps the array after the call.
+    assert sys.getrefcount(image) == references
 
 
 def test_a_file_is_read_in_its_depth(series):

@@ -262,6 +262,10 @@ impl Directory {
         let mut notes = Vec::new();
         let mut pixels = match unpack_strips(bytes, stored.unpacked)? {
             DecodingResult::U8(rows) if stored.packed() => split_bits(&rows, stored.columns, stored.rows, bits)?,
+            // Of two entries for the bits the decoder may believe the other one.
+            _ if stored.packed() => {
+                return Err(ImageFault::Corrupt(format!("its samples are not of the {bits} bits that it says")));
+            }
             decoded => native(decoded, &mut notes)?,
         };
         let wanted = stored.columns * stored.rows * samples;
