@@ -35,7 +35,7 @@ for target in "${targets[@]}"; do
     dictionary=()
     case $target in cases | joints) dictionary=(-dict="$words") ;; esac
     # Every run keeps its log: the sum of the executions is the record.
-    "$programs/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 "${dictionary[@]}" \
+    "$programs/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 "${dictionary[@]}" \
         -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
         > "$log" 2>&1 || failed=1
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")

@@ -2,19 +2,20 @@
 # Builds the wheel of Python into out/wheel, checks it, installs it in a fresh environment, correlates a first pair there, and runs its
 # tests (python/tests), type checks and the examples in its documentation.
 #
-#     scripts/wheel.sh [--zig] [--all] [PYTHON...]
+#     scripts/wheel.sh [--zig] [--all|--notebooks] [PYTHON...]
 #
 # --zig links for glibc 2.28 (RHEL 8 and newer) with zig, which PyPI has; without it the wheel is for this machine and newer ones.
-# --all installs the optional packages, too, and runs the notebooks. PYTHON: further interpreters that the wheel is tried in.
+# --all installs the optional packages, too, and runs the notebooks; --notebooks installs what these need alone. PYTHON: further interpreters that the wheel is tried in.
 # PROFILE is the profile of cargo, release by default; CARGO_TARGET_DIR holds what is built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-zig=no all=no pythons=()
+zig=no all=no notebooks=no pythons=()
 for word in "$@"; do
     case $word in
         --zig) zig=yes ;;
-        --all) all=yes ;;
+        --all) all=yes notebooks=yes ;;
+        --notebooks) notebooks=yes ;;
         *) pythons+=("$word") ;;
     esac
 done
@@ -82,7 +83,8 @@ done
 
 echo "== tests"
 extras=(pytest mypy zarr)
-[ "$all" = yes ] && extras+=(xarray pandas pandas-stubs matplotlib pyvista scikit-image tqdm 'dask[array]' distributed nbclient ipykernel)
+[ "$notebooks" = yes ] && extras+=(matplotlib pandas pandas-stubs nbclient ipykernel)
+[ "$all" = yes ] && extras+=(xarray pyvista scikit-image tqdm 'dask[array]' distributed)
 pip "$out/venv" "${extras[@]}"
 python=$out/venv/bin/python
 (cd python/tests && "$python" -m pytest -q -p no:cacheprovider .)
@@ -99,7 +101,7 @@ PY
 )
 (cd "$out" && MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy.stubtest quadrille._quadrille)
 MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy --strict --ignore-missing-imports python/examples
-if [ "$all" = yes ]; then
+if [ "$notebooks" = yes ]; then
     echo "== notebooks"
     "$python" scripts/notebooks.py
 fi

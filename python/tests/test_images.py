@@ -168,8 +168,9 @@ def test_grey_levels_that_lie_row_by_row_are_looked_at_where_they_are():
     columns = np.asfortranarray(image)
     references = sys.getrefcount(image)
     straight, turned = peak_bytes(image), peak_bytes(columns)
-    # The same grey levels, column by column: these have to be brought in order, and take room once more.
-    assert turned - straight > 0.8 * image.nbytes, f"{straight} and {turned} bytes for an image of {image.nbytes}"
+    # The same grey levels, column by column, have to be brought in order and take room once more (some of it is there from before).
+    said = f"{straight} and {turned} bytes for an image of {image.nbytes}"
+    assert straight < 0.1 * image.nbytes and turned > 0.4 * image.nbytes, said
     # Nothing keeps the array after the call.
     assert sys.getrefcount(image) == references
 

@@ -1,18 +1,23 @@
-//! A report as one HTML page that needs nothing else: pictures are in it, nothing is fetched, no script runs.
+//! A report as one HTML page that needs nothing else: pictures are in it, nothing is fetched.
 //!
 //! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so that
-//! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs.
+//! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs and for
+//! the one script of the page, which says those under the pointer.
 
 use super::{Picture, Plot, ReportError};
 use base64::Engine;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sha2::{Digest, Sha256};
 
 /// Between the axes of the curves on narrow screens.
 const COMPACT: [i32; 2] = [270, 220];
 /// Quality of the pictures over images, per cent.
 const JPEG_QUALITY: u8 = 85;
+
+/// Says the numbers of curves under the pointer.
+const SCRIPT: &str = include_str!("curves.js");
 
 const STYLE: &str = "\
 :root{color-scheme:light}\
@@ -30,6 +35,10 @@ figure{margin:.75rem 0;break-inside:avoid}\
 figure img{display:block;width:100%;height:auto}\
 figure img.tall{width:auto;max-width:100%;max-height:32rem}\
 figcaption{font-size:.875rem;color:#333}\
+.over{position:relative;touch-action:pan-y}\
+.over .here{position:absolute;top:0;bottom:0;width:0;border-left:1px dashed #555;pointer-events:none}\
+.over .here[hidden]{display:none}\
+output{display:block;min-height:1.5em;font-size:.875rem;font-variant-numeric:tabular-nums}\
 .bar{display:grid;grid-template-columns:auto 1fr auto;gap:.5rem;align-items:center;font-size:.875rem;margin:.25rem 0}\
 .bar img{height:.9rem;width:100%;border:1px solid #333}\
 .parts{display:grid;grid-template-columns:auto 1fr auto;gap:.2rem .6rem;align-items:center;font-size:.9375rem;margin:.5rem 0;max-width:46rem;break-inside:avoid}\
@@ -50,7 +59,7 @@ table.wide tr{display:block;border-bottom:2px solid #999;padding:.35rem 0}\
 table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;border:0;padding:.1rem 0}\
 table.wide th::before,table.wide td::before{content:attr(data-name);font-weight:400;color:#555}\
 }\
-@media print{body{max-width:none;font-size:11pt;padding:0}h2,h3{break-after:avoid}table.wide{font-size:9pt}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
+@media print{output,.over .here{display:none}body{max-width:none;font-size:11pt;padding:0}h2,h3{break-after:avoid}table.wide{font-size:9pt}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";
 
 /// A report.
 #[derive(Debug, Clone, Default)]
@@ -133,6 +142,7 @@ pub struct Curves {
     title: String,
     caption: String,
     data: String,
+    axes: String,
 }
 
 impl Curves {
@@ -143,9 +153,22 @@ impl Curves {
     pub fn new(plot: &Plot, caption: impl Into<String>) -> Result<Self, ReportError> {
         let plot = Plot { notes: Vec::new(), ..plot.clone() };
         let (wide, narrow) = (plot.draw_sized([430, 300])?, plot.draw_sized(COMPACT)?);
+        // Where the horizontal axis begins and ends, as shares of the width of the picture.
+        let frame = |picture: &Picture| {
+            let (area, width) = (picture.map_area(), f64::from(picture.width()));
+            [f64::from(area.x) / width, f64::from(area.x + area.width) / width]
+        };
+        let axes = serde_json::json!({
+            "x": plot.x.label,
+            "y": plot.y.label,
+            "log": plot.x.log,
+            "range": plot.ends_of_x()?,
+            "wide": frame(&wide),
+            "narrow": frame(&narrow),
+        });
         let svg = |picture: Picture| picture.svg().to_owned();
-        let data = numbers_of(&plot);
-        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into(), data })
+        let (data, axes) = (numbers_of(&plot), axes.to_string());
+        Ok(Self { wide: svg(wide), narrow: svg(narrow), title: plot.title, caption: caption.into(), data, axes })
     }
 }
 
@@ -239,13 +262,16 @@ fn data(kind: &str, bytes: &[u8]) -> String {
 impl Page {
     /// The page as HTML.
     pub fn html(&self) -> String {
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(SCRIPT.as_bytes()));
+        let policy =
+            format!("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{sha256}'");
         let page = html! {
             (DOCTYPE)
             html lang="en" {
                 head {
                     meta charset="utf-8";
                     meta name="viewport" content="width=device-width, initial-scale=1";
-                    meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+                    meta http-equiv="Content-Security-Policy" content=(policy);
                     title { (self.title) }
                     style { (PreEscaped(STYLE)) }
                 }
@@ -256,6 +282,7 @@ impl Page {
                             section { h2 { (section.title) } @for block in &section.blocks { (block.markup()) } }
                         }
                     }
+                    script { (PreEscaped(SCRIPT)) }
                 }
             }
         };
@@ -305,11 +332,15 @@ impl Block {
                 }
             },
             Self::Curves(curves) => html! {
-                figure data-title=(curves.title) data-series=(curves.data) {
-                    picture {
-                        source media="(max-width: 640px)" srcset=(data("svg+xml", curves.narrow.as_bytes()));
-                        img src=(data("svg+xml", curves.wide.as_bytes())) alt=(curves.title);
+                figure data-title=(curves.title) data-series=(curves.data) data-axes=(curves.axes) {
+                    div.over tabindex="0" aria-label=(format!("{}; arrow keys say the values", curves.title)) {
+                        picture {
+                            source media="(max-width: 640px)" srcset=(data("svg+xml", curves.narrow.as_bytes()));
+                            img src=(data("svg+xml", curves.wide.as_bytes())) alt=(curves.title);
+                        }
+                        span.here hidden {}
                     }
+                    output {}
                     figcaption { (curves.caption) }
                 }
             },
@@ -354,7 +385,10 @@ mod tests {
         let html = page.html();
         assert!(html.starts_with("<!DOCTYPE html>"));
         assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;x&quot;"));
-        assert!(!html.contains("<script") && !html.contains("<i>") && !html.contains("data-name=\"a\"b\""));
+        // The one script is that of the page.
+        assert_eq!(html.matches("<script").count(), 1);
+        assert!(html.contains(&format!("<script>{SCRIPT}</script>")));
+        assert!(!html.contains("<i>") && !html.contains("data-name=\"a\"b\""));
         // The name space of SVG stands within the encoded pictures alone.
         for address in ["http:", "https:", "src=\"/", "url("] {
             assert!(!html.contains(address), "{address}");

@@ -75,6 +75,11 @@ impl Axis {
         Self { log: true, ..Self::linear(label) }
     }
 
+    /// Whether `value` has a place on it.
+    fn can_show(&self, value: f64) -> bool {
+        value.abs() <= LARGEST && (!self.log || value > 0.0)
+    }
+
     /// The same axis from `low` to `high`; what lies beyond is cut off.
     pub fn with_range(self, low: f64, high: f64) -> Self {
         Self { range: Some((low, high)), ..self }
@@ -234,6 +239,20 @@ impl Plot {
         self.sized(size, Look::Screen)
     }
 
+    /// Whether a point of a series can be shown.
+    fn shows(&self, series: &PlotSeries, at: usize) -> bool {
+        self.x.can_show(series.x[at]) && self.y.can_show(series.y[at])
+    }
+
+    /// The values at the ends of the horizontal axis; `None` where there is nothing to show.
+    ///
+    /// # Errors
+    /// Those of [`Plot::draw`].
+    pub(super) fn ends_of_x(&self) -> Result<Option<[f64; 2]>, ReportError> {
+        let points = self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| self.shows(s, at)).map(|at| s.x[at]));
+        Ok(Scale::new(&self.x, points, [0.0, 1.0])?.map(|scale| [scale.range.low, scale.range.high]))
+    }
+
     fn sized(&self, size: [i32; 2], look: Look) -> Result<Picture, ReportError> {
         for series in &self.series {
             let n = series.x.len();
@@ -245,8 +264,7 @@ impl Plot {
             }
         }
         let [width, height] = size.map(|side| side.max(120));
-        let usable = |axis: &Axis, v: f64| v.abs() <= LARGEST && (!axis.log || v > 0.0);
-        let shown = |s: &PlotSeries, at: usize| usable(&self.x, s.x[at]) && usable(&self.y, s.y[at]);
+        let shown = |s: &PlotSeries, at: usize| self.shows(s, at);
         let points =
             || self.series.iter().flat_map(|s| (0..s.x.len()).filter(|&at| shown(s, at)).map(move |at| (s, at)));
         // What is given and finite, but not shown: at or below zero on a logarithmic axis.
@@ -256,7 +274,7 @@ impl Plot {
 
         let reach = points().flat_map(|(s, at)| s.edges(at).into_iter().chain([s.y[at]]));
         let x = Scale::new(&self.x, points().map(|(s, at)| s.x[at]), [0.0, f64::from(width)])?;
-        let y = Scale::new(&self.y, reach.filter(|&v| usable(&self.y, v)), [f64::from(height), 0.0])?;
+        let y = Scale::new(&self.y, reach.filter(|&v| self.y.can_show(v)), [f64::from(height), 0.0])?;
 
         let letters = Letters::new(look);
         let inner = width + 90.min(width / 8);

@@ -7,6 +7,7 @@ use crate::program;
 use common::data::folder;
 use common::*;
 use program::Desk;
+use program::browser::seen;
 use quadrille::correlate::{CorrelationError, Options as CorrelateOptions};
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::io::images::read_image;
@@ -15,6 +16,7 @@ use quadrille::metrology::{
     Bias, Crest, Metrology, MetrologyError, Options, Origin, SizeResult, Still, displacement_sigma_px, measure,
 };
 use quadrille::synth::{Motion, RenderOptions, Texture, Translation, render};
+use serde_json::Value;
 use std::sync::{Arc, OnceLock};
 
 const SIDE: usize = 320;
@@ -367,6 +369,24 @@ fn every_error_is_met_once() {
 
 // ---- the program ----
 
+/// A page that moves the pointer over the first curves of `report.html` and steps through them by keys.
+const POINTER: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="report.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+f.onload = () => {
+  const d = f.contentDocument, figure = d.querySelector('figure[data-series]'), over = figure.querySelector('.over');
+  const said = figure.querySelector('output'), box = over.getBoundingClientRect(), found = {};
+  const event = (name, x, more) => over.dispatchEvent(new f.contentWindow.PointerEvent(name, { clientX: x, clientY: box.top + 50, bubbles: true, ...more }));
+  const key = name => over.dispatchEvent(new f.contentWindow.KeyboardEvent('keydown', { key: name, bubbles: true, cancelable: true }));
+  event('pointermove', box.right - 5);
+  found.mouse = said.textContent;
+  event('pointerleave', box.right + 5, { pointerType: 'mouse' });
+  found.gone = said.textContent;
+  key('ArrowRight');
+  found.key = said.textContent;
+  r.textContent = JSON.stringify(found).replace(/&/g, '');
+};
+</script>"#;
+
 #[test]
 fn the_program_prints_a_table_and_writes_numbers_and_curves() {
     let desk = Desk::new();
@@ -399,9 +419,24 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
     }
     // Between tags: pictures are letters, too.
     assert!(!page.contains(">NaN") && !page.contains("NaN<"), "a number that is none");
+    // The numbers of the curves are said under the pointer and by the arrow keys, and are those of the table.
+    let json = desk.json("out/metrology.json");
+    for width in ["400", "1280"] {
+        let Some(said) = seen(&desk.path("out"), &POINTER.replace("WIDTH", width)) else { break };
+        let said: Value = serde_json::from_str(&said).unwrap_or_else(|error| panic!("{error}: {said}"));
+        for (key, size) in [("mouse", &json["sizes"][1]), ("key", &json["sizes"][0])] {
+            let text = said[key].as_str().unwrap();
+            assert!(text.starts_with(&format!("element size (px): {}; ", size["element_size_px"])), "{width}: {said}");
+            let sigma =
+                size["sigma_predicted_px"].as_array().unwrap().iter().filter_map(Value::as_f64).fold(0.0, f64::max);
+            let told = text.split(' ').filter_map(|word| word.trim_end_matches(',').parse::<f64>().ok());
+            // Five digits are said.
+            assert!(told.into_iter().any(|v| (v / sigma - 1.0).abs() < 1e-4), "{width}: {sigma} in {text}");
+        }
+        assert_eq!(said["gone"], "", "{width}: {said}");
+    }
     let viewed = desk.run("view out");
     assert_eq!(viewed.code, Some(0), "{viewed}");
-    assert_eq!(desk.read("out/view.html"), page);
     let json = desk.json("out/metrology.json");
     assert_eq!(json["quadrille"], env!("CARGO_PKG_VERSION"));
     assert_eq!(json["options"]["element_sizes_px"], serde_json::json!([16, 24]));

@@ -28,7 +28,7 @@ pub(super) fn native(samples: DecodingResult, notes: &mut Vec<String>) -> Result
 
 /// Whole numbers as 16 bit when all of them fit, otherwise as floats.
 fn whole<T: Copy + TryInto<u16> + TryInto<i128>>(samples: &[T], kind: &str, notes: &mut Vec<String>) -> Pixels {
-    let fitting: Option<Vec<u16>> = samples.iter().map(|&v| v.try_into().ok()).collect();
+    let fitting: Option<Vec<u16>> = samples.iter().map(|&v| TryInto::<u16>::try_into(v).ok()).collect();
     if let Some(fitting) = fitting {
         notes.push(format!("{kind} grey levels, all within 0..65535: kept as 16 bit"));
         return Pixels::U16(fitting);
