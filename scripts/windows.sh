@@ -31,7 +31,16 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 export WINEPREFIX=$work/prefix WINEDEBUG=-all
-"$linux" synth accuracy --size 256x192 --frames 3 --output "$work/images" --quiet
+# Older wine does not have this library of Windows 10, which the standard library of Rust takes random numbers from.
+cat > "$work/prng.c" <<'C'
+__declspec(dllimport) unsigned char __stdcall SystemFunction036(void *, unsigned long);
+__declspec(dllexport) int ProcessPrng(unsigned char *to, unsigned long long n) { return SystemFunction036(to, (unsigned long)n); }
+C
+mkdir "$work/program"
+x86_64-w64-mingw32-gcc -shared -O1 -o "$work/program/bcryptprimitives.dll" "$work/prng.c" -ladvapi32
+cp "$windows" "$work/program/"
+windows=$work/program/$(basename "$windows")
+"$linux" synth accuracy --size 256x192 --frames 3 --output "$work/images" > /dev/null
 cd "$work/images"
 first=$(ls ./*.tif | head -1)
 words=(correlate --device cpu --element-size 16 --export csv --quiet --reference "$first")

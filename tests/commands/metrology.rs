@@ -254,7 +254,7 @@ fn resolved_periods_are_those_of_the_theory() {
 #[test]
 fn the_recommended_size_follows_the_stated_rule() {
     let reference = speckles(SPECKLE_PX, [0.0; 2], NOISE, 0);
-    let sizes = Options { noise: Some(2.0), ..some_sizes(&[8, 16, 24, 32]) };
+    let sizes = Options { noise: Some(2.0), ..some_sizes(&[16, 24, 32]) };
     let advice = |change: fn(&mut Options)| {
         let mut options = sizes.clone();
         change(&mut options);

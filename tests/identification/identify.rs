@@ -411,7 +411,7 @@ fn a_minimiser_without_derivatives_ends_at_the_same_place_on_noisy_data() {
     let end = unknowns.scaled(&found.parameters.iter().map(|p| p.value).collect::<Vec<_>>());
     let mut z: Vec<f64> = end.iter().zip([0.06, -0.05, 0.04]).map(|(z, off)| z + off).collect();
     let mut h = 0.02;
-    for _ in 0..6 {
+    for _ in 0..5 {
         let at = |moves: &[(usize, f64)]| {
             let mut z = z.clone();
             moves.iter().for_each(|&(k, step)| z[k] += step);
