@@ -99,6 +99,7 @@ print(f"{tried} examples")
 sys.exit(failed > 0 or tried == 0)
 PY
 )
+"$python" scripts/tutorial.py
 (cd "$out" && MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy.stubtest quadrille._quadrille)
 MYPY_CACHE_DIR="$out/mypy" "$python" -m mypy --strict --ignore-missing-imports python/examples
 if [ "$notebooks" = yes ]; then

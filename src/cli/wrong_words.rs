@@ -110,9 +110,7 @@ fn unknown(error: &clap::Error, arguments: &[OsString]) -> Option<String> {
     let letter = given.strip_prefix('-').filter(|rest| rest.chars().count() == 1 && *rest != "-")?;
     let (command, _) = command_of(Cli::command(), arguments);
     let longs = command.get_arguments().filter(|arg| !arg.is_hide_set()).filter_map(|arg| arg.get_long());
-    let mut near: Vec<String> = longs.filter(|long| long.starts_with(letter)).map(|long| format!("--{long}")).collect();
-    // What has to be given is meant rather than another flag.
-    near.sort_by_key(|long| long != "--output");
+    let near: Vec<String> = longs.filter(|long| long.starts_with(letter)).map(|long| format!("--{long}")).collect();
     match near.as_slice() {
         [] => Some(format!("there is no flag {given}")),
         [first, ..] => Some(format!("there is no flag {given}; did you mean {first}?")),

@@ -220,6 +220,8 @@ fn the_tutorial_in_python_can_be_followed() {
     let text = fs::read_to_string(root().join("docs/tutorials/python.md")).unwrap();
     let examples: Vec<String> =
         blocks(&text).into_iter().filter(|(kind, _)| *kind == "python").map(|(_, block)| block).collect();
+    // Those of the module run where it is: scripts/tutorial.py, by scripts/wheel.sh.
+    let examples: Vec<String> = examples.into_iter().filter(|text| !text.contains("import quadrille")).collect();
     assert!(!examples.is_empty());
     for example in examples {
         let ran =

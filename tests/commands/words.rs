@@ -43,7 +43,9 @@ fn a_number_that_is_none_is_told_with_the_number_to_write() {
 #[test]
 fn a_flag_of_one_letter_and_an_output_that_is_a_file_are_told_with_what_is_meant() {
     let desk = Desk::with_series();
-    refused(&desk, "correlate -o out ref.png a.png", &["there is no flag -o; did you mean --output?"]);
+    desk.run("correlate -o out --export none ref.png a.png").fine();
+    assert!(desk.path("out/summary.json").exists(), "-o is --output");
+    refused(&desk, "correlate -r ref.png a.png", &["there is no flag -r; did you mean --r"]);
     refused(&desk, "correlate -x out ref.png a.png", &["there is no flag -x"]);
     desk.write("notes", "something");
     refused(

@@ -50,7 +50,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
     pub frames: Frames,
     /// Folder for the files; made when it is not there. Default: DIR.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// npz and mat: a file for each frame instead of one for all.
     #[arg(long)]
@@ -137,7 +137,7 @@ pub struct ProbeArgs {
     #[arg(long)]
     pub curves: bool,
     /// Folder for `quantities/`. Default: DIR.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Quiet,
@@ -257,7 +257,7 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
     pub scale: u32,
     /// Folder for the pictures; made when it is not there. Default: DIR/figures.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
@@ -289,7 +289,7 @@ pub struct DrawArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub page: usize,
     /// The file.
-    #[arg(long, value_name = "FILE", default_value = "draw.html")]
+    #[arg(short, long, value_name = "FILE", default_value = "draw.html")]
     pub output: PathBuf,
     #[command(flatten)]
     pub talk: Quiet,
@@ -316,7 +316,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "MB", default_value_t = 15.0, value_parser = megabytes)]
     pub max_mb: f64,
     /// The file. Default: DIR/view.html.
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
@@ -368,7 +368,7 @@ pub struct MetrologyArgs {
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub resolve_period: Option<f64>,
     /// Folder for metrology.json, strain_gauges.csv and the figures; made when it is not there, an earlier one is replaced.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Seed of the noise that is added to copies of the image.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]

@@ -25,7 +25,7 @@ pub struct RunArgs {
     #[arg(value_name = "CASE.toml")]
     pub case: PathBuf,
     /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Do all steps again, and replace the results of any earlier run in the output folder.
     #[arg(long)]
@@ -89,7 +89,7 @@ pub enum VirtualKinematics {
     and truth: mesh, displacements, border and tractions of the region that is measured.")]
 pub struct VirtualArgs {
     /// Folder for the test; made when it is not there.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace a test that is there.
     #[arg(long)]
@@ -145,7 +145,7 @@ pub struct PaperArgs {
     quadrille demo --laws --output out/laws        six laws on the same images, side by side in the report")]
 pub struct DemoArgs {
     /// Folder for images and results.
-    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     pub output: PathBuf,
     /// Seed of speckles and noise: changes the images, not the conclusion.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]

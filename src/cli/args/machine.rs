@@ -56,7 +56,7 @@ pub struct SynthArgs {
     #[arg(value_enum)]
     pub field: Field,
     /// Folder for the images.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace files of an earlier run.
     #[arg(long)]
@@ -142,7 +142,7 @@ pub struct BenchArgs {
     #[arg(long)]
     pub json: bool,
     /// Folder for bench.json and the plot of time against image size (PNG, SVG); an earlier one is replaced.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 }
 

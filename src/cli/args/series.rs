@@ -88,7 +88,7 @@ pub struct CorrelateArgs {
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
     #[arg(long, conflicts_with_all = ["resume", "shard"])]
@@ -318,7 +318,7 @@ pub struct SlurmArgs {
     #[arg(value_name = "CASE")]
     pub case: PathBuf,
     /// Folder for the results, on a file system that all nodes share.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Tasks of the array: so many shares of the series.
     #[arg(long, value_name = "N")]

@@ -51,7 +51,7 @@ impl Drawn {
 #[derive(Debug, Args)]
 pub struct Results {
     /// Folder for the results; made when it is not there.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Replace the results of an earlier run in the output folder.
     #[arg(long)]

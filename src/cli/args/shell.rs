@@ -20,6 +20,6 @@ pub struct CompletionsArgs {
     quadrille manual --output ~/.local/share/man/man1")]
 pub struct ManualArgs {
     /// Folder for the pages; made when it is not there. Pages of the same name are replaced.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
 }

@@ -27,7 +27,7 @@ pub struct StudioArgs {
     #[arg(long, value_name = "NAME", default_value = "case.toml")]
     pub case: PathBuf,
     /// Name of the folder of the results in it.
-    #[arg(long, value_name = "NAME", default_value = "out")]
+    #[arg(short, long, value_name = "NAME", default_value = "out")]
     pub output: PathBuf,
     /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
