@@ -168,6 +168,16 @@ fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool> {
     match threads {
         Some(0) => Err("--threads is 0; give at least 1, or leave it out for all cores".into()),
         Some(n) if n > 1024 => Err(format!("--threads is {n}; this machine has {cores} cores").into()),
-        _ => Ok(rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(cores)).build()?),
+        _ => {
+            let threads = || rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(cores));
+            // The store asks for those of the whole process, which would be made then, and end the program where the system gives none.
+            // In a process that has them from before (Python) they stay.
+            if let Err(error) = threads().build_global()
+                && error.source().is_some()
+            {
+                return Err(error.into());
+            }
+            Ok(threads().build()?)
+        }
     }
 }

@@ -430,8 +430,8 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
             let sigma =
                 size["sigma_predicted_px"].as_array().unwrap().iter().filter_map(Value::as_f64).fold(0.0, f64::max);
             let told = text.split(' ').filter_map(|word| word.trim_end_matches(',').parse::<f64>().ok());
-            // Five digits are said.
-            assert!(told.into_iter().any(|v| (v / sigma - 1.0).abs() < 1e-4), "{width}: {sigma} in {text}");
+            // Five digits are said, in 0.001 px.
+            assert!(told.into_iter().any(|v| (1e-3 * v / sigma - 1.0).abs() < 1e-4), "{width}: {sigma} in {text}");
         }
         assert_eq!(said["gone"], "", "{width}: {said}");
     }
