@@ -24,7 +24,7 @@ for (const figure of document.querySelectorAll('figure[data-series]')) {
       words.push((one.name ? one.name + ' ' : '') + text(one.y[n]) + (band ? ` (${text(one.low[n])} to ${text(one.high[n])})` : ''));
     }
     line.style.left = 100 * share(x) + '%';
-    said.textContent = `${axes.x}: ${text(x)}; ${axes.y}: ${words.join(', ')}`;
+    said.textContent = `${axes.x}: ${text(x)}; ${axes.y}: ${words.join('; ')}`;
   };
   const nearest = event => {
     const box = over.getBoundingClientRect(), here = (event.clientX - box.left) / box.width;

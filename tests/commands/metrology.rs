@@ -429,7 +429,7 @@ fn the_program_prints_a_table_and_writes_numbers_and_curves() {
             assert!(text.starts_with(&format!("element size (px): {}; ", size["element_size_px"])), "{width}: {said}");
             let sigma =
                 size["sigma_predicted_px"].as_array().unwrap().iter().filter_map(Value::as_f64).fold(0.0, f64::max);
-            let told = text.split(' ').filter_map(|word| word.trim_end_matches(',').parse::<f64>().ok());
+            let told = text.split(' ').filter_map(|word| word.trim_end_matches(';').parse::<f64>().ok());
             // Five digits are said, in 0.001 px.
             assert!(told.into_iter().any(|v| (1e-3 * v / sigma - 1.0).abs() < 1e-4), "{width}: {sigma} in {text}");
         }
