@@ -32,7 +32,7 @@ def displacement(reference: str, image: str) -> NDArray[np.float64]:
 def main(pattern: str, **cluster: Any) -> NDArray[np.float64]:
     """Displacement of the nodes in all images but the first, (frames, n, 2), px."""
     reference, *images = sorted(glob.glob(pattern))
-    with Client(**cluster) as client:  # type: ignore[no-untyped-call]
+    with Client(**cluster) as client:  # type: ignore[no-untyped-call, unused-ignore]
         tasks = client.map(displacement, [reference] * len(images), images)
         return np.stack(client.gather(tasks))
 
