@@ -1,8 +1,20 @@
 #!/usr/bin/env bash
 # Packs the crate as crates.io would get it, looks at what is in the archive, and checks that it compiles from that alone. Arguments (such
-# as --profile ci) go to `cargo check`, which shares the packages of this checkout.
+# as --profile ci) go to `cargo check`, which shares the packages of this checkout. With --release as the first one what a release still
+# needs is an error; else it is said (CONTRIBUTING.md, "Releasing").
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+release=no
+[ "${1:-}" != --release ] || { release=yes; shift; }
+needed=()
+grep -q '^repository = "https://' Cargo.toml || needed+=('Cargo.toml has no `repository`, which `cargo binstall` takes the place of the archives from')
+grep -q '^repository-code:' CITATION.cff || needed+=('CITATION.cff has no `repository-code`')
+grep -q '^\[project.urls\]' python/pyproject.toml || needed+=('python/pyproject.toml has no `[project.urls]`')
+for what in ${needed[@]+"${needed[@]}"}; do
+    echo "package: before a release: $what" >&2
+done
+[ "$release" = no ] || [ ${#needed[@]} -eq 0 ] || exit 1
 
 target=${CARGO_TARGET_DIR:-target}
 cargo package --locked --no-verify --package quadrille

@@ -7,10 +7,14 @@ use crate::pool::pool;
 use crate::watched::watched;
 use pyo3::prelude::*;
 use quadrille::io::case::read_case;
-use quadrille::io::joint::{IdentifyInput, read_identify, read_joint};
+use quadrille::io::joint::{CaseFit, IdentifyInput, read_identify, read_joint};
 use quadrille::mesh::Roi;
 use quadrille::metrology::{Options, Still, measure};
-use quadrille::run::{CaseRun, Existing, Export, Outcome, Overlay, Plan, RunError, RunFolder, Session, Shard, Stop};
+use quadrille::run::{
+    CaseRun, Event, Existing, Export, Outcome, Overlay, Plan, RunError, RunFolder, Session, Shard, Stop,
+};
+use rayon::ThreadPool;
+use serde::Serialize;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,6 +28,24 @@ fn name(outcome: Outcome) -> &'static str {
         Outcome::Incomplete => "incomplete",
         Outcome::Stopped => "stopped",
     }
+}
+
+/// Does `work`, which Python watches and may stop, with so many threads: what it found, as a record.
+fn ran<'py, R: Serialize + Send>(
+    py: Python<'py>,
+    threads: Option<i64>,
+    on_event: Option<&Bound<'py, PyAny>>,
+    work: impl FnOnce(&ThreadPool, &Stop, &mut dyn FnMut(Event<'_>)) -> Result<(R, Outcome), RunError> + Send,
+) -> PyResult<Came<'py>> {
+    let (pool, stop) = (pool(threads)?, Stop::default());
+    let (found, outcome) = watched(py, on_event, &stop, |watcher| work(&pool, &stop, watcher))?;
+    Ok((name(outcome), record(py, &found)?))
+}
+
+/// Limits of a fit that were given, over those of its case.
+fn limit(fit: &mut CaseFit, max_seconds: Option<f64>, max_evaluations: Option<usize>) {
+    fit.max_seconds = max_seconds.or(fit.max_seconds);
+    fit.max_evaluations = max_evaluations.or(fit.max_evaluations);
 }
 
 /// A series into a store: see `quadrille.run`. `case` is a file, `json` the sections of one; at least one of them.
@@ -58,15 +80,13 @@ pub fn run_series<'py>(
     let export = export.map(|words| words.iter().map(known).collect::<PyResult<Vec<_>>>()).transpose()?;
     let Ok(device) = device.parse();
     let asked = Overlay { reference, deformed, shard, export, no_report: !report, device, isa, ..Overlay::default() };
-    let pool = pool(threads)?;
-    let stop = Stop::default();
     let existing = if overwrite { Existing::Replace } else { Existing::Continue };
-    let session = Session { shard, stop: stop.clone(), ..Session::new(existing) };
-    let ran = watched(py, on_event.as_ref(), &stop, |watcher| {
+    ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
         let plan = Plan::of(&asked, &case)?;
-        quadrille::run::run_series(&plan, &RunFolder::writable(&output)?, &pool, session, watcher)
-    })?;
-    Ok((name(ran.outcome), record(py, &ran.summary)?))
+        let session = Session { shard, stop: stop.clone(), ..Session::new(existing) };
+        let done = quadrille::run::run_series(&plan, &RunFolder::writable(&output)?, pool, session, watcher)?;
+        Ok((done.summary, done.outcome))
+    })
 }
 
 /// From the images of a case to its report: see `quadrille.run`.
@@ -85,11 +105,12 @@ pub fn run_case(
     on_event: Option<Bound<'_, PyAny>>,
 ) -> PyResult<&'static str> {
     let Ok(device) = device.parse();
-    let asked = CaseRun { overwrite, device, max_seconds, max_evaluations, ..CaseRun::new(case, output) };
-    let pool = pool(threads)?;
-    let outcome =
-        watched(py, on_event.as_ref(), &asked.stop, |watcher| quadrille::run::run_case(&asked, &pool, watcher));
-    Ok(name(outcome?))
+    let (done, _) = ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
+        let stop = stop.clone();
+        let asked = CaseRun { overwrite, device, stop, max_seconds, max_evaluations, ..CaseRun::new(case, output) };
+        quadrille::run::run_case(&asked, pool, watcher).map(|outcome| ((), outcome))
+    })?;
+    Ok(done)
 }
 
 /// The forward model of a joint: see `quadrille.simulate`.
@@ -103,11 +124,9 @@ pub fn simulate<'py>(
     threads: Option<i64>,
     on_event: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Came<'py>> {
-    let (pool, stop) = (pool(threads)?, Stop::default());
-    let (summary, outcome) = watched(py, on_event.as_ref(), &stop, |watcher| {
-        quadrille::run::simulate(&case, &output, overwrite, &pool, &stop, watcher)
-    })?;
-    Ok((name(outcome), record(py, &summary)?))
+    ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
+        quadrille::run::simulate(&case, &output, overwrite, pool, stop, watcher)
+    })
 }
 
 /// The parameters of an adhesive from measured displacements: see `quadrille.identify`.
@@ -124,8 +143,7 @@ pub fn identify<'py>(
     threads: Option<i64>,
     on_event: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Came<'py>> {
-    let (pool, stop) = (pool(threads)?, Stop::default());
-    let (fit, outcome) = watched(py, on_event.as_ref(), &stop, |watcher| {
+    ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
         let mut input = read_identify(&case)?;
         let fits = match &mut input {
             IdentifyInput::One(input) => input.case.fit.iter_mut().collect::<Vec<_>>(),
@@ -134,20 +152,16 @@ pub fn identify<'py>(
                 std::iter::once(&mut input.fit).chain(of_tests).collect()
             }
         };
-        for fit in fits {
-            fit.max_seconds = max_seconds.or(fit.max_seconds);
-            fit.max_evaluations = max_evaluations.or(fit.max_evaluations);
-        }
+        fits.into_iter().for_each(|fit| limit(fit, max_seconds, max_evaluations));
         match &input {
             IdentifyInput::One(input) => {
-                quadrille::run::identify(input, &case, &output, overwrite, &pool, &stop, watcher)
+                quadrille::run::identify(input, &case, &output, overwrite, pool, stop, watcher)
             }
             IdentifyInput::Several(input) => {
-                quadrille::run::identify_several(input, &case, &output, overwrite, &pool, &stop, watcher)
+                quadrille::run::identify_several(input, &case, &output, overwrite, pool, stop, watcher)
             }
         }
-    })?;
-    Ok((name(outcome), record(py, &fit)?))
+    })
 }
 
 /// Several laws on the same data: see `quadrille.tournament`.
@@ -165,12 +179,10 @@ pub fn tournament<'py>(
     threads: Option<i64>,
     on_event: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Came<'py>> {
-    let (pool, stop) = (pool(threads)?, Stop::default());
-    let (found, outcome) = watched(py, on_event.as_ref(), &stop, |watcher| {
+    ran(py, threads, on_event.as_ref(), |pool, stop, watcher| {
         let mut input = read_joint(&case)?;
         if let Some(fit) = &mut input.case.fit {
-            fit.max_seconds = max_seconds.or(fit.max_seconds);
-            fit.max_evaluations = max_evaluations.or(fit.max_evaluations);
+            limit(fit, max_seconds, max_evaluations);
             if !laws.is_empty() {
                 fit.laws.clone_from(&laws);
             }
@@ -181,9 +193,8 @@ pub fn tournament<'py>(
                 )));
             }
         }
-        quadrille::run::compare_laws(&input, &case, &output, overwrite, &pool, &stop, watcher)
-    })?;
-    Ok((name(outcome), record(py, &found)?))
+        quadrille::run::compare_laws(&input, &case, &output, overwrite, pool, stop, watcher)
+    })
 }
 
 /// What can be measured on images: see `quadrille.metrology`.

@@ -52,7 +52,7 @@ pub(super) fn run(args: &SlurmArgs) -> Result<Outcome> {
     let [array, check] = names.map(|name| quoted(&scripts.join(name)));
     println!("array=$(sbatch --parsable {array})");
     println!("sbatch --dependency=afterany:$array {check}");
-    println!("# A task that failed, say 3, again: sbatch --array=3 {array}");
+    println!("# To repeat a task that failed, say 3: sbatch --array=3 {array}");
     Ok(Outcome::Fine)
 }
 

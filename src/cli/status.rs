@@ -129,7 +129,7 @@ impl Standing {
             println!("in work: {worker}");
         }
         if self.workers.is_empty() && !self.missing.is_empty() {
-            println!("nobody works on it: the same `quadrille correlate` command goes on");
+            println!("no process works on it: the same `quadrille correlate` command resumes it");
         }
     }
 }

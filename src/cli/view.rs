@@ -246,7 +246,7 @@ fn page(
     lead.push((format!("{}: {}.", plural(statuses.len(), "frame"), counts.join(", ")), !fine));
     if shown.len() < *n_with {
         let text = format!(
-            "{} of {n_with} frames with a field are in this page, evenly chosen, to keep it below {} MB; `quadrille view --max-mb` or \
+            "{} of {n_with} frames with a field are in this page, evenly spaced, to keep it below {} MB; `quadrille view --max-mb` or \
              --frames has others.",
             shown.len(),
             args.max_mb

@@ -50,7 +50,7 @@ impl fmt::Display for Ambiguity {
         let from = if *from_series { "what the frames before lead to" } else { "rest" };
         write!(
             f,
-            "zone {zone}: the texture repeats every {period_px:.1} px: the displacement is known but for multiples of that; "
+            "zone {zone}: the texture repeats every {period_px:.1} px: the displacement is known only up to multiples of that; "
         )?;
         if self.confirmed {
             return write!(f, "the one given is the nearest to {from} ({from_expected_px:.1} px away)");

@@ -663,7 +663,7 @@ fn with_force(
         .map(|instant| (instant.index + 1).to_string())
         .collect();
     if without.len() == observation.instants.len() {
-        let what = "there is no force at any instant that is compared; look at the file, its column and its times";
+        let what = "there is no force at any instant that is compared; check the file, its column and its times";
         return Err(wrong("force", "file", what));
     }
     if !without.is_empty() {

@@ -494,7 +494,7 @@ fn at_limits(unknowns: &Unknowns, x: &[f64]) -> Vec<String> {
     let near = |limit: &LawLimit| limit.distance < NEAR_LIMIT;
     let in_words = |limit: LawLimit| {
         format!(
-            "the fit ran against the end of what the law '{}' can be ({}), where its intervals mean little; prescribe a parameter \
+            "the fit ended at a limit of the law '{}' ({}), where its intervals mean little; prescribe a parameter \
              or take another law",
             unknowns.law().name(),
             limit.what

@@ -94,7 +94,7 @@ impl LoadCell {
         let turned = joint.removed.iter().fold(0.0_f64, |most, motion| most.max(motion.rotation_rad.abs()));
         if turned > TURNED {
             doubts.push(format!(
-                "the rigid motion that is taken off turns by up to {turned:.2e} rad, and the force's direction is not turned with it; give \
+                "the rigid motion that is subtracted turns by up to {turned:.2e} rad, and the force's direction is not turned with it; give \
                  remove_rigid_motion = \"none\""
             ));
         }
@@ -181,7 +181,7 @@ impl LoadComparison {
         ((scale - 1.0).abs() > OFF.max(by_noise)).then(|| {
             format!(
                 "the measured load of {} is {scale:.3} times the computed one in the mean, as if the width were {:.4} mm and not {} mm: \
-                 look at width_mm, the unit of the load, and whether the model holds all of the joint that bears it",
+                 check width_mm, the unit of the load, and whether the model holds all of the joint that bears it",
                 cell.group.name,
                 scale * cell.width_mm,
                 cell.width_mm

@@ -127,7 +127,7 @@ pub fn implausible_result(problem: &Problem<'_>, law: &dyn CohesiveLaw) -> Vec<I
     for (p, value) in law.parameters().iter().zip(law.values()).filter(|(p, _)| p.unit == "N/mm") {
         if value < WORK[0] {
             let what = format!(
-                "{} = {value:.3e} N/mm ({:.2} J/m^2) is less than anything glued takes: are E in MPa and lengths in mm?",
+                "{} = {value:.3e} N/mm ({:.2} J/m^2) is less than any bond takes: are E in MPa and lengths in mm?",
                 p.name,
                 1e3 * value
             );
@@ -230,7 +230,7 @@ fn lengths(joint: &Joint, mm_per_px: Option<f64>, found: &mut Vec<Implausible>) 
         }
         if gap < mm {
             let what = format!(
-                "the adhesive is {gap:.3e} mm thick, less than a pixel of {mm:.3e} mm: its faces cannot be told in the images"
+                "the adhesive is {gap:.3e} mm thick, less than a pixel of {mm:.3e} mm: its faces cannot be told apart in the images"
             );
             found.push(Implausible::new("thickness", gap, "mm", what));
         }

@@ -35,7 +35,7 @@ impl ReleasedWidth {
         self.contradicts().then(|| {
             format!(
                 "force and displacements contradict each other: width_mm = {} is refused, as an unknown it is {:.4} +- {:.2}, and omega \
-                 falls by {:.0}; look at width_mm, the unit, the zero and the group of the load cell, and whether the model holds all of \
+                 falls by {:.0}; check width_mm, the unit, the zero and the group of the load cell, and whether the model holds all of \
                  the joint that bears the load",
                 self.prescribed_mm, self.value_mm, self.std_mm, self.gain
             )

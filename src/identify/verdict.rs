@@ -90,7 +90,7 @@ impl Verdict {
     /// `unfinished` says why the fit is not at its end, where it is not; `missing` what kind of test would tell more.
     pub fn singular(parameters: &[FittedParameter], unfinished: Vec<String>, missing: Option<&MissingMode>) -> Self {
         let singular = format!(
-            "these data do not determine {}: they say nothing of some combination of them",
+            "these data do not determine {}: they say nothing about some combination of them",
             list_of(parameters)
         );
         Self {
@@ -217,8 +217,10 @@ pub(super) fn curve_alone(parameters: &[FittedParameter], derived: &[FittedQuant
 
 pub(super) fn thresholds() -> String {
     format!(
-        "not determined: a fit that did not come to its end, standard uncertainty above {:.0} % with everything in it, a bound or an open side, a bias beyond \
-         the interval without it, more than {:.0} % of the bootstrap failed, a noise off by more than {LARGEST_NOISE_RATIO} times, rotations taken as small that cost more than a standard uncertainty; rejected: the misfit test at 1 %, or prescribed values that the data refuse",
+        "not determined, if the fit did not finish, a standard uncertainty (with everything in it) is above {:.0} %, a parameter is on a bound or its \
+         interval open, the bias is larger than the interval without it, more than {:.0} % of the bootstrap failed, the noise is wrong by more than \
+         {LARGEST_NOISE_RATIO} times, or rotations taken as small cost more than a standard uncertainty; rejected, if the misfit test fails at 1 %, or the data \
+         contradict prescribed values",
         100.0 * LARGEST_STD,
         100.0 * LARGEST_FAILED
     )
@@ -369,7 +371,7 @@ pub(super) fn advice(grounds: &Grounds<'_>) -> Option<String> {
             return None; // said among the contradictions
         }
         (true, true) => format!(
-            "with {prescribed} as unknown{} omega falls by {:.0}: {}; these data know more than was prescribed, add {} to [fit] \
+            "with {prescribed} as unknown{} omega falls by {:.0}: {}; these data determine more than was prescribed, add {} to [fit] \
              parameters",
             plural(&names),
             released.gain,

@@ -46,13 +46,25 @@ pub(super) struct SideAxis {
     pub ticks: Vec<(f64, String)>,
     /// Marks without a number.
     pub minor: Vec<f64>,
-    pub title: String,
+    /// Line by line.
+    pub title: Vec<String>,
 }
 
 impl SideAxis {
     pub fn new(side: Side, ticks: &[Tick], place: impl Fn(f64) -> f64, title: impl Into<String>) -> Self {
         let ticks = ticks.iter().map(|tick| (place(tick.value), tick.label.clone())).collect();
-        Self { side, ticks, minor: Vec::new(), title: title.into() }
+        Self { side, ticks, minor: Vec::new(), title: vec![title.into()] }
+    }
+
+    /// The same with `text` as its title, in two lines where one of `room` is too short.
+    pub fn titled(self, letters: &Letters, text: &str, room: i32) -> Self {
+        let room = f64::from(room);
+        let mut title = letters.normal.wrap(text, room);
+        if title.len() > 2 {
+            let rest = title.split_off(1).join(" ");
+            title.push(letters.normal.fit(&rest, room));
+        }
+        Self { title, ..self }
     }
 
     /// The longest number, px.
@@ -66,12 +78,14 @@ impl SideAxis {
             Side::Bottom | Side::Top => letters.small.digit() + letters.small.below(),
             Side::Left | Side::Right => self.longest(letters),
         };
-        TICK_LENGTH + GAP + numbers + GAP + letters.normal.digit() + letters.normal.below()
+        let further = self.title.len().saturating_sub(1) as i32 * letters.normal.line();
+        TICK_LENGTH + GAP + numbers + GAP + letters.normal.digit() + letters.normal.below() + further
     }
 
     /// How far numbers and title reach beyond the ends of the side of `length`.
     pub fn overhang(&self, letters: &Letters, length: i32) -> i32 {
-        let title = (letters.normal.width(&self.title).ceil() as i32 - length) / 2 + 1;
+        let widths = self.title.iter().map(|line| letters.normal.width(line).ceil() as i32);
+        let title = (widths.max().unwrap_or(0) - length) / 2 + 1;
         let number = match self.side {
             Side::Bottom | Side::Top => self.longest(letters) / 2 + 1,
             Side::Left | Side::Right => letters.small.digit(),
@@ -115,22 +129,27 @@ impl SideAxis {
         let normal = &letters.normal;
         let (middle_x, middle_y) = (f64::from(x) + f64::from(width) / 2.0, f64::from(y) + f64::from(height) / 2.0);
         let (numbers, below) = (small.digit() + small.below() + GAP, normal.below());
-        match self.side {
-            Side::Bottom => {
-                let foot = y + height + beyond + numbers + normal.digit();
-                scene.text(normal, &self.title, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
-            }
-            Side::Top => {
-                let foot = y - beyond - numbers;
-                scene.text(normal, &self.title, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
-            }
-            Side::Left => {
-                let foot = x - beyond - longest - GAP - below;
-                scene.text_upwards(normal, &self.title, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
-            }
-            Side::Right => {
-                let foot = x + width + beyond + longest + GAP + normal.digit();
-                scene.text_upwards(normal, &self.title, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
+        // Lines follow each other downwards, of an upright title to the right.
+        let n = self.title.len() as i32;
+        for (k, line) in (0..).zip(&self.title) {
+            let (after, before) = (k * normal.line(), (n - 1 - k) * normal.line());
+            match self.side {
+                Side::Bottom => {
+                    let foot = y + height + beyond + numbers + normal.digit() + after;
+                    scene.text(normal, line, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
+                }
+                Side::Top => {
+                    let foot = y - beyond - numbers - before;
+                    scene.text(normal, line, Anchor::Middle, [middle_x, f64::from(foot)], BLACK);
+                }
+                Side::Left => {
+                    let foot = x - beyond - longest - GAP - below - before;
+                    scene.text_upwards(normal, line, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
+                }
+                Side::Right => {
+                    let foot = x + width + beyond + longest + GAP + normal.digit() + after;
+                    scene.text_upwards(normal, line, Anchor::Middle, [f64::from(foot), middle_y], BLACK);
+                }
             }
         }
     }

@@ -313,9 +313,8 @@ fn bar_axis(letters: &Letters, bar: &Bar, length: i32, flat: bool) -> SideAxis {
         let along = bar.range.fraction(value) * f64::from(length);
         if flat { along } else { f64::from(length) - along - 1e-6 }
     };
-    let label = letters.normal.fit(&bar.label, f64::from(length));
     let side = if flat { Side::Bottom } else { Side::Right };
-    SideAxis::new(side, &ticks, place, label)
+    SideAxis::new(side, &ticks, place, &bar.label).titled(letters, &bar.label, length)
 }
 
 /// Axes in px at the left and below, in mm at the right and above.

@@ -56,7 +56,7 @@ code{font:.8125rem ui-monospace,'DejaVu Sans Mono',monospace;overflow-wrap:anywh
 @media (max-width:640px){\
 table.wide thead{display:none}\
 table.wide tr{display:block;border-bottom:2px solid #999;padding:.35rem 0}\
-table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;border:0;padding:.1rem 0}\
+table.wide th,table.wide td{display:grid;grid-template-columns:9.5rem 1fr;gap:.5rem;border:0;padding:.1rem 0}\
 table.wide th::before,table.wide td::before{content:attr(data-name);font-weight:400;color:#555}\
 }\
 @media print{output,.over .here{display:none}body{max-width:none;font-size:11pt;padding:0}h2,h3{break-after:avoid}table.wide{font-size:9pt}.grid{grid-template-columns:1fr 1fr}a{color:inherit}}";

@@ -296,10 +296,10 @@ impl Plot {
         let across = |text: &str| letters.small.width(text);
         let upright = |_: &str| f64::from(letters.small.digit());
         let axis = |side, scale: &Option<Scale>, label: &str, room: i32, gap, extent: &dyn Fn(&str) -> f64| {
-            let title = letters.normal.fit(label, f64::from(room));
-            let Some(scale) = scale else { return SideAxis::new(side, &[], |v| v, title) };
+            let titled = |axis: SideAxis| axis.titled(&letters, label, room);
+            let Some(scale) = scale else { return titled(SideAxis::new(side, &[], |v| v, label)) };
             let (ticks, minor) = scale.ticks(gap, extent);
-            let mut axis = SideAxis::new(side, &ticks, |v| scale.at(v), title);
+            let mut axis = titled(SideAxis::new(side, &ticks, |v| scale.at(v), label));
             axis.minor = minor.into_iter().map(|v| scale.at(v)).collect();
             axis
         };

@@ -163,9 +163,9 @@ impl Camera {
         let folder = self.folder().display();
         let time = self.timeout.unwrap_or_default().as_secs_f64();
         lines.push(if stopped {
-            format!("stopped watching {folder}; the same command goes on with what has come by then")
+            format!("stopped watching {folder}; the same command resumes with what has arrived by then")
         } else {
-            format!("nothing new in {folder} for {time} s; the same command goes on with what has come by then")
+            format!("nothing new in {folder} for {time} s; the same command resumes with what has arrived by then")
         });
         let left: Vec<String> = self.watched.unsettled().iter().map(|path| path.display().to_string()).collect();
         if let [first, ..] = left.as_slice() {

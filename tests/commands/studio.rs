@@ -209,7 +209,7 @@ fn no_file_outside_of_the_folder_is_read_or_written() {
         assert_eq!(desk.read("theirs.toml"), "# Drawn with quadrille\n");
     }
     desk.run("studio nowhere").refused(&["nowhere: cannot be opened"]);
-    desk.run("studio ref.png").refused(&["ref.png: this is no folder"]);
+    desk.run("studio ref.png").refused(&["ref.png: this is not a folder"]);
     desk.run("studio --output ../out").refused(&["--output ../out: it has to be a plain name"]);
     desk.run("studio --case a/b.toml").refused(&["--case a/b.toml: it has to be a plain name"]);
     let port = studio.port.to_string();

@@ -194,7 +194,7 @@ fn an_opening_and_a_sliding_test_determine_together_what_neither_does_alone() {
     let r = &together.fit().parameters[3];
     let std = [opening.std_alone[3].unwrap(), sliding.std_alone[3].unwrap(), r.std_noise.unwrap()];
     assert!(std[0] > 2.0 * std[2] && std[1] > 20.0 * std[2], "{std:?}");
-    for words in ["r takes the tests together", "delta_n comes from \"opening\"", "\"sliding\" alone beyond 1000 %"] {
+    for words in ["r needs the tests together", "delta_n comes from \"opening\"", "\"sliding\" alone beyond 1000 %"] {
         assert!(text.contains(words), "'{words}' is not in: {text}");
     }
     let consistency = together.consistency.as_ref().unwrap();
@@ -489,7 +489,7 @@ fn the_program_says_what_each_test_tells_and_writes_what_belongs_to_all_and_to_e
     let (case, to) = (case.to_str().unwrap(), out.to_str().unwrap());
     let (status, said) = quadrille(&["identify", case, "--output", to, "--threads", "1"]);
     assert_eq!(status, Some(0), "{said}");
-    for words in ["of each test alone and of all together", "verdict: determined", "r takes the tests together"] {
+    for words in ["of each test alone and of all together", "verdict: determined", "r needs the tests together"] {
         assert!(said.contains(words), "'{words}' in: {said}");
     }
     assert!(

@@ -184,7 +184,7 @@ fn a_fit_that_ends_where_its_law_ends_says_so() {
     println!("{} after {}, {left:.1e} from the end, {x:?}", found.reason, found.evaluations);
     assert!((0.0..1e-4).contains(&left) && found.status == FitStatus::Converged, "{x:?}: {}", found.reason);
     let said = found.verdict.sentences.join(" ");
-    assert!(said.contains("ran against the end of what the law 'bilinear-power' can be (in sliding"), "{said}");
+    assert!(said.contains("ended at a limit of the law 'bilinear-power' (in sliding"), "{said}");
     assert!(!found.verdict.determined());
 }
 

@@ -67,7 +67,7 @@ pub struct ExportArgs {
 #[command(after_help = "Examples:\n  \
     A point and an extensometer over all frames, beside the load recorded with each image:\n    \
     quadrille probe out --point 512,300 --extensometer 100,400,900,400 --load load.csv\n  \
-    Opening and sliding along a joint, the rotation of the specimen taken off:\n    \
+    Opening and sliding along a joint, without the rotation of the specimen:\n    \
     quadrille probe out --opening upper,lower --remove-rigid all\n\n\
     Writes DIR/quantities/points.csv, lines.csv, extensometers.csv, openings.csv, openings_mean.csv and\n\
     rigid_motions.csv, those that are asked for. Sections [[probe]], [[line]], [[extensometer]], [[opening]],\n\
@@ -104,7 +104,7 @@ pub struct ProbeArgs {
     /// first. Repeat it for several.
     #[arg(long, value_name = "upper,lower", value_parser = two_zones)]
     pub opening: Vec<[String; 2]>,
-    /// Take the rigid motion off before, of all nodes together or of each zone.
+    /// Subtract the rigid motion first, of all nodes together or of each zone.
     #[arg(long, value_name = "all|zone")]
     pub remove_rigid: Option<RemoveRigid>,
     /// Definition of the strains. Default: that of the run.
@@ -278,11 +278,11 @@ pub struct FiguresArgs {
     quadrille correlate --case case.toml --output out\n\n\
     Exit status: 0 fine; 2 the image cannot be read, or the page cannot be written.")]
 pub struct DrawArgs {
-    /// The reference image, then the deformed ones: names or globs, as for `quadrille correlate`. Of one glob alone the first
+    /// The reference image, then the deformed ones: names or globs, as for `quadrille correlate`. With a single glob its first
     /// image is the reference.
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<String>,
-    /// A case file to go on with: its zones, cracks and gauges are drawn to begin with.
+    /// A case file to continue: the page begins with its zones, cracks and gauges.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
     /// Page of a TIFF file with several pages, from 0.
@@ -312,7 +312,7 @@ pub struct ViewArgs {
     /// Frames: numbers from 1 and ranges such as 1,5-20; last; or all that have a field.
     #[arg(long, value_name = "1,5-20|last|all", default_value = "all")]
     pub frames: Frames,
-    /// Size of the page, MB: of a longer series frames are chosen evenly, and the page says so.
+    /// Size of the page, MB: from a longer series evenly spaced frames are taken, and the page says so.
     #[arg(long, value_name = "MB", default_value_t = 15.0, value_parser = megabytes)]
     pub max_mb: f64,
     /// The file. Default: DIR/view.html.

@@ -33,7 +33,7 @@ pub struct RunArgs {
     /// What does the pixel work: auto, cpu, gpu, part of the name of an adapter, or its number.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
-    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.
     #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
     pub trust_device: bool,
     #[command(flatten)]
@@ -85,7 +85,7 @@ pub enum VirtualKinematics {
 #[command(after_help = "Examples:\n  \
     quadrille virtual --output test && quadrille run test/case.toml --output test/run\n  \
     quadrille virtual --law trapezoidal-power --output other       a truth that the law of the case file does not know\n\n\
-    Written are images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
+    It writes images/NNNNNN.png (000000 is the reference), case.toml, truth.json (parameters, hashes of the images)\n\
     and truth: mesh, displacements, border and tractions of the region that is measured.")]
 pub struct VirtualArgs {
     /// Folder for the test; made when it is not there.
@@ -122,7 +122,7 @@ pub struct VirtualArgs {
 /// Arguments of `quadrille paper`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  quadrille paper --output out/paper\n\n\
-    Written are table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
+    It writes table-1 and table-2 as CSV, tables.md, and the figures as PNG and SVG, with their numbers as CSV.\n\n\
     Exit status: 0 all fits below 2 px of noise converged inside their bounds; 1 some did not; 2 it could not run.")]
 pub struct PaperArgs {
     #[command(flatten)]
@@ -190,7 +190,7 @@ impl SpecimenName {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille specimen dcb --output dcb && quadrille simulate dcb/case.toml --output dcb/out\n\n\
-    Written are mesh.json and case.toml, whose comments explain every line.")]
+    It writes mesh.json and case.toml, whose comments explain every line.")]
 pub struct SpecimenArgs {
     /// The test.
     #[arg(value_enum)]
@@ -283,7 +283,7 @@ pub struct IdentifyArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille tournament joint.toml --laws extended-xu-needleman,bilinear-power,trapezoidal-power --output out/laws\n\n\
-    Written are tournament.json, tournament-tractions.csv, tournament.html and figures.\n\n\
+    It writes tournament.json, tournament-tractions.csv, tournament.html and figures.\n\n\
     Exit status: 0 all fits converged and a law is left; 1 one did not, or the data reject all laws; 2 it could not run;\n\
     130 Ctrl-C or SIGTERM.")]
 pub struct TournamentArgs {
@@ -312,7 +312,7 @@ pub struct TournamentArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     quadrille sweep joint.toml --values 3,4,5,6 --output out/sweep\n\n\
-    The limit of time is one for all fits together: what was computed until then is kept.\n\n\
+    The time limit holds for all fits together: what was computed until then is kept.\n\n\
     Exit status: 0 all fits converged; 1 some did not, or were not begun; 2 it could not run; 130 stopped by Ctrl-C or \
     SIGTERM.")]
 pub struct SweepArgs {

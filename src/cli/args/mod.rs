@@ -70,9 +70,9 @@ pub enum Command {
     Figures(FiguresArgs),
     /// Make a page on which zones, cracks, gauges and a scale are drawn on the image: it writes the case file.
     Draw(DrawArgs),
-    /// From a folder of images to results in a browser: draw, check, run, look; what it does is a case file.
+    /// From a folder of images to results in a browser: draw, check, run, look; all of it is kept in a case file.
     Studio(StudioArgs),
-    /// Make a page on which one looks around in the fields of a run, in any browser.
+    /// Make a page to explore the fields of a run in any browser.
     View(ViewArgs),
     /// Make speckle images whose displacement is known exactly.
     Synth(SynthArgs),
@@ -100,7 +100,7 @@ pub enum Command {
     Run(RunArgs),
     /// Write the JSON schema of case files, with which editors complete and check them.
     Schema(SchemaArgs),
-    /// The numerical experiments of Fedele, Raka, Hild and Roux (2009) done again: tables and figures.
+    /// Repeat the numerical experiments of Fedele, Raka, Hild and Roux (2009): tables and figures.
     Paper(PaperArgs),
     /// Write what a shell needs to complete commands and options.
     Completions(CompletionsArgs),

@@ -67,7 +67,7 @@ impl From<Export> for crate::run::Export {
     quadrille correlate --mask mask.png --reference 'static_*.tif' --output out stack.tif\n  \
     A specimen that necks or turns far: the reference is renewed when it no longer matches:\n    \
     quadrille correlate --update-reference residual --output out ref.tif 'frames/*.tif'\n  \
-    A crack that is looked for, its opening and its tip:\n    \
+    Search for a crack, its opening and its tip:\n    \
     quadrille correlate --crack auto --output out ref.tif 'frames/*.tif'\n\n\
     Half of a long series on each of two machines that share a disk:\n    \
     quadrille correlate --case long.toml --shard 1/2 --output out      (and 2/2 on the other)\n\n\
@@ -93,7 +93,7 @@ pub struct CorrelateArgs {
     /// Replace the results of an earlier run in the output folder.
     #[arg(long, conflicts_with_all = ["resume", "shard"])]
     pub overwrite: bool,
-    /// Go on with the run in the output folder: do what is missing of it. This is the default; a run with other options
+    /// Continue the run in the output folder: do what is missing. This is the default; a run with other options
     /// or images is refused.
     #[arg(long)]
     pub resume: bool,
@@ -225,7 +225,7 @@ pub struct CorrelateArgs {
     /// (also an integrated or a software one), or an adapter by its number or part of its name, as `quadrille devices` lists them.
     #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: DeviceChoice,
-    /// Use a graphics device that computes other numbers than the CPU, and look at none of its frames.
+    /// Use a graphics device even if it computes other numbers than the CPU, and check none of its frames.
     #[arg(long, env = "QUADRILLE_TRUST_DEVICE")]
     pub trust_device: bool,
     /// Instruction path of the CPU: avx512, avx2, baseline, scalar. Default: that of the run.toml given as
@@ -283,10 +283,10 @@ pub struct WatchArgs {
     /// jpg, jpeg, pgm, ppm, pnm). Hidden files never are.
     #[arg(long, value_name = "GLOB")]
     pub pattern: Option<String>,
-    /// A file is taken when it has not changed for so long. Longer for network folders that tell of changes late.
+    /// A file is taken when it has not changed for this long. Give more for network folders, which show changes late.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "1")]
     pub settle: Duration,
-    /// End when no file has come or changed for so long. Default: go on until Ctrl-C.
+    /// End when no file has arrived or changed for this long. Default: run until Ctrl-C.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
     /// What is shared with `quadrille correlate`.
@@ -320,7 +320,7 @@ pub struct SlurmArgs {
     /// Folder for the results, on a file system that all nodes share.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Tasks of the array: so many shares of the series.
+    /// Number of tasks in the array; each does one share of the series.
     #[arg(long, value_name = "N")]
     pub array: NonZeroUsize,
     /// One GPU for each task. Default: the CPU.
@@ -364,7 +364,7 @@ pub struct SlurmArgs {
 /// Arguments of `quadrille status`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    How far a run is, while it goes on or after it was stopped:\n    \
+    How far a run is, while it runs or after it was stopped:\n    \
     quadrille status out\n  \
     The same for another program:\n    \
     quadrille status out --json\n\n\

@@ -64,7 +64,7 @@ pub struct FitLimits {
     /// End the fit after this time at the best point so far: the result says so. Default: [fit] max_seconds, or no limit.
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_hyphen_values = true)]
     pub max_seconds: Option<f64>,
-    /// End it after so many forward runs from one start. Default: [fit] max_evaluations, or 100.
+    /// End it after this many forward runs from one start. Default: [fit] max_evaluations, or 100.
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     pub max_evaluations: Option<usize>,
 }

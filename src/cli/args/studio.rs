@@ -12,10 +12,11 @@ use std::path::PathBuf;
     quadrille studio\n  \
     Those of a folder of another machine, seen from here; then open the address that is printed:\n    \
     ssh -L 8765:127.0.0.1:8765 ANNA-PC quadrille studio --port 8765 test7\n\n\
-    Prints an address for a browser on this machine: images in order, the reference, zones, cracks, gauges and a scale drawn on \
-    it, texture and expected uncertainty while one draws, the run frame by frame, its results. Nothing outside of the folder is \
-    read or written, no other machine is spoken to, and only who has the address is answered. What it does is a case file that \
-    `quadrille correlate --case FILE` (with a joint: `quadrille run FILE`) does again.")]
+    Prints an address for a browser on this machine. There the images are shown in order; choose the reference, draw zones, cracks, \
+    gauges and a scale on it, see texture and expected uncertainty while you draw, and follow the run frame by frame to its results. \
+    Nothing outside the folder is read or written, no other machine is contacted, and only requests with the token in the address \
+    are answered. All of it is kept in a case file, which `quadrille correlate --case FILE` (with a joint: `quadrille run FILE`) \
+    repeats.")]
 pub struct StudioArgs {
     /// Folder of the images.
     #[arg(value_name = "FOLDER", default_value = ".")]

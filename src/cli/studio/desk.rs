@@ -131,7 +131,7 @@ impl Studied {
 
     fn check(&self, text: &str) -> Result<Answer> {
         if self.job.is_running() {
-            return Err("a run goes on: what is drawn is checked when it has ended".into());
+            return Err("a run is in progress: what is drawn is checked when it has ended".into());
         }
         let Checked { zones, nodes, elements, without_texture, notes } = check(&self.plan(text)?.0, &self.pool)?;
         let mesh = json!({ "nodes": rounded(nodes.iter().flatten(), 2), "elements": elements });
@@ -164,7 +164,7 @@ impl Studied {
     fn run(&self, wish: &Wish) -> Result<Answer> {
         let (_, is_joint) = self.plan(&wish.case)?;
         if self.job.is_running() {
-            return Err("a run goes on; stop it first".into());
+            return Err("a run is in progress; stop it first".into());
         }
         self.write(&wish.case)?;
         let wanted = Wanted {
@@ -176,7 +176,7 @@ impl Studied {
             pool: Arc::clone(&self.pool),
         };
         if !self.job.begin(wanted) {
-            return Err("a run goes on; stop it first".into());
+            return Err("a run is in progress; stop it first".into());
         }
         Ok(Answer::json(&json!({})))
     }

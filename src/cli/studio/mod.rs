@@ -20,7 +20,7 @@ pub(super) fn run(args: &StudioArgs) -> Result<Outcome> {
     let given = &args.folder;
     let folder = given.canonicalize().map_err(|error| format!("{}: cannot be opened: {error}", given.display()))?;
     if !folder.is_dir() {
-        return Err(format!("{}: this is no folder; name the one with the images", given.display()).into());
+        return Err(format!("{}: this is not a folder; name the one with the images", given.display()).into());
     }
     let within = |name: &Path, flag: &str| {
         let plain = name.components().count() == 1 && name.file_name().is_some();

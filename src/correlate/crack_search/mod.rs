@@ -75,7 +75,7 @@ impl fmt::Display for NoCrack {
         match self {
             Self::NotALine([length, width]) => write!(f, "no line ({length:.0} px long, {width:.0} px wide)"),
             Self::NotMeasured => write!(f, "too little is measured on one side of it"),
-            Self::OneSide => write!(f, "covered or of another light: what it shows follows neither of its sides"),
+            Self::OneSide => write!(f, "covered or in another light: its pixels follow neither of its sides"),
             Self::Slides(px) => write!(f, "its sides slide by {px:.2} px and do not open (--crack 'path' cuts there)"),
             Self::Closes(px) => write!(f, "its sides come closer by {px:.2} px"),
             Self::Open(share) => write!(f, "with the mesh cut it opens in {:.0} % of its places only", 100.0 * share),

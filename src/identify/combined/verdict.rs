@@ -6,7 +6,7 @@ use super::super::verdict::{Grounds, Outcome, Verdict};
 use super::consistency::Consistency;
 use super::share::TestShare;
 
-/// A parameter takes the tests together when the best of them alone leaves it with more than this times the uncertainty.
+/// A parameter needs the tests together when the best of them alone leaves it with more than this times the uncertainty.
 const TOGETHER: f64 = 1.5;
 
 /// What the verdict goes by beside the grounds of a single fit.
@@ -37,7 +37,7 @@ pub(super) fn verdict(of: &OfTests<'_>, grounds: Option<&Grounds<'_>>, unfinishe
     verdict.sentences.extend(who_determines(of));
     verdict.sentences.extend(nothing_new(of));
     verdict.thresholds.push_str(
-        "; of several tests also: the misfit test of one of them, or tests that want different parameters, at 1 %",
+        "; with several tests also if the misfit test of one of them fails, or the tests ask for different parameters, at 1 %",
     );
     verdict
 }
@@ -113,7 +113,7 @@ fn who_determines(of: &OfTests<'_>) -> Vec<String> {
                 )
             }
             _ => format!(
-                "{name} takes the tests together: the noise leaves it {} ({})",
+                "{name} needs the tests together: the noise leaves it {} ({})",
                 percent(std),
                 of.shares.iter().map(alone).collect::<Vec<_>>().join(", ")
             ),

@@ -137,7 +137,7 @@ impl CorrelationReport<'_> {
         if is_last {
             let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
             let sigma: Vec<f64> = field.sigma.iter().map(rms).collect();
-            add("Residual of each element, rms: even where noise is all there is", "grey levels", Palette::Plasma, {
+            add("Residual of each element, rms: uniform where there is only noise", "grey levels", Palette::Plasma, {
                 element_cells(field, &field.element_residual)?
             });
             add("Standard uncertainty of the displacement, rms of both components", "px", Palette::Viridis, {

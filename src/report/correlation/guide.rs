@@ -89,7 +89,7 @@ impl CorrelationReport<'_> {
         self.noise_rows(&mut add);
         let text = "After the reporting requirements of the good practice guide of the International Digital Image Correlation \
                     Society. What the program cannot know is left blank: fill it in, or \
-                    give it in [report] of the case file, where the same command takes it from.";
+                    give it in [report] of the case file, from where the same command takes it.";
         Section { title: "Reporting table".into(), blocks: vec![Block::Text(text.into()), Block::Facts(facts)] }
     }
 

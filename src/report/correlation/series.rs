@@ -99,7 +99,7 @@ impl CorrelationReport<'_> {
         }
         blocks.push((
             plot("Mean strain", Axis::linear("strain"), strains),
-            "Mean over the elements of a zone (of the first two); of a long series of some frames",
+            "Mean over the elements of a zone (of the first two); for a long series, some of its frames",
         ));
         let noise = |frame: &FrameSummary| {
             let known: Vec<f64> = frame.zones.iter().map(|zone| zone.noise_grey).filter(|v| v.is_finite()).collect();
@@ -111,7 +111,7 @@ impl CorrelationReport<'_> {
                 Axis::linear("grey levels"),
                 vec![over("residual, rms", &|frame| frame.residual_grey), over("noise of one image", &noise)],
             ),
-            "Of images that hold noise alone the residual is 1.2 to 1.4 times that of one image; where it rises, something is not \
+            "With noise alone the residual is 1.2 to 1.4 times the noise of one image; where it rises, something is not \
              followed",
         ));
         blocks.push((
@@ -123,7 +123,7 @@ impl CorrelationReport<'_> {
                     of_sampled("uy".into(), &|point| Some(point.sigma_px[1])),
                 ],
             ),
-            "Median over the nodes; of a long series of some frames",
+            "Median over the nodes; for a long series, some of its frames",
         ));
         let curves = blocks.into_iter().map(|(plot, caption)| Ok(Block::Curves(Curves::new(&plot, caption)?)));
         let curves = curves.collect::<Result<Vec<_>, ReportError>>()?;
@@ -142,10 +142,9 @@ impl CorrelationReport<'_> {
             let thin = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
             let thin = Curve { x: thin(&curve.x), y: thin(&curve.y), sigma: thin(&curve.sigma), ..(*curve).clone() };
             let (plot, caption) = match curve.is_against_load() {
-                true => (
-                    turned(&thin),
-                    "Along x what was measured; its standard uncertainty stands in quantities/".to_owned(),
-                ),
+                true => {
+                    (turned(&thin), "x: the measured quantity; its standard uncertainty is in quantities/".to_owned())
+                }
                 false => (along_load(&thin), format!("Bars: \u{b1}2 standard uncertainties{bound}")),
             };
             blocks.push(Block::Curves(Curves::new(&plot, caption)?));

@@ -20,9 +20,9 @@ fn listed(numbers: &[usize]) -> String {
 fn meaning(status: Status) -> &'static str {
     match status {
         Status::Converged => "converged",
-        Status::IterationLimit => "stopped at the limit of iterations: their fields are there and not settled",
+        Status::IterationLimit => "reached the iteration limit: their fields are there but not settled",
         Status::Diverged => "diverged: they have no field",
-        Status::LeftImage => "have left the image in part: they are not converged",
+        Status::LeftImage => "have partly left the image: they are not converged",
         Status::Ambiguous => "are ambiguous: the texture repeats, and displacements may be off by periods of it",
         Status::Unreadable => "could not be read",
     }
@@ -101,7 +101,7 @@ impl CorrelationReport<'_> {
         let mut blocks: Vec<Block> =
             found.into_iter().map(|text| Block::Lead { text: capital(&bare(&text)), warning: true }).collect();
         if blocks.is_empty() {
-            let text = "Every frame converged, and nothing was found to warn of.".to_owned();
+            let text = "Every frame converged, and there are no warnings.".to_owned();
             blocks.push(Block::Lead { text, warning: false });
         }
         Section { title: "Read this first".into(), blocks }

@@ -26,7 +26,7 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Lead { text, warning: !verdict.determined });
             blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
         }
-        blocks.push(Block::Text(format!("What the verdict goes by: {}.", verdict.thresholds)));
+        blocks.push(Block::Text(format!("Criteria of the verdict: {}.", verdict.thresholds)));
         blocks.push(self.parameters(fit));
         blocks.extend(about_intervals(fit));
         blocks.extend(self.budget(fit));
@@ -247,7 +247,7 @@ fn misfit(record: &MisfitRecord) -> Result<Vec<Block>, ReportError> {
             record.z_limit
         ),
         false => "The noise was estimated from this residual, so that the objective as a whole tests nothing; instants and \
-                  regions can still be held against each other."
+                  regions can still be compared with each other."
             .into(),
     }));
     if !record.worst.is_empty() {

@@ -266,8 +266,8 @@ function faults() {
   if (between && !(settings.e > 0 && settings.phi > 0 && settings.dn > 0 && settings.dt > 0)) found.push('The values of the joint have to be positive.');
   if (!data.deformed.length && !(settings.given.images || {}).deformed) found.push('No deformed images were named: add `deformed` to the case file.');
   if (lost.length) found.push(`What is written from here does not have these of the case file that was read: ${lost.join(', ')}.`);
-  if (data.case_folder) found.push(`The case file that was read lies in ${data.case_folder}: the files it names are meant from there.`);
-  if (!zones().length) found.push('Without a zone the specimen is found in the image by itself.');
+  if (data.case_folder) found.push(`The case file that was read is in ${data.case_folder}: file names in it are relative to that folder.`);
+  if (!zones().length) found.push('Without a zone the specimen is found in the image automatically.');
   return found;
 }
 
@@ -506,7 +506,7 @@ document.addEventListener('keydown', event => {
   if (keys[key] && !(key === 'enter' && event.target.tagName === 'BUTTON')) { event.preventDefault(); keys[key](); }
 });
 at('subtitle').textContent = `${data.shown}, ${W} x ${H} px`;
-at('where').textContent = `Save it in ${data.folder}: names of images are meant from the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
+at('where').textContent = `Save it in ${data.folder}: image names are relative to the folder of the case file. Then: quadrille correlate --case case.toml --output out`;
 if (data.png) { picture.onload = draw; picture.src = `data:image/png;base64,${data.png}`; }
 /** What of a case file this page cannot write again. */
 let lost = [];

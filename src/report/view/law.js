@@ -37,7 +37,10 @@ function plot(title, xLabel, yLabel, curves) {
   for (const v of steps(y0, y1)) { add('line', { x1: m.l, x2: w - m.r, y1: Y(v), y2: Y(v), stroke: '#ddd' }); add('text', { ...letters, x: m.l - 5, y: Y(v) + 4, 'text-anchor': 'end' }, short(v)); }
   add('rect', { x: m.l, y: m.t, width: w - m.l - m.r, height: h - m.t - m.b, fill: 'none', stroke: '#333' });
   add('text', { ...letters, x: (m.l + w - m.r) / 2, y: h - 6, 'text-anchor': 'middle' }, xLabel);
-  add('text', { ...letters, x: 4, y: 16 }, `${title}: ${yLabel}`);
+  // Names stand behind the title, where no curve comes: with them the unit alone is left of what it counts.
+  const head = add('text', { ...letters, x: 4, y: 16 }, `${title}: ${curves[0].name ? '' : yLabel}`);
+  const word = (text, colour) => { const made = document.createElementNS(SVG, 'tspan'); made.textContent = text; made.setAttribute('fill', colour); head.append(made); };
+  if (curves[0].name) { curves.forEach((c, k) => { word(`${k ? ', ' : ''}`, '#1a1a1a'); word(c.name, COLOURS[k % 2]); }); word(` ${yLabel}`, '#1a1a1a'); }
   const inside = v => Math.max(m.t, Math.min(h - m.b, v));
   curves.forEach((c, k) => {
     const colour = COLOURS[k % 2], line = list => { let d = '', on = false; c.x.forEach((x, i) => { if (Number.isFinite(x) && Number.isFinite(list[i])) { d += `${on ? 'L' : 'M'}${X(x).toFixed(1)} ${inside(Y(list[i])).toFixed(1)}`; on = true; } else on = false; }); return d; };
@@ -48,7 +51,6 @@ function plot(title, xLabel, yLabel, curves) {
     }
     add('path', { d: line(c.base), fill: 'none', stroke: colour, 'stroke-width': 1.2, 'stroke-dasharray': '5 4' });
     add('path', { d: line(c.y), fill: 'none', stroke: colour, 'stroke-width': 2.2 });
-    if (c.name) add('text', { ...letters, x: m.l + 8, y: m.t + 16 + 16 * k, fill: colour }, c.name);
   });
   return svg;
 }
@@ -64,8 +66,8 @@ function draw() {
   if (joint) {
     const of = q => ({ x: numbers(joint.along_mm), base: numbers(joint.value[q]), y: moved(joint.value[q], joint.by.map(by => by[q])) });
     const band = c => joint.ends ? joint.ends[c] : {};
-    charts.push(plot('Tractions', 'distance along the joint (mm)', 'T_n, T_t (MPa)', [{ ...of(2), ...band(0), name: 'T_n' }, { ...of(3), ...band(1), name: 'T_t' }]));
-    charts.push(plot('Jumps', 'distance along the joint (mm)', 'opening, sliding (mm)', [{ ...of(0), name: 'opening' }, { ...of(1), name: 'sliding' }]));
+    charts.push(plot('Tractions', 'distance along the joint (mm)', '(MPa)', [{ ...of(2), ...band(0), name: 'T_n' }, { ...of(3), ...band(1), name: 'T_t' }]));
+    charts.push(plot('Jumps', 'distance along the joint (mm)', '(mm)', [{ ...of(0), name: 'opening' }, { ...of(1), name: 'sliding' }]));
   }
   at('law-charts').replaceChildren(...charts);
   const test = fit.misfit ? `chi-square of the fit ${short(fit.misfit.omega)}, expected ${short(fit.misfit.freedom)} (z ${short(fit.misfit.z)}, limit ${short(fit.misfit.z_limit)})` : `objective of the fit ${short(fit.omega)}`;
