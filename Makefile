@@ -61,10 +61,10 @@ soak: ## Long and hostile runs: every write that fails, 100 000 frames with kill
 package: ## Pack the crate as crates.io would get it, look into it, and compile it from that alone
 	scripts/package.sh
 
-deny: ## Licences, sources, banned and doubled crates, advisories (deny.toml); and that the notices of others are current
+deny: ## Check licences, sources, banned and duplicate crates and advisories (deny.toml), and that the third-party notices are current
 	scripts/deny.sh advisories
 
-licences: ## Write the notices of others that the program prints (after a change of its crates)
+licences: ## Write the third-party notices that the program prints (after a change of its crates)
 	scripts/licences.py
 
 check: ## Formatting, lints, documentation: all without a warning
