@@ -72,7 +72,7 @@ def case_text(
 
 
 class Correlator:
-    """A reference image, prepared: meshes, factors, uncertainty. Any number of images can be found with it, from several threads.
+    """A reference image, prepared: meshes, factors, uncertainty. Any number of images can be correlated with it, from several threads.
 
     >>> import numpy as np
     >>> rng = np.random.default_rng(1)
@@ -105,7 +105,7 @@ class Correlator:
         cracks: paths ``[[x, y], ...]``, px, along which the mesh is cut, or mappings with the keys of ``[[crack]]``.
         device: auto, cpu, gpu, or a part of the name of one.
         isa: instruction path of the CPU (avx512, avx2, baseline, scalar).
-        threads: threads of its own; without it all share one per core. Results do not depend on it.
+        threads: number of own threads; without it all correlators share one thread per core. Results do not depend on it.
         options: the keys of ``[correlation]`` in a case file: element_size_px=16, interpolation="cubic", brightness="auto",
             start="previous", noise, regularisation, cutoff_px, strain="green-lagrange", strain_window, drop_textureless, ...
 
@@ -144,20 +144,20 @@ class Correlator:
 
     @property
     def device(self) -> str:
-        """What does the work."""
+        """The device that does the work."""
         return self._engine.device()
 
     @property
     def notes(self) -> list[str]:
-        """What there is to know of zones, masks and device."""
+        """Remarks on zones, masks and device."""
         return self._engine.notes()
 
     def correlate(self, image: Image) -> Field:
-        """Finds the displacement field of ``image``, of which nothing is known before.
+        """Finds the displacement field of ``image``, without any knowledge of the motion.
 
-        An array in C order is not copied: let no other thread write to it during the call.
+        An array in C order is not copied: do not let another thread write to it during the call.
 
-        Not converging is no error: see :attr:`Field.status`. Raises ImageError (another size, no contrast, NaN) and DeviceError.
+        Not converging is not an error: see :attr:`Field.status`. Raises ImageError (another size, no contrast, NaN) and DeviceError.
         """
         return self._field(self._engine.correlate(image))
 

@@ -1,4 +1,4 @@
-"""What can go wrong. The text of each says what, where, and what to do; it is that of the program."""
+"""Exceptions. Their messages are those of the program: what is wrong, where, and what to do."""
 
 
 class QuadrilleError(Exception):
@@ -6,7 +6,7 @@ class QuadrilleError(Exception):
 
 
 class ImageError(QuadrilleError, ValueError):
-    """A file that is no image, an array that is none, another size than the reference, no contrast."""
+    """A file or array that is not an image, has another size than the reference, or has no contrast."""
 
 
 class OptionError(QuadrilleError, ValueError):
@@ -26,11 +26,11 @@ class CaseError(QuadrilleError, ValueError):
 
 
 class DeviceError(QuadrilleError, RuntimeError):
-    """A device that is not there, or fails."""
+    """A device that does not exist, or fails."""
 
 
 class FolderError(QuadrilleError, OSError):
-    """A folder of results: another run's, in use, not to be written."""
+    """A folder of results that belongs to another run, is in use, or cannot be written."""
 
 
 class StoreError(QuadrilleError, OSError):
@@ -42,4 +42,4 @@ class ModelError(QuadrilleError, ValueError):
 
 
 class FitError(QuadrilleError, ValueError):
-    """A fit that cannot be begun."""
+    """A fit that cannot be started."""

@@ -47,7 +47,7 @@ class Field:
     residual: NDArray[np.float64]
     #: Whether a node was measured, (n,).
     measured: NDArray[np.bool_]
-    #: What is the matter with each element, (m,), numbers in :data:`MARKS`.
+    #: Fault of each element, (m,), numbers in :data:`MARKS`.
     marks: NDArray[np.uint8]
     #: Iterations on the image itself.
     iterations: int

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 def read_image(path: str | os.PathLike[str], page: int = 0) -> GreyLevels:
     """The grey levels of an image file, in its own depth: an array of uint8, uint16 or float32, rows by columns.
 
-    Reads TIFF (of any depth and compression that is usual, page ``page`` of several), PNG, BMP, JPEG and PGM. What is to be known of
-    the file, such as colours that were made grey, is a warning.
+    Reads TIFF (any usual depth and compression; page ``page`` of several), PNG, BMP, JPEG and PGM. Remarks on the
+    file, such as colours that were made grey, are warnings.
 
-    Raises ImageError when the file gives no image.
+    Raises ImageError when the file cannot be read as an image.
     """
     array: GreyLevels
     array, notes = _read_image(path, page)

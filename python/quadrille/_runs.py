@@ -30,7 +30,7 @@ Watcher: TypeAlias = "Callable[[Event], object] | None"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a run."""
+    """The result of a run."""
 
     #: ``fine``; ``incomplete``: it ran, but a frame or a fit did not converge, or the data reject the model; ``stopped``.
     outcome: str
@@ -78,15 +78,15 @@ def run(
     on_event: Watcher = None,
     **options: Any,
 ) -> Result:
-    """A series of image files into the folder ``output``, as ``quadrille correlate``; a case with ``[interface]`` and ``[cohesive]`` on to
-    the law and its report, as ``quadrille run``.
+    """Correlates a series of image files into the folder ``output``, as ``quadrille correlate``; a case with ``[interface]`` and
+    ``[cohesive]`` goes on to the law and its report, as ``quadrille run``.
 
-    The same call goes on where an earlier one was stopped, to the same bits. Ctrl-C, or an exception of ``on_event``, stops it: what is
-    on its way is finished, nothing else begun, and the exception comes out.
+    The same call resumes where an earlier one was stopped, to the same bits. Ctrl-C, or an exception of ``on_event``, stops it: frames
+    in flight are finished, nothing else is begun, and the exception is raised.
 
     case: a case file; its sections as a mapping; or None, with ``images``.
-    images: names or patterns of the deformed images, over those of the case; the first is the reference unless one is named.
-    zones, options: as of :class:`quadrille.Correlator`, over those of the case.
+    images: names or patterns of the deformed images, instead of those of the case; the first is the reference unless one is named.
+    zones, options: as for :class:`quadrille.Correlator`, instead of those of the case.
     shard: ``"2/4"``: every fourth frame from the second on, for one of several processes; with ``start="independent"``.
     export: tables per frame beside the store: csv, vtu, or none.
     max_seconds, max_evaluations: limits of the fit.
@@ -181,7 +181,7 @@ def metrology(
     seed: int = 1,
     threads: int | None = None,
 ) -> dict[str, Any]:
-    """Noise, texture, uncertainty and resolution that images allow, as ``quadrille metrology``: what metrology.json holds.
+    """Noise, texture, uncertainty and resolution of images, as ``quadrille metrology``: what metrology.json holds.
 
     stills: further images of the specimen at rest, for the noise.
     noise: standard deviation of the noise of one image, grey levels, where it is known.
@@ -202,7 +202,7 @@ def devices() -> list[dict[str, str | None]]:
 
 
 def open_store(path: Path_) -> zarr.Group:
-    """The fields of a run, read when they are asked for, also while the run goes on (zarr: ``pip install quadrille[store]``).
+    """The fields of a run, read lazily, also while the run is in progress (zarr: ``pip install quadrille[store]``).
 
     path: the folder of a run, or its ``fields.zarr``. For example ``open_store("out")["displacement_px"][3]`` is frame 4, (n, 2), px.
 
