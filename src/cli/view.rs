@@ -52,7 +52,8 @@ pub(super) fn run(args: &ViewArgs) -> Result<Outcome> {
     let Made { html, n_shown, n_with, n_without } = made(args)?;
     write(&html)?;
     if !args.talk.quiet {
-        let left = if n_shown < n_with { format!(" of {n_with}, evenly (--max-mb for more)") } else { String::new() };
+        let left =
+            if n_shown < n_with { format!(" of {n_with}, evenly spaced (--max-mb for more)") } else { String::new() };
         let mb = html.len() as f64 / 1e6;
         eprintln!("{} with {}{left}, {mb:.1} MB: open it in a browser", path.display(), plural(n_shown, "frame"));
     }

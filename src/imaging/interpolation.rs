@@ -17,7 +17,7 @@ pub enum Interpolation {
     Quintic,
     /// Keys' cubic convolution (a = -1/2).
     Keys,
-    /// Bilinear: for looking, not for measuring.
+    /// Bilinear: for a quick look, not for measuring.
     Bilinear,
 }
 

@@ -29,7 +29,7 @@ pub struct CaseSupport {
     pub tied: Option<CaseTied>,
 }
 
-/// How the history of border, supports and loads is gone through. Of `quadrille simulate` alone.
+/// How the history of border, supports and loads is followed; for `quadrille simulate` only.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CasePath {

@@ -110,7 +110,7 @@ pub struct CaseBoundary {
     pub file: Option<String>,
     /// The store of a correlation run: its outer nodes are prescribed.
     pub store: Option<String>,
-    /// Whether one rigid motion of all prescribed nodes is taken off at every instant.
+    /// Whether one rigid motion of all prescribed nodes is subtracted at every instant.
     #[schemars(extend("default" = "none"))]
     pub remove_rigid_motion: Option<CaseRigidMotion>,
 }

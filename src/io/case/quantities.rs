@@ -39,7 +39,7 @@ impl CaseQuantities {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseQuantityOptions {
-    /// The rigid motion that is taken off before. Without it none is.
+    /// The rigid motion that is subtracted first. Without it none is.
     #[schemars(extend("x-flag" = "--remove-rigid"))]
     pub remove_rigid: Option<RemoveRigid>,
 }

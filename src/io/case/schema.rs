@@ -159,7 +159,7 @@ pub fn case_reference(laws: &CaseLaws) -> String {
         for (key, value) in keys {
             let default = match value.get("default") {
                 Some(default) => format!("`{default}`"),
-                None if required(key) => "has to be given".to_owned(),
+                None if required(key) => "required".to_owned(),
                 None => "-".to_owned(),
             };
             let flag = value["x-flag"].as_str().map_or(String::new(), |flag| format!("`{flag}`"));

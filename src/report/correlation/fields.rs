@@ -89,7 +89,8 @@ impl CorrelationReport<'_> {
         blocks.push(Block::Text(format!(
             "Over the reference image. Colours go from the 1st to the 99th percentile of the values that are not hatched; what is \
              beyond has the colour of the end. Hatched: the standard uncertainty of a node is above {DOUBTFUL} times the median. \
-             Displacements are positive to the right and down."
+             Displacements are positive to the right and down. All frames, with values under the pointer, profiles and gauges: \
+             `quadrille view` with the folder of this page."
         )));
         let mut drawn = Vec::new();
         for frame in self.drawn {

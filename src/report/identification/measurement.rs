@@ -61,7 +61,7 @@ impl IdentificationReport<'_> {
         }
         facts.push(("device".into(), summary.device.clone()));
         let mut blocks = vec![
-            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums.".into()),
+            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums. All frames, with values under the pointer, profiles, gauges and a law explorer: `quadrille view` with the folder of this page.".into()),
             Block::Facts(facts),
         ];
         let left_out = n - converged;
