@@ -16,4 +16,4 @@ print(field)
 print("mean displacement, px:", np.nanmean(field.displacement, axis=0))
 print("median standard uncertainty, px:", np.nanmedian(field.sigma, axis=0))
 print("mean strain exx, eyy, exy:", np.nanmean(field.element_strain, axis=0))
-field.plot("ux", image=reference).get_figure().savefig("ux.png")  # type: ignore[union-attr]
+field.plot("ux", image=reference).get_figure().savefig("ux.png")  # type: ignore[union-attr, unused-ignore]
