@@ -127,6 +127,10 @@ fn attack(name: &str) {
 #[test]
 fn no_image_ends_the_program() {
     attack("images");
+}
+
+#[test]
+fn no_mask_ends_the_program() {
     attack("masks");
 }
 
@@ -138,6 +142,10 @@ fn no_mesh_ends_the_program() {
 #[test]
 fn no_case_ends_the_program() {
     attack("cases");
+}
+
+#[test]
+fn no_joint_ends_the_program() {
     attack("joints");
 }
 
@@ -147,8 +155,12 @@ fn no_table_ends_the_program() {
 }
 
 #[test]
-fn no_damaged_run_ends_the_program() {
+fn no_damaged_store_ends_the_program() {
     attack("store");
+}
+
+#[test]
+fn no_damaged_state_of_a_run_ends_the_program() {
     attack("state");
 }
 
