@@ -374,7 +374,7 @@ fn a_page_that_goes_on_with_a_case_file_changes_nothing_in_it_but_what_is_change
     desk.run("draw ref.png --case far/odd.toml").fine();
     let Some(back) = seen(&desk.path(""), &AGAIN.replace("WIDTH", "1280")) else { return };
     assert!(back.contains("does not have these of the case file that was read: [correlation] noise"), "{back}");
-    assert!(back.contains("far: the files it names are meant from there"), "{back}");
+    assert!(back.contains("far: file names in it are relative to that folder"), "{back}");
     assert!(back.contains(r#"deformed = [\"a.png\", \"b.png\"]"#), "{back}");
     desk.run("draw ref.png a.png --case none.toml").refused(&["none.toml: cannot be read"]);
     desk.write("wrong.toml", "[images]\nreferenc = 1\n");
