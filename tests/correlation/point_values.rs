@@ -293,7 +293,7 @@ fn a_wave_of_eight_elements_is_met_at_points_within_a_fifth_of_what_coefficients
         (component_rms(&found.displacement, &all), component_rms(&points.displacement, &all));
     println!("inside {coefficients:.4} -> {values:.4}, all nodes {all_coefficients:.4} -> {all_values:.4} px");
     // k^2 h^2/12 of 0.5 px over sqrt(2) is 0.018 px, and the texture adds; the next term, of the fourth order, is 0.0004.
-    assert!(coefficients > 0.02, "{coefficients}");
+    assert!(coefficients > 0.018, "{coefficients}");
     assert!(values <= 0.004, "{values}");
     assert!(all_values <= 0.3 * all_coefficients, "{all_values} of {all_coefficients}");
 }
@@ -340,7 +340,7 @@ fn the_scatter_of_values_over_repeated_noise_is_that_of_their_standard_uncertain
         assert!((ratio - 1.0).abs() < tolerance, "{what}: {ratio}");
     }
     let gain = (sums[0][0] / sums[0][2]).sqrt();
-    assert!(gain < 0.68, "noise inside {gain}"); // 0.635 by theory, a little more near the border
+    assert!(gain < 0.71, "noise inside {gain}"); // by theory 0.635 from four elements off a border on, 0.70 nearer
 }
 
 #[test]
@@ -351,8 +351,8 @@ fn the_uncertainty_at_a_node_is_that_of_the_same_sum_with_the_correlations_of_th
     for node in (0..field.mesh.n_nodes()).filter(|&node| field.measured[node]) {
         let at = field.mesh.nodes()[node];
         let Some(there) = at_point(&field, &noise, StrainDefinition::Infinitesimal, at) else { continue };
-        // Correlations of an endless mesh inside, and of patches that are cut: half a per cent.
+        // Correlations of an endless mesh inside, and of ends more than four elements away none: some per cent near them.
         let ratio = there.sigma[0] / points.sigma[node][0];
-        assert!((ratio - 1.0).abs() < 0.005, "{at:?}: {ratio}");
+        assert!((ratio - 1.0).abs() < 0.03, "{at:?}: {ratio}");
     }
 }
