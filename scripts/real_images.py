@@ -28,7 +28,8 @@ class Field:
         self.nodes = {}
         with open(file, encoding="utf8") as lines:
             for row in csv.DictReader(line for line in lines if not line.startswith("#")):
-                numbers = [float(row[name]) for name in ("x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px")]
+                names = ("x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px")
+                numbers = [float(row[name]) for name in (*names, "ux_point_px", "uy_point_px") if name in row]
                 self.nodes.setdefault(row["zone"], {})[(numbers[0], numbers[1])] = numbers[2:]
         self.grids = {}
         for zone, nodes in self.nodes.items():
@@ -236,6 +237,23 @@ exclude = [[{", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in hole)}]]
         self.say("star", "noise times period", f"{noise * period:.3f} px²", "<= 0.72 px²", noise * period <= 0.72)
         text = f"{mean(periods):.1f} px (row {', '.join(f'{p:.1f}' for p in periods)} px), noise times it {mean(noises) * mean(periods):.3f}"
         self.say("star", "period at 90 % averaged over four phases", text)
+        # The same with values at points, along the row by the program itself.
+        periods, noises = [], []
+        for phase in range(4):
+            folder = self.output / f"star-{phase}"
+            subprocess.run([str(self.quadrille), "probe", str(folder), "--line", "8,250,3990,250", "--step", "2", "--quiet"], check=True)
+            with open(folder / "quantities" / "lines.csv", encoding="utf8") as lines:
+                rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+            row = [(float(r["x_px"]), float(r["uy_px"])) for r in rows if r["uy_px"]]
+            smooth = [(x, mean(v for z, v in row[max(0, k - 30):k + 31])) for k, (x, _) in enumerate(row)]
+            periods.append(10 + 290 * max(x for x, v in smooth if v < 0.45) / 4000)
+            now = Field(folder / "csv" / "000001.csv")
+            noises.append(rms(v[4] for nodes in now.nodes.values() for (x, y), v in nodes.items() if x > 1500 and 30 < y < 470))
+        self.say("star", "at points: period at 90 %, node row on y = 250", f"{periods[0]:.1f} px")
+        self.say("star", "at points: noise of the displacement", f"{noises[0]:.4f} px")
+        self.say("star", "at points: noise times period", f"{noises[0] * periods[0]:.3f} px²", "<= 0.45 px²", noises[0] * periods[0] <= 0.45)
+        text = f"{mean(periods):.1f} px (row {', '.join(f'{p:.1f}' for p in periods)} px), noise times it {mean(noises) * mean(periods):.3f}"
+        self.say("star", "at points: period at 90 % averaged over four phases", text)
 
     def crack(self):
         """A crack that opens by 57 px, 20 frames: the plate as one zone, the opening between two zones."""

@@ -33,7 +33,8 @@ class Field:
     elements: NDArray[np.uint32]
     #: Number of the zone of each node, (n,).
     node_zone: NDArray[np.uint32]
-    #: Displacement of the nodes, (n, 2), px; NaN where not measured.
+    #: Displacement of the nodes, (n, 2), px; NaN where not measured. These are the coefficients of the fitted field; for the
+    #: displacement at a point read :attr:`displacement_point`.
     displacement: NDArray[np.float64]
     #: Its standard uncertainty, (n, 2), px.
     sigma: NDArray[np.float64]
@@ -65,6 +66,12 @@ class Field:
     model_error: NDArray[np.float64] | None = None
     #: Displacement that is not followed in an element, (m,), px; 0 where the residual is noise.
     misfit: NDArray[np.float64] | None = None
+    #: Displacement at the nodes as values at points, (n, 2), px; NaN where not measured. None of a frame without a field.
+    displacement_point: NDArray[np.float64] | None = None
+    #: Its standard uncertainty, (n, 2), px.
+    sigma_point: NDArray[np.float64] | None = None
+    #: Whether it is a value, (n,); where not, it is the coefficient as it stands: too few nodes near, or a regularised field.
+    is_point_value: NDArray[np.bool_] | None = None
     #: Strains over a window of nodes, (n, 3), where ``strain_window`` asks for it.
     window_strain: NDArray[np.float64] | None = None
     #: Their standard uncertainty, (n, 3).
@@ -75,19 +82,21 @@ class Field:
         return f"<quadrille.Field: {self.status}, {int(self.measured.sum())} of {n} nodes, {m} elements, residual {self.residual_percent:.2f} %>"
 
     def values(self, name: str) -> NDArray[np.float64]:
-        """Values at the nodes, (n,): ``ux``, ``uy``, ``u`` (size), ``sigma_ux``, ``sigma_uy``, ``exx``, ``eyy``, ``exy``; at the
+        """Values at the nodes, (n,): ``ux``, ``uy``, ``u`` (size) at points, ``sigma_ux``, ``sigma_uy``, ``exx``, ``eyy``, ``exy``; at the
         elements, (m,): ``residual``, ``misfit``.
 
         Raises KeyError for another name.
         """
         import numpy as np
 
+        at_points = self.displacement_point if self.displacement_point is not None else self.displacement
+        sigma = self.sigma_point if self.sigma_point is not None else self.sigma
         if name in ("ux", "uy"):
-            return self.displacement[:, "xy".index(name[-1])]
+            return at_points[:, "xy".index(name[-1])]
         if name == "u":
-            return np.hypot(self.displacement[:, 0], self.displacement[:, 1])
+            return np.hypot(at_points[:, 0], at_points[:, 1])
         if name in ("sigma_ux", "sigma_uy"):
-            return self.sigma[:, "xy".index(name[-1])]
+            return sigma[:, "xy".index(name[-1])]
         if name in _STRAINS:
             return self.strain[:, _STRAINS.index(name)]
         if name == "residual":
@@ -98,7 +107,7 @@ class Field:
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per node, with the columns of ``csv/NNNNNN.csv``: x_px, y_px, ux_px, uy_px, sigma_ux_px, sigma_uy_px, exx, eyy,
-        exy, measured. Needs pandas (``pip install quadrille[pandas]``)."""
+        exy, measured, and the displacement at points. Needs pandas (``pip install quadrille[pandas]``)."""
         import pandas
 
         columns: dict[str, Any] = {
@@ -112,6 +121,11 @@ class Field:
             **{name: self.strain[:, at] for at, name in enumerate(_STRAINS)},
             "measured": self.measured,
         }
+        if self.displacement_point is not None and self.sigma_point is not None:
+            for at, axis in enumerate("xy"):
+                columns[f"u{axis}_point_px"] = self.displacement_point[:, at]
+                columns[f"sigma_u{axis}_point_px"] = self.sigma_point[:, at]
+            columns["is_point_value"] = self.is_point_value
         return pandas.DataFrame(columns)
 
     def to_xarray(self) -> xarray.Dataset:
@@ -137,6 +151,10 @@ class Field:
             "component": ["x", "y"],
             "strain_component": list(_STRAINS),
         }
+        if self.displacement_point is not None and self.sigma_point is not None:
+            data["displacement_point"] = (("node", "component"), self.displacement_point, px)
+            data["sigma_point"] = (("node", "component"), self.sigma_point, px)
+            data["is_point_value"] = (("node",), self.is_point_value)
         attributes = {"status": self.status, "residual_percent": self.residual_percent, "iterations": self.iterations}
         return xarray.Dataset(data, coordinates, attributes)
 
@@ -155,6 +173,9 @@ class Field:
         grid = pyvista.UnstructuredGrid(cells, kinds, np.c_[moved, np.zeros(len(moved))])
         grid.point_data["displacement"] = np.c_[self.displacement, np.zeros(len(moved))]
         grid.point_data["sigma"] = self.sigma
+        if self.displacement_point is not None:
+            grid.point_data["displacement_point"] = np.c_[self.displacement_point, np.zeros(len(moved))]
+            grid.point_data["sigma_point"] = self.sigma_point
         grid.point_data["strain"] = self.strain
         grid.cell_data["residual"] = self.residual
         grid.cell_data["marks"] = self.marks

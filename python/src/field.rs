@@ -40,6 +40,11 @@ pub fn field<'py>(py: Python<'py>, found: Correlation, strains: &StrainField) ->
         dict.set_item("window_strain", table(py, strain)?)?;
         dict.set_item("window_strain_sigma", table(py, sigma)?)?;
     }
+    if let Some(points) = &of.points {
+        dict.set_item("displacement_point", table(py, known(&points.displacement))?)?;
+        dict.set_item("sigma_point", table(py, known(&points.sigma))?)?;
+        dict.set_item("is_point_value", points.is_value.clone().into_pyarray(py))?;
+    }
     if let Some(error) = &of.model_error {
         dict.set_item("model_error", table(py, known(&error.nodes))?)?;
         dict.set_item("misfit", error.misfit.clone().into_pyarray(py))?;

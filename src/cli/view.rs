@@ -139,9 +139,14 @@ fn sources(store: &Store) -> Vec<(Layer, Source)> {
     type Row = (&'static str, &'static str, Variable, usize, Option<&'static str>, Palette);
     let window = store.header().strain_window.map_or(0, |window| window.nodes());
     let strain = ["e_xx", "e_yy", "e_xy"];
+    // Values at points, where the store has them.
+    let [displacement, sigma] = match store.has(Variable::DisplacementPoint) && store.has(Variable::SigmaPoint) {
+        true => [Variable::DisplacementPoint, Variable::SigmaPoint],
+        false => [Variable::Displacement, Variable::Sigma],
+    };
     let mut rows: Vec<Row> = vec![
-        ("ux", "u_x", Variable::Displacement, 0, Some("sx"), Palette::Viridis),
-        ("uy", "u_y", Variable::Displacement, 1, Some("sy"), Palette::Viridis),
+        ("ux", "u_x", displacement, 0, Some("sx"), Palette::Viridis),
+        ("uy", "u_y", displacement, 1, Some("sy"), Palette::Viridis),
         ("exx", strain[0], Variable::StrainNode, 0, None, Palette::BlueRed),
         ("eyy", strain[1], Variable::StrainNode, 1, None, Palette::BlueRed),
         ("exy", strain[2], Variable::StrainNode, 2, None, Palette::BlueRed),
@@ -154,8 +159,8 @@ fn sources(store: &Store) -> Vec<(Layer, Source)> {
     rows.extend([
         ("residual", "residual", Variable::Residual, 0, None, Palette::Plasma),
         ("misfit", "misfit", Variable::Misfit, 0, None, Palette::Plasma),
-        ("sx", "standard uncertainty of u_x", Variable::Sigma, 0, None, Palette::Viridis),
-        ("sy", "standard uncertainty of u_y", Variable::Sigma, 1, None, Palette::Viridis),
+        ("sx", "standard uncertainty of u_x", sigma, 0, None, Palette::Viridis),
+        ("sy", "standard uncertainty of u_y", sigma, 1, None, Palette::Viridis),
         ("ex", "model error of u_x", Variable::ModelError, 0, None, Palette::Viridis),
         ("ey", "model error of u_y", Variable::ModelError, 1, None, Palette::Viridis),
     ]);

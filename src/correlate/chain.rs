@@ -4,6 +4,7 @@ use super::chosen::{Correlate, Uploaded};
 use super::correlation::{Correlation, ZoneResult, rigid};
 use super::error::{CorrelationError, UpdateRefused};
 use super::options::Options;
+use super::point_values::PointValuesOf;
 use super::reference::Reference;
 use super::screen::LEAST_LEFT;
 use super::series::History;
@@ -115,12 +116,14 @@ pub struct ReferenceChain {
     refused: Vec<UpdateRefused>,
     /// The last frame that was refused: it is not tried again.
     unfit: Option<usize>,
+    point_values: PointValuesOf,
 }
 
 impl ReferenceChain {
     /// A chain that begins with the reference of `original`.
     pub fn new(original: Arc<dyn Correlate>, update: UpdateReference) -> Self {
         let history = History::new(original.options().start);
+        let point_values = PointValuesOf::new(original.is_regularised);
         Self {
             original,
             update,
@@ -133,6 +136,7 @@ impl ReferenceChain {
             spare: None,
             refused: Vec::new(),
             unfit: None,
+            point_values,
         }
     }
 
@@ -468,12 +472,13 @@ impl ReferenceChain {
                 element_residual,
                 model_error: Some(model_error),
                 marks: Some(marks),
+                points: None,
             },
             full_displacement,
             counted,
             ..found
         };
-        Attempt { correlation, key: next }
+        Attempt { correlation: self.point_values.given(correlation), key: next }
     }
 
     /// Whether a zone has lost too many of the elements that it had in the reference given.

@@ -12,6 +12,7 @@ use super::misfit::MisfitTest;
 use super::model_error::MeshLines;
 use super::noise_correlation::{NoiseProbe, Prepared};
 use super::options::Options;
+use super::point_values::PointValuesOf;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
 use super::start::Start;
@@ -66,6 +67,7 @@ pub struct Correlator<B: Backend> {
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
     /// The nodes on cuts of the mesh, once a frame has lost elements.
     pub(super) cut_nodes: OnceLock<BTreeSet<usize>>,
+    point_values: PointValuesOf,
     /// The pixels of each zone that are summed over on the coarsest level.
     pub(super) search_pixels: Vec<PixelSet>,
     pub(super) noise_gain: NoiseGain,
@@ -163,6 +165,7 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let gradient_noise = options.interpolation.gradient_noise_gain();
+        let point_values = PointValuesOf::new(finest.regulariser.is_some());
         let image = reference;
         let reference = Reference {
             device: backend.device(),
@@ -203,6 +206,7 @@ impl<B: Backend> Correlator<B> {
             features: OnceLock::new(),
             periods: OnceLock::new(),
             cut_nodes: OnceLock::new(),
+            point_values,
             search_pixels: laid.zone_pixels,
         })
     }
@@ -246,7 +250,8 @@ impl<B: Backend> Correlator<B> {
     /// A start for another mesh, or a device that fails.
     pub fn correlate_frame(&self, mut frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
         let found = self.found_from(&mut frame, start)?;
-        Ok(self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice())))
+        let found = self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
+        Ok(self.point_values.given(found))
     }
 
     fn found_from(&self, frame: &mut B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {

@@ -249,6 +249,7 @@ impl<B: Backend> Correlator<B> {
                 element_residual: elements.iter().map(|e| e.residual_rms).collect(),
                 model_error: Some(model_error),
                 marks: Some(marks),
+                points: None,
             },
             iterations: outcome.iterations,
             coarse_iterations,

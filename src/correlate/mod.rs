@@ -25,6 +25,7 @@ mod noise_model;
 mod options;
 mod patch;
 mod period;
+mod point_values;
 mod reference;
 mod reference_noise;
 mod regularisation;

@@ -90,6 +90,18 @@ pub struct ModelError {
     pub misfit: Vec<f64>,
 }
 
+/// Displacements at the nodes as values at points, beside the coefficients of [`Measurement::displacement`] (THEORY 17).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointField {
+    /// Displacement at each node, in `U`; zero where the node was not measured.
+    pub displacement: Vec<[f64; 2]>,
+    /// Its standard uncertainty.
+    pub sigma: Vec<[f64; 2]>,
+    /// Whether it is a value; where not, it is the coefficient as it stands: too few measured nodes are near, or the field was
+    /// regularised.
+    pub is_value: Vec<bool>,
+}
+
 /// The elements of a frame whose residual is beyond noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Misfit {
@@ -130,7 +142,8 @@ pub struct Measurement<U: Length> {
     pub mesh: Arc<Mesh<U>>,
     /// How the correlation ended.
     pub status: Status,
-    /// Displacement of each node, in `U`.
+    /// Displacement of each node, in `U`: the coefficients of the bilinear field that was fitted to the images, whose covariance is
+    /// known; what it is at a point says [`Measurement::points`].
     pub displacement: Vec<[f64; 2]>,
     /// Standard uncertainty of each displacement, in `U`.
     pub sigma: Vec<[f64; 2]>,
@@ -143,6 +156,9 @@ pub struct Measurement<U: Length> {
     pub model_error: Option<ModelError>,
     /// What is the matter with each element; `None` where nobody looked, as in stores of earlier versions.
     pub marks: Option<Vec<ElementMark>>,
+    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them, as in stores of earlier
+    /// versions.
+    pub points: Option<PointField>,
 }
 
 impl Measurement<Px> {
@@ -153,11 +169,12 @@ impl Measurement<Px> {
     pub fn to_mm(&self, mesh: &Arc<Mesh<Mm>>, scale: PixelSize) -> Measurement<Mm> {
         assert_eq!(mesh.n_nodes(), self.displacement.len(), "the mesh of the field");
         let size = |px: &f64| scale.mm_from_px(*px);
+        let vector = |u: &[f64; 2]| scale.to_mm(Vector::new(*u)).components();
         let sizes = |list: &[[f64; 2]]| list.iter().map(|v| v.each_ref().map(size)).collect();
         Measurement {
             mesh: Arc::clone(mesh),
             status: self.status,
-            displacement: self.displacement.iter().map(|&u| scale.to_mm(Vector::new(u)).components()).collect(),
+            displacement: self.displacement.iter().map(vector).collect(),
             sigma: sizes(&self.sigma),
             measured: self.measured.clone(),
             element_residual: self.element_residual.clone(),
@@ -166,11 +183,26 @@ impl Measurement<Px> {
                 misfit: error.misfit.iter().map(size).collect(),
             }),
             marks: self.marks.clone(),
+            points: self.points.as_ref().map(|points| PointField {
+                displacement: points.displacement.iter().map(vector).collect(),
+                sigma: sizes(&points.sigma),
+                is_value: points.is_value.clone(),
+            }),
         }
     }
 }
 
 impl<U: Length> Measurement<U> {
+    /// Displacement of each node as it is read at a point: [`Measurement::points`] where they are known, else the coefficients.
+    pub fn at_points(&self) -> &[[f64; 2]] {
+        self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)
+    }
+
+    /// Standard uncertainty of [`at_points`](Self::at_points).
+    pub fn sigma_at_points(&self) -> &[[f64; 2]] {
+        self.points.as_ref().map_or(&self.sigma, |points| &points.sigma)
+    }
+
     /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where nobody
     /// looked.
     pub fn node_marks(&self) -> Option<Vec<ElementMark>> {

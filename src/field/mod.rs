@@ -5,6 +5,7 @@ mod mark;
 mod measurement;
 mod noise;
 mod options;
+mod point_filter;
 mod quantities;
 mod rigid;
 mod strain;
@@ -12,9 +13,10 @@ mod strain_field;
 mod strain_window;
 
 pub use mark::{ElementMark, Marked};
-pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, Status};
+pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, PointField, Status};
 pub use noise::{Noise, NoiseCorrelation};
 pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
+pub use point_filter::{PointFilter, PointFilters};
 pub use quantities::{
     CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
     FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,

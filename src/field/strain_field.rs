@@ -35,7 +35,7 @@ impl StrainField {
     /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
     /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
     /// # let measurement = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-    /// #     marks: None, element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
+    /// #     marks: None, points: None, element_residual: vec![1.0; 4], model_error: None, mesh: mesh.into(), displacement };
     /// let strain = StrainField::of(&measurement, StrainDefinition::GreenLagrange); // stretched by 1 % along x
     /// assert!((strain.elements[0].unwrap().xx - 0.01005).abs() < 1e-12);
     /// assert_eq!(strain.length_px, 16.0);

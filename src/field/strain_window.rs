@@ -267,7 +267,7 @@ impl StrainWindows {
     /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
     /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
     /// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 25], measured: vec![true; 25],
-    /// #     marks: None, element_residual: vec![1.0; 16], model_error: None, mesh: mesh.into(), displacement };
+    /// #     marks: None, points: None, element_residual: vec![1.0; 16], model_error: None, mesh: mesh.into(), displacement };
     /// let windows = StrainWindows::new(&field.mesh, StrainWindow::new(3).unwrap(), false);
     /// let strains = windows.of(&field, StrainDefinition::Infinitesimal); // stretched by 1 % along x
     /// let (strain, sigma) = strains.nodes[12].unwrap();

@@ -11,6 +11,8 @@ const WINDOW_COLUMNS: [&str; 6] =
     ["exx_window", "eyy_window", "exy_window", "sigma_exx_window", "sigma_eyy_window", "sigma_exy_window"];
 const PX_COLUMNS: [&str; 6] = ["x_px", "y_px", "ux_px", "uy_px", "sigma_ux_px", "sigma_uy_px"];
 const MODEL_COLUMNS: [&str; 2] = ["model_error_ux_px", "model_error_uy_px"];
+const POINT_COLUMNS: [&str; 5] =
+    ["ux_point_px", "uy_point_px", "sigma_ux_point_px", "sigma_uy_point_px", "is_point_value"];
 const MARK_COLUMN: &str = "mark";
 const MM_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "ux_mm", "uy_mm", "sigma_ux_mm", "sigma_uy_mm"];
 
@@ -64,6 +66,17 @@ impl NodeValues {
     }
 }
 
+/// The displacement of a node as a value at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointRow {
+    /// The displacement, px.
+    pub displacement: [f64; 2],
+    /// Its standard uncertainty, px.
+    pub sigma: [f64; 2],
+    /// Whether it is a value; where not, it is the coefficient.
+    pub is_value: bool,
+}
+
 /// One row of a table of displacements: a measured node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplacementRow {
@@ -80,6 +93,8 @@ pub struct DisplacementRow {
     pub window_strain: Option<(TensorStrain, [f64; 3])>,
     /// What each component of the displacement may be off beyond noise, px, when the table has it.
     pub model_error_px: Option<[f64; 2]>,
+    /// The displacement as a value at the point, when the table has it.
+    pub point_px: Option<PointRow>,
     /// What is the matter with the elements of the node, the gravest mark of them, when the table has it.
     pub mark: Option<ElementMark>,
     /// The values in millimetres, when the table was written with a pixel size.
@@ -91,7 +106,9 @@ pub struct DisplacementRow {
 /// The columns are `node,zone,x_px,y_px,ux_px,uy_px,sigma_ux_px,sigma_uy_px`, with a `strain` also
 /// `exx,eyy,exy` (without dimension; empty where it is not known), with a window of nodes these again over the window with
 /// their standard uncertainty (`exx_window` to `sigma_exy_window`), and with a `pixel_size` the six in px again
-/// in mm; where it is known, `model_error_ux_px,model_error_uy_px` stand behind, and `mark` last, the name of what is the
+/// in mm; where they are known, `model_error_ux_px,model_error_uy_px` stand behind, then
+/// `ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value`, the displacement as a value at the point
+/// ([`PointField`](crate::field::PointField)), and `mark` last, the name of what is the
 /// matter with an element of the node ([`ElementMark`]). Numbers are the shortest that read back to the same bits: of 64 for positions and displacements, of
 /// 32 for standard uncertainties and strains. The frame is that of the image in both units: x to the right,
 /// **y down**. Nodes are numbered from 0; one that was not measured has no row.
@@ -102,7 +119,7 @@ pub struct DisplacementRow {
 /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap();
 /// # let measurement = Measurement { mesh: mesh.into(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5], model_error: None, marks: None };
+/// #     element_residual: vec![1.5], model_error: None, marks: None, points: None };
 /// let mut table = Vec::new();
 /// quadrille::io::csv::write_displacements(&mut table, &["frame 7".into()], &measurement, None, None).unwrap();
 /// let table = String::from_utf8(table).unwrap();
@@ -134,6 +151,14 @@ pub fn write_displacements<W: Write>(
     if measurement.model_error.is_some() {
         writeln!(out, "# model_error is what u may be off beyond noise: mesh too coarse, misfit, regularisation")?;
     }
+    let points = measurement.points.as_ref();
+    if points.is_some() {
+        writeln!(
+            out,
+            "# ux_px and uy_px are the coefficients of the fitted field; ux_point_px and uy_point_px the values at the"
+        )?;
+        writeln!(out, "# points, to be read as displacements there (is_point_value 0: the coefficient as it stands)")?;
+    }
     let marks = measurement.node_marks();
     if marks.is_some() {
         let names: Vec<&str> = ElementMark::ALL.iter().map(|mark| mark.name()).collect();
@@ -156,8 +181,9 @@ pub fn write_displacements<W: Write>(
     let model_columns = if measurement.model_error.is_some() { &MODEL_COLUMNS[..] } else { &[] };
     let columns =
         ["node", "zone"].iter().chain(&PX_COLUMNS).chain(strain_columns).chain(window_columns).chain(mm_columns);
+    let point_columns = if points.is_some() { &POINT_COLUMNS[..] } else { &[] };
     let mark_column = marks.as_ref().map(|_| &MARK_COLUMN);
-    table.write_record(columns.chain(model_columns).chain(mark_column))?;
+    table.write_record(columns.chain(model_columns).chain(point_columns).chain(mark_column))?;
     let mesh = &measurement.mesh;
     for (node, &[x, y]) in mesh.nodes().iter().enumerate() {
         if !measurement.measured[node] {
@@ -182,10 +208,15 @@ pub fn write_displacements<W: Write>(
         });
         // `serialize`, not `write_record`: it formats numbers without allocating, some ten times faster.
         let model = measurement.model_error.as_ref().map(|model| model.nodes[node].map(|v| v as f32));
+        let point = points.map(|points| {
+            let sigma = points.sigma[node].map(|v| v as f32);
+            (points.displacement[node], sigma, u8::from(points.is_value[node]))
+        });
         // A slice of none is no column.
         let mark = marks.as_ref().map(|marks| marks[node].name());
         let (strain, window, mm) = (strain.as_slice(), window.as_slice(), mm.as_slice());
-        table.serialize((node, zone, px, strain, window, mm, model.as_slice(), mark.as_slice()))?;
+        let (model, point) = (model.as_slice(), point.as_slice());
+        table.serialize((node, zone, px, strain, window, mm, model, point, mark.as_slice()))?;
     }
     table.flush()
 }
@@ -212,6 +243,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
     let px = find_all(&PX_COLUMNS)?;
     let (strain, mm) = (find_group(&STRAIN_COLUMNS)?, find_group(&MM_COLUMNS)?);
     let model = find_group(&MODEL_COLUMNS)?;
+    let point = find_group(&POINT_COLUMNS)?;
     let mark = header.iter().position(|column| column == MARK_COLUMN);
     let window = find_group(&WINDOW_COLUMNS)?;
     let mut rows = Vec::new();
@@ -224,6 +256,7 @@ pub fn read_displacements<R: Read>(input: R) -> Result<Vec<DisplacementRow>, Csv
             strain: strain.as_ref().map(|columns| strain_of(columns, &record)).transpose()?.flatten(),
             window_strain: window.as_ref().map(|columns| window_of(columns, &record)).transpose()?.flatten(),
             model_error_px: model.as_ref().map(|columns| values(columns, &record)).transpose()?,
+            point_px: point.as_ref().map(|columns| point_of(columns, &record)).transpose()?,
             mark: mark.and_then(|at| ElementMark::from_name(record.get(at)?)),
             mm: mm.as_ref().map(|mm| values(mm, &record)).transpose()?.map(NodeValues::from_columns),
         });
@@ -277,6 +310,11 @@ fn window_of(columns: &[Column], record: &StringRecord) -> Result<Option<(Tensor
     }
     let [xx, yy, xy, sigma @ ..] = values::<6>(columns, record)?;
     Ok(Some((TensorStrain { xx, yy, xy }, sigma)))
+}
+
+fn point_of(columns: &[Column], record: &StringRecord) -> Result<PointRow, CsvError> {
+    let [ux, uy, sx, sy, is_value] = values(columns, record)?;
+    Ok(PointRow { displacement: [ux, uy], sigma: [sx, sy], is_value: is_value == 1.0 })
 }
 
 fn row_error(error: ::csv::Error) -> CsvError {

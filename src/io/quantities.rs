@@ -256,10 +256,11 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ) -> io::Result<Option<FrameQuantities>> {
         let drawn = field.map(|field| {
             // Which nodes are measured seldom changes along a series: the correlations are kept.
-            let kept = self.noise.take().filter(|noise| noise.is_for(&field.measured));
+            let kept =
+                self.noise.take().filter(|noise| noise.is_of(field) || self.bound && noise.is_for(&field.measured));
             let noise = kept.unwrap_or_else(|| match self.bound {
                 true => NodalNoise::unknown(&field.mesh, &field.measured),
-                false => NodalNoise::new(&field.mesh, &field.measured),
+                false => NodalNoise::of(field),
             });
             let noise = self.noise.insert(noise);
             if let (None, Some(window)) = (&self.windows, self.quantities.window) {

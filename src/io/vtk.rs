@@ -40,7 +40,8 @@ pub enum VtkError {
 /// closes no hole. Cell data: `residual_grey`, the root mean square
 /// of `f - g` in grey levels; `residual_percent`, the same in per cent of `dynamic_range` (grey levels);
 /// and `zone`, numbered from 0. Where they are known, `model_error_px` of the nodes beside `sigma_px`, and `misfit_px` of the
-/// elements ([`crate::field::ModelError`]), and `mark` of both, what is the matter with an element ([`ElementMark::code`]).
+/// elements ([`crate::field::ModelError`]); `displacement_point_px`, `sigma_point_px` and `is_point_value`, the displacement as a
+/// value at the point ([`crate::field::PointField`]) beside the coefficient `displacement_px`; and `mark` of both, what is the matter with an element ([`ElementMark::code`]).
 /// With a `strain`, `strain_node` and `strain_element`: three components exx,
 /// eyy, exy without dimension, NaN where they are not known; with one over a window of nodes `strain_window` and
 /// `sigma_strain_window` of the nodes. Field data: `converged`, 1 or 0, `status_code` ([`Status::code`]),
@@ -78,6 +79,11 @@ pub fn write_vtu<W: Write>(
         mesh.elements().iter().map(|nodes| if is_whole(nodes) { 0 } else { HIDDEN_CELL }).collect();
     let residual: Vec<f32> = measurement.element_residual.iter().map(|&r| r as f32).collect();
     let residual_percent: Vec<f32> = residual.iter().map(|&r| (100.0 * f64::from(r) / dynamic_range) as f32).collect();
+    let points_of = measurement.points.as_ref();
+    let point = points_of.map(|points| spatial(&points.displacement));
+    let point_sigma: Option<Vec<[f32; 3]>> =
+        points_of.map(|points| spatial(&points.sigma).into_iter().map(|v| v.map(|v| v as f32)).collect());
+    let is_value: Option<Vec<u8>> = points_of.map(|points| points.is_value.iter().copied().map(u8::from).collect());
     let model = measurement.model_error.as_ref();
     let model_error: Option<Vec<[f32; 3]>> =
         model.map(|model| spatial(&model.nodes).into_iter().map(|v| v.map(|v| v as f32)).collect());
@@ -113,6 +119,9 @@ pub fn write_vtu<W: Write>(
                 inside(xml, "PointData", &[], |xml| {
                     vectors(xml, "displacement_px", &displacement)?;
                     vectors(xml, "sigma_px", &sigma)?;
+                    point.as_ref().map_or(Ok(()), |point| vectors(xml, "displacement_point_px", point))?;
+                    point_sigma.as_ref().map_or(Ok(()), |sigma| vectors(xml, "sigma_point_px", sigma))?;
+                    is_value.as_ref().map_or(Ok(()), |value| scalars(xml, "is_point_value", value))?;
                     model_error.as_ref().map_or(Ok(()), |error| vectors(xml, "model_error_px", error))?;
                     scalars(xml, "measured", &measured)?;
                     mark_nodes.as_ref().map_or(Ok(()), |mark| scalars(xml, "mark", mark))?;
@@ -237,6 +246,9 @@ fn comment(title: &str, measurement: &Measurement<Px>, strain: Option<&StrainFie
         format!("status: {}", measurement.status.name()),
         "lengths in px of the reference image: x to the right, y down, z = 0".to_owned(),
         "measured: 1, or 0 for a node without measurement (its displacement and sigma are 0 and mean nothing)"
+            .to_owned(),
+        "displacement_px: coefficients of the fitted field; displacement_point_px: values at the points (is_point_value 0: \
+         the coefficient as it stands)"
             .to_owned(),
         "vtkGhostType: hides nodes without measurement (2) and their elements (32)".to_owned(),
         format!(

@@ -159,11 +159,11 @@ impl<'a> Frame<'a> {
     fn values(&self, figure: Figure) -> Result<Values, ReportError> {
         let measurement = self.measurement;
         let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
-        let nodal = |c: usize| Values::Nodes(measurement.displacement.iter().map(|u| u[c]).collect());
+        let nodal = |c: usize| Values::Nodes(measurement.at_points().iter().map(|u| u[c]).collect());
         Ok(match figure {
             Figure::Ux => nodal(0),
             Figure::Uy => nodal(1),
-            Figure::Sigma => Values::Nodes(measurement.sigma.iter().map(rms).collect()),
+            Figure::Sigma => Values::Nodes(measurement.sigma_at_points().iter().map(rms).collect()),
             Figure::ModelError => Values::Nodes(match &measurement.model_error {
                 Some(model) => model.nodes.iter().map(rms).collect(),
                 None => vec![f64::NAN; measurement.mesh.n_nodes()],

@@ -36,7 +36,7 @@ pub(super) fn profile_plot(
     let points = Segment::new([x0, y0], [x1, y1], step)?.points();
     let noise = || {
         let (mesh, measured) = (&measurement.mesh, &measurement.measured);
-        if options.known_noise { NodalNoise::new(mesh, measured) } else { NodalNoise::unknown(mesh, measured) }
+        if options.known_noise { NodalNoise::of(measurement) } else { NodalNoise::unknown(mesh, measured) }
     };
     let mut values = vec![f64::NAN; points.len()];
     let mut half = None;

@@ -1,6 +1,6 @@
 //! What quadrille writes for other programs reads back as it was.
 
-use quadrille::field::{Measurement, ModelError, Status, StrainDefinition, StrainField, TensorStrain};
+use quadrille::field::{Measurement, ModelError, PointField, Status, StrainDefinition, StrainField, TensorStrain};
 use quadrille::io::csv::{CsvError, read_displacements, write_displacements};
 use quadrille::io::vtk::{VtkError, write_pvd, write_vtu};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -28,6 +28,7 @@ fn two_zones() -> Measurement<Px> {
         element_residual: (0..mesh.n_elements()).map(|e| 1.25 + e as f64 / 3.0).collect(),
         model_error: None,
         marks: None,
+        points: None,
         mesh: mesh.into(),
     };
     for node in [3, 11] {
@@ -120,6 +121,36 @@ fn a_table_and_a_grid_carry_the_model_error_where_it_is_known() {
     let mut out = Vec::new();
     write_vtu(&mut out, "", &two_zones(), None, 255.0).unwrap();
     assert!(!String::from_utf8(out).unwrap().contains("model_error_px"));
+}
+
+#[test]
+fn a_table_and_a_grid_carry_values_at_points_beside_the_coefficients_where_they_are_known() {
+    let mut field = two_zones();
+    let n = field.mesh.n_nodes();
+    let displacement: Vec<[f64; 2]> = (0..n).map(|k| [0.1 + k as f64 / 3.0, -1e-7 * k as f64]).collect();
+    let is_value: Vec<bool> = (0..n).map(|k| k % 4 != 1).collect();
+    let sigma = vec![[0.003, 0.25]; n];
+    field.points = Some(PointField { displacement: displacement.clone(), sigma, is_value: is_value.clone() });
+    let mut out = Vec::new();
+    write_displacements(&mut out, &[], &field, Some(&strains()), PixelSize::new(0.5)).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains(",ux_point_px,uy_point_px,sigma_ux_point_px,sigma_uy_point_px,is_point_value\n"), "{text}");
+    let rows = read_displacements(text.as_bytes()).unwrap();
+    for row in &rows {
+        let point = row.point_px.unwrap();
+        assert_eq!((point.displacement, point.is_value), (displacement[row.node], is_value[row.node]));
+        assert_eq!(point.sigma.map(|v| v as f32), [0.003, 0.25]);
+        assert_eq!(row.px.displacement, field.displacement[row.node]);
+    }
+    assert_eq!(rows.len(), field.measured.iter().filter(|&&measured| measured).count());
+    let mut out = Vec::new();
+    write_vtu(&mut out, "frame 3", &field, None, 200.0).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    for name in ["displacement_px", "displacement_point_px", "sigma_point_px", "is_point_value"] {
+        assert!(text.contains(&format!("Name=\"{name}\"")), "{name}");
+    }
+    let rows = read_displacements(table(&[], None).as_bytes()).unwrap();
+    assert!(rows.iter().all(|row| row.point_px.is_none()));
 }
 
 #[test]

@@ -287,6 +287,7 @@ fn field(mesh: Mesh<Px>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
         element_residual: (0..mesh.n_elements()).map(|e| 2.0 + (e as f64).sin()).collect(),
         model_error: None,
         marks: None,
+        points: None,
         mesh: mesh.into(),
     }
 }

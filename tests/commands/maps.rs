@@ -31,6 +31,7 @@ fn measurement(rois: &[Roi], size: usize, image: &Image) -> Measurement<Px> {
         element_residual: vec![0.0; mesh.n_elements()],
         model_error: None,
         marks: None,
+        points: None,
         mesh: mesh.into(),
     }
 }

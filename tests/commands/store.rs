@@ -5,8 +5,8 @@
 use crate::program;
 use program::{Desk, INSIDE, moved};
 use quadrille::field::{
-    ElementMark, Measurement, ModelError, Status, StrainDefinition, StrainField, StrainWindow, StrainWindows,
-    TensorStrain,
+    ElementMark, Measurement, ModelError, PointField, Status, StrainDefinition, StrainField, StrainWindow,
+    StrainWindows, TensorStrain,
 };
 use quadrille::io::arrays::{ArrayFile, ArrayFileError, Number, Shape, Values};
 use quadrille::io::mat::MatWriter;
@@ -51,6 +51,11 @@ fn field(number: usize, status: Status) -> Measurement<Px> {
             misfit: (0..mesh.n_elements()).map(|e| 0.1 / (e + 3) as f64).collect(),
         }),
         marks: Some((0..mesh.n_elements()).map(|e| ElementMark::from_code((e % 7) as u8).unwrap()).collect()),
+        points: Some(PointField {
+            displacement: (0..n).map(|k| [awkward(k + 3), -awkward(k + 4)]).collect(),
+            sigma: (0..n).map(|k| [0.007 + awkward(k).abs(), 0.01 / 3.0]).collect(),
+            is_value: (0..n).map(|k| k % 3 != 0).collect(),
+        }),
         mesh,
     }
 }
@@ -152,6 +157,15 @@ fn fields_and_header_read_back_to_the_same_bits() {
                 assert_eq!(error.map(f64::to_bits), known);
             }
             assert_eq!(read.marks, wanted.marks);
+            let (points, wanted_points) = (read.points.as_ref().unwrap(), wanted.points.as_ref().unwrap());
+            for node in 0..wanted.mesh.n_nodes() {
+                let measured = wanted.measured[node];
+                assert_eq!(points.is_value[node], measured && wanted_points.is_value[node]);
+                let known = if measured { wanted_points.displacement[node] } else { [0.0; 2] };
+                assert_eq!(bits(&points.displacement, node), known.map(f64::to_bits));
+                let known = if measured { wanted_points.sigma[node].map(short) } else { [0; 2] };
+                assert_eq!(points.sigma[node].map(f64::to_bits), known);
+            }
             let misfit: Vec<u64> = model.misfit.iter().map(|v| v.to_bits()).collect();
             assert_eq!(misfit, wanted_model.misfit.iter().map(|&v| short(v)).collect::<Vec<_>>());
             let residual: Vec<u64> = read.element_residual.iter().map(|v| v.to_bits()).collect();
@@ -321,12 +335,13 @@ fn every_array_says_its_unit_its_meaning_and_its_axes() {
 #[test]
 fn a_store_of_before_the_model_error_is_read_and_goes_on_without_it() {
     let (_folder, path) = written();
-    for name in ["model_error_px", "misfit_px", "mark"] {
+    for name in ["model_error_px", "misfit_px", "mark", "displacement_point_px", "sigma_point_px", "is_point_value"] {
         fs::remove_dir_all(path.join(name)).unwrap();
     }
     let store = Store::open(&path).unwrap();
     let read = store.frame(1).unwrap().unwrap().measurement;
     assert_eq!((read.model_error.clone(), read.misfit(), read.marks.clone()), (None, None, None));
+    assert_eq!((&read.points, read.at_points()), (&None, read.displacement.as_slice()));
     assert!(!store.has(Variable::ModelError) && store.has(Variable::Sigma));
     assert!(store.values(1, Variable::ModelError).unwrap().is_none());
     store.check(1).unwrap();
@@ -339,7 +354,7 @@ fn a_store_of_before_the_model_error_is_read_and_goes_on_without_it() {
     assert!(store.field_files(2).iter().all(|file| file.is_file()));
     // A field of which nobody knows it stays one in a store that could hold it.
     let (_folder, path) = written();
-    let unknown = Measurement { model_error: None, marks: None, ..other };
+    let unknown = Measurement { model_error: None, marks: None, points: None, ..other };
     StoreWriter::open(&path).unwrap().write(2, &unknown, &strain(&unknown)).unwrap();
     let read = Store::open(&path).unwrap().frame(2).unwrap().unwrap().measurement;
     assert_eq!((read.model_error, read.marks), (None, None));

@@ -220,6 +220,7 @@ pub fn whole_store(path: &Path) -> Vec<PathBuf> {
         element_residual: vec![1.5; elements],
         model_error: None,
         marks: None,
+        points: None,
     };
     let writer = StoreWriter::create(path, &header).expect("a store");
     for number in [1, 2] {

@@ -316,6 +316,7 @@ fn stress_intensity_of_the_exact_singular_field_is_found_to_one_per_cent_in_ever
             element_residual: vec![0.0; mesh.n_elements()],
             model_error: None,
             marks: None,
+            points: None,
             status: Status::Converged,
             mesh: Arc::clone(&mesh),
         };

@@ -20,6 +20,7 @@ mod marks;
 mod mesh_file;
 mod misfit;
 mod noise_model;
+mod point_values;
 mod quantities;
 mod real_images;
 mod reference_update;

@@ -430,6 +430,7 @@ fn a_vtu_file_of_quadrille_is_read_back_as_the_mesh_it_was() {
         element_residual: vec![1.0; n_elements],
         model_error: None,
         marks: None,
+        points: None,
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("000001.vtu");

@@ -28,6 +28,7 @@ fn field(mesh: Mesh<Px>, u: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> Measurement
         element_residual: vec![1.0; mesh.n_elements()],
         model_error: None,
         marks: None,
+        points: None,
         mesh: Arc::new(mesh),
     }
 }

@@ -24,6 +24,7 @@ fn field(mesh: Mesh<Px>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<Px> {
         element_residual: vec![1.0; mesh.n_elements()],
         model_error: None,
         marks: None,
+        points: None,
         mesh: Arc::new(mesh),
     }
 }

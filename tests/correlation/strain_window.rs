@@ -27,6 +27,7 @@ fn field(mesh: &Arc<Mesh<Px>>, u: impl Fn([f64; 2]) -> [f64; 2]) -> Measurement<
         element_residual: vec![1.0; mesh.n_elements()],
         model_error: None,
         marks: None,
+        points: None,
         mesh: Arc::clone(mesh),
     }
 }

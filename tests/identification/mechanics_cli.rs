@@ -316,6 +316,7 @@ fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Optio
             element_residual: vec![1.0; mesh.n_elements()],
             model_error: None,
             marks: None,
+            points: None,
         };
         let strain = StrainField::of(&field, StrainDefinition::Infinitesimal);
         writer.write(number, &field, &strain).unwrap();

@@ -254,7 +254,7 @@ fn opens(cut: &Measurement<Px>, path: &[[f64; 2]], between: &Between) -> Result<
     let line =
         Some(()).filter(|()| cut.status.has_field()).and_then(|()| CrackLine::on(&cut.mesh, path.to_vec(), None));
     let Some(line) = line else { return Err(NoCrack::NotMeasured) };
-    let values = line.read(cut, &NodalNoise::new(&cut.mesh, &cut.measured));
+    let values = line.read(cut, &NodalNoise::new(&cut.mesh, &cut.measured).of_coefficients());
     let along = |at: [f64; 2]| project(path, at).map_or(0.0, |found| found.along);
     let ends = [between.path[0], between.path[between.path.len() - 1]].map(along);
     let seen = || {

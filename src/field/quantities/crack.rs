@@ -143,8 +143,11 @@ impl CrackLine {
 /// The sides share no pixel, but near a tip they are joined by elements, through which their errors are correlated.
 fn jump<U: Length>(point: &FacePoint, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
     let along = |direction: [f64; 2]| {
-        let minus = direction.map(|d| -d);
-        Reading::new([(point.plus, direction), (point.minus, minus)]).read(field, noise)
+        let signed = |node: usize, sign: f64| {
+            let value = noise.at(&field.mesh, &[(node, 1.0)]);
+            value.into_iter().map(move |(node, w)| (node, direction.map(|d| sign * w * d)))
+        };
+        Reading::new(signed(point.plus, 1.0).chain(signed(point.minus, -1.0))).read(field, noise)
     };
     let [nx, ny] = point.normal;
     Some(Jump { opening: along([nx, ny])?, sliding: along([0.0 - ny, nx])? })

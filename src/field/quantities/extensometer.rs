@@ -6,7 +6,7 @@ use crate::field::Measurement;
 use crate::mesh::Mesh;
 use crate::units::Length;
 
-/// Samples of a gauge line per element size: the bilinear field between them is as good as straight.
+/// Samples of a gauge line per element size: the field between them is as good as straight.
 const SAMPLES: f64 = 4.0;
 
 /// Two points, or two gauge lines across the line that joins them, whose distance is followed.
@@ -65,7 +65,7 @@ impl Extensometer {
     pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Elongation> {
         let along = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
         let reference_length = along[0].hypot(along[1]);
-        let [start, end] = [self.gauge(&field.mesh, self.from)?, self.gauge(&field.mesh, self.to)?];
+        let [start, end] = [self.gauge(&field.mesh, noise, self.from)?, self.gauge(&field.mesh, noise, self.to)?];
         let difference = |direction: [f64; 2]| {
             let signed = |gauge: &[(usize, f64)], sign: f64| -> Vec<_> {
                 gauge.iter().map(|&(node, w)| (node, direction.map(|d| sign * w * d))).collect()
@@ -91,7 +91,7 @@ impl Extensometer {
     }
 
     /// Nodes and weights of the mean over the gauge line through `centre`.
-    fn gauge<U: Length>(&self, mesh: &Mesh<U>, centre: [f64; 2]) -> Option<Vec<(usize, f64)>> {
+    fn gauge<U: Length>(&self, mesh: &Mesh<U>, noise: &NodalNoise, centre: [f64; 2]) -> Option<Vec<(usize, f64)>> {
         let along = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
         let length = along[0].hypot(along[1]);
         let across = [-along[1] / length, along[0] / length];
@@ -100,7 +100,7 @@ impl Extensometer {
         for k in 0..n as usize {
             let t = ((k as f64 + 0.5) / n - 0.5) * self.width;
             let shape = shape_at(mesh, [centre[0] + t * across[0], centre[1] + t * across[1]])?;
-            weights.extend(shape.map(|(node, w)| (node, w / n)));
+            weights.extend(noise.at(mesh, &shape).into_iter().map(|(node, w)| (node, w / n)));
         }
         Some(weights)
     }

@@ -76,10 +76,18 @@ impl FacingPoint {
         self.plus
     }
 
-    /// `direction . (u+ - u-)` as a sum over nodes.
+    /// `direction . (u+ - u-)` as a sum over nodes: of the coefficients as they stand.
     pub fn jump(&self, direction: [f64; 2]) -> Reading {
         let minus = self.minus.map(|(node, w)| (node, direction.map(|d| -w * d)));
         Reading::new([(self.plus, direction)].into_iter().chain(minus))
+    }
+
+    /// The same of the values at both points, as `noise` makes them.
+    fn jump_at<U: Length>(&self, mesh: &Mesh<U>, noise: &NodalNoise, direction: [f64; 2]) -> Reading {
+        let signed = |shape: &[(usize, f64)], sign: f64| {
+            noise.at(mesh, shape).into_iter().map(move |(node, w)| (node, direction.map(|d| sign * w * d)))
+        };
+        Reading::new(signed(&[(self.plus, 1.0)], 1.0).chain(signed(&self.minus, -1.0)))
     }
 
     /// Opening and sliding here; `None` when a node on either side is not measured.
@@ -87,7 +95,7 @@ impl FacingPoint {
     /// The zones share no pixel, so the variances of both sides add; on each side the correlation of
     /// neighbouring nodes is that of `noise`.
     pub fn read<U: Length>(&self, field: &Measurement<U>, noise: &NodalNoise) -> Option<Jump> {
-        let along = |direction| self.jump(direction).read(field, noise);
+        let along = |direction| self.jump_at(&field.mesh, noise, direction).read(field, noise);
         Some(Jump { opening: along(self.normal)?, sliding: along(self.tangent())? })
     }
 }
@@ -133,7 +141,7 @@ impl Facing {
         let n = measured.len() as f64;
         let mean = |direction: fn(&FacingPoint) -> [f64; 2]| {
             let jumps = measured.iter().flat_map(|point| {
-                let jump = point.jump(direction(point).map(|d| d / n));
+                let jump = point.jump_at(&field.mesh, noise, direction(point).map(|d| d / n));
                 jump.weights().to_vec()
             });
             Reading::new(jumps).read(field, noise)

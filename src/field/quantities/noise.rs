@@ -1,9 +1,10 @@
 //! How the noise of neighbouring nodes goes together.
 
+use crate::field::{ElementMark, Measurement, PointFilter};
 use crate::mesh::Mesh;
 use crate::units::Length;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Correlations are known this many elements away from a node; beyond they are below 1e-4.
 const REACH: usize = 6;
@@ -24,6 +25,10 @@ const PRECISION: f64 = 1e-9;
 /// A regularised field has other correlations: [`NodalNoise::unknown`] then gives an upper bound of every
 /// standard uncertainty.
 ///
+/// What is read at points with it ([`at_point`](crate::field::at_point), extensometers, openings) is made of values at points
+/// ([`PointFilter`]), each a sum over the coefficients nearby; of regularised fields, and after
+/// [`of_coefficients`](NodalNoise::of_coefficients), of the coefficients themselves.
+///
 /// ```
 /// # use quadrille::{field::NodalNoise, mesh::{Mesh, Roi, Zone}};
 /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 320.0, y1: 320.0 };
@@ -40,6 +45,11 @@ pub struct NodalNoise {
     /// Elements with all nodes measured around each node.
     around: Vec<Vec<u32>>,
     measured: Vec<bool>,
+    /// Marks of the elements, where they are known.
+    marks: Option<Vec<ElementMark>>,
+    /// Whether what is read is made of coefficients as they stand.
+    reads_coefficients: bool,
+    points: OnceLock<PointFilter>,
     columns: Mutex<HashMap<usize, Arc<Column>>>,
 }
 
@@ -63,7 +73,18 @@ impl NodalNoise {
             }
         }
         noise.mass = Some(rows.into_iter().map(|row| row.into_iter().collect()).collect());
+        noise.reads_coefficients = false;
         noise
+    }
+
+    /// The correlations in `field`; where its elements are marked, those left out give nothing to values at points.
+    pub fn of<U: Length>(field: &Measurement<U>) -> Self {
+        Self { marks: field.marks.clone(), ..Self::new(&field.mesh, &field.measured) }
+    }
+
+    /// The same, but that what is read at points is made of coefficients as they stand.
+    pub fn of_coefficients(self) -> Self {
+        Self { reads_coefficients: true, ..self }
     }
 
     /// Nothing is known of the correlations: standard uncertainties become upper bounds, `sum |weight| sigma`.
@@ -75,7 +96,8 @@ impl NodalNoise {
                 around[node as usize].push(element as u32);
             }
         }
-        Self { mass: None, around, measured: measured.to_vec(), columns: Mutex::default() }
+        let (measured, points, columns) = (measured.to_vec(), OnceLock::new(), Mutex::default());
+        Self { mass: None, around, measured, marks: None, reads_coefficients: true, points, columns }
     }
 
     /// The elements around a node that have all their nodes measured.
@@ -86,6 +108,23 @@ impl NodalNoise {
     /// Whether this is for a field with these measured nodes.
     pub fn is_for(&self, measured: &[bool]) -> bool {
         self.measured == measured
+    }
+
+    /// Whether this is what [`of`](Self::of) makes of the field.
+    pub fn is_of<U: Length>(&self, field: &Measurement<U>) -> bool {
+        let left_out = |marks: &Option<Vec<ElementMark>>| -> Vec<bool> {
+            marks.iter().flatten().map(|mark| mark.is_left_out()).collect()
+        };
+        self.is_for(&field.measured) && left_out(&self.marks) == left_out(&field.marks)
+    }
+
+    /// The displacement at a place as a sum over nodes; `shape` are the bilinear weights of the nodes around it.
+    pub(super) fn at<U: Length>(&self, mesh: &Mesh<U>, shape: &[(usize, f64)]) -> Vec<(usize, f64)> {
+        if self.reads_coefficients {
+            return shape.to_vec();
+        }
+        let made = || PointFilter::new(mesh, &self.measured, self.marks.as_deref());
+        self.points.get_or_init(made).at(mesh, shape)
     }
 
     /// Whether standard uncertainties are upper bounds only.
@@ -112,13 +151,20 @@ impl NodalNoise {
         if self.mass.is_none() {
             return sizes.iter().flatten().map(|size| size.abs()).sum();
         }
+        // The columns once: a value at a point is a sum over some sixteen nodes.
+        let columns: Vec<Arc<Column>> = weights.iter().map(|&(node, _)| self.column(node)).collect();
+        let own = |k: usize| columns[k].get(&weights[k].0).copied().unwrap_or(0.0);
         let mut variance = 0.0;
-        for (i, &(a, _)) in weights.iter().enumerate() {
+        for i in 0..weights.len() {
             variance += sizes[i][0] * sizes[i][0] + sizes[i][1] * sizes[i][1];
-            for (j, &(b, _)) in weights.iter().enumerate().take(i) {
+            for j in 0..i {
                 let products = sizes[i][0] * sizes[j][0] + sizes[i][1] * sizes[j][1];
-                if products != 0.0 {
-                    variance += 2.0 * products * self.correlation(a, b);
+                let both = own(i) * own(j);
+                if products != 0.0
+                    && both > 0.0
+                    && let Some(covariance) = columns[i].get(&weights[j].0)
+                {
+                    variance += 2.0 * products * covariance / both.sqrt();
                 }
             }
         }

@@ -45,7 +45,8 @@ impl PointValues {
 /// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
 /// is not measured.
 ///
-/// The displacement is that of the bilinear shape functions. The strain is made of the gradients at the corners of
+/// The displacement is the value there ([`PointFilter`](crate::field::PointFilter)), not the bilinear field of the coefficients, unless
+/// `noise` says that they stand for themselves ([`NodalNoise`]). The strain is made of the gradients at the corners of
 /// the element ([`StrainField`](crate::field::StrainField) says how), carried to the point by the shape
 /// functions: continuous along a line, over a length of twice the element size.
 ///
@@ -55,7 +56,7 @@ impl PointValues {
 /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
 /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
 /// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, mesh: mesh.into(), displacement };
+/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, points: None, mesh: mesh.into(), displacement };
 /// let noise = NodalNoise::new(&field.mesh, &field.measured);
 /// let there = at_point(&field, &noise, StrainDefinition::Infinitesimal, [10.0, 7.0]).unwrap();
 /// assert!((there.displacement[0] - 0.1).abs() < 1e-12 && there.sigma[0] < 0.01);
@@ -70,9 +71,10 @@ pub fn at_point<U: Length>(
 ) -> Option<PointValues> {
     let mesh = &field.mesh;
     let weights = shape_at(mesh, at)?;
+    let value = noise.at(mesh, &weights);
     let [x, y] = [0, 1].map(|c| {
         let along = |w: f64| if c == 0 { [w, 0.0] } else { [0.0, w] };
-        Reading::new(weights.iter().map(|&(node, w)| (node, along(w)))).read(field, noise)
+        Reading::new(value.iter().map(|&(node, w)| (node, along(w)))).read(field, noise)
     });
     let (x, y) = (x?, y?);
     let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));

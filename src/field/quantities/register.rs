@@ -69,7 +69,7 @@ pub struct RigidRemoved {
 /// # let displacement: Vec<_> =
 /// #     mesh.nodes().iter().map(|[x, y]| [(cos - 1.0) * x - sin * y, sin * x + (cos - 1.0) * y]).collect();
 /// # let turned = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
-/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, mesh: mesh.into(), displacement };
+/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, points: None, mesh: mesh.into(), displacement };
 /// let (left, removed) = remove_rigid(&turned, RemoveRigid::All); // a rotation by 0.1
 /// assert!(left.displacement.iter().flatten().all(|u| u.abs() < 1e-12));
 /// assert!((removed[0].motion.rotation_rad - 0.1).abs() < 1e-12);
@@ -94,12 +94,16 @@ pub fn remove_rigid<U: Length>(field: &Measurement<U>, which: RemoveRigid) -> (M
             // R^T (u - rigid) is the formula above, without the cancellation of the positions.
             let [x, y] = [0, 1].map(|c| field.displacement[node][c] - rigid[c]);
             let u = [cos * x + sin * y, cos * y - sin * x];
-            let sigma = field.sigma[node];
+            let turned = |[x, y]: [f64; 2]| [(cos * x).hypot(sin * y), (cos * y).hypot(sin * x)];
             left.displacement[node] = u;
-            left.sigma[node] = [(cos * sigma[0]).hypot(sin * sigma[1]), (cos * sigma[1]).hypot(sin * sigma[0])];
+            left.sigma[node] = turned(field.sigma[node]);
+            if let Some(points) = &mut left.points {
+                let [x, y] = [0, 1].map(|c| points.displacement[node][c] - rigid[c]);
+                points.displacement[node] = [cos * x + sin * y, cos * y - sin * x];
+                points.sigma[node] = turned(points.sigma[node]);
+            }
             if let Some(model) = &mut left.model_error {
-                let [x, y] = model.nodes[node];
-                model.nodes[node] = [(cos * x).hypot(sin * y), (cos * y).hypot(sin * x)];
+                model.nodes[node] = turned(model.nodes[node]);
             }
             largest = largest.max(rigid[0].hypot(rigid[1]));
             squares += u[0] * u[0] + u[1] * u[1];

@@ -56,10 +56,18 @@ pub enum Variable {
     Misfit,
     /// What is the matter with each element; not in stores of earlier versions.
     Mark,
+    /// Displacement of the nodes as values at points; not in stores of earlier versions.
+    DisplacementPoint,
+    /// Its standard uncertainty; not in stores of earlier versions.
+    SigmaPoint,
+    /// Whether it is a value, and not the coefficient as it stands; not in stores of earlier versions.
+    IsPointValue,
 }
 
 /// The mark of an element of which nobody knows.
 pub(super) const UNKNOWN_MARK: u8 = 255;
+/// What stands for a node of which nobody made a value at a point.
+pub(super) const NO_POINT: u8 = 255;
 
 /// Where the values of a [`Variable`] live.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +90,7 @@ impl Place {
 
 impl Variable {
     /// All, in the order in which they are written.
-    pub const ALL: [Variable; 11] = [
+    pub const ALL: [Variable; 14] = [
         Variable::Displacement,
         Variable::Sigma,
         Variable::Measured,
@@ -94,6 +102,9 @@ impl Variable {
         Variable::ModelError,
         Variable::Misfit,
         Variable::Mark,
+        Variable::DisplacementPoint,
+        Variable::SigmaPoint,
+        Variable::IsPointValue,
     ];
 
     /// Name of the array in the store and in exported files.
@@ -110,19 +121,28 @@ impl Variable {
             Variable::ModelError => "model_error_px",
             Variable::Misfit => "misfit_px",
             Variable::Mark => "mark",
+            Variable::DisplacementPoint => "displacement_point_px",
+            Variable::SigmaPoint => "sigma_point_px",
+            Variable::IsPointValue => "is_point_value",
         }
     }
 
     /// Unit of the values; `1` for numbers without dimension.
     pub fn unit(self) -> &'static str {
         match self {
-            Variable::Displacement | Variable::Sigma | Variable::ModelError | Variable::Misfit => "px",
+            Variable::Displacement
+            | Variable::Sigma
+            | Variable::ModelError
+            | Variable::Misfit
+            | Variable::DisplacementPoint
+            | Variable::SigmaPoint => "px",
             Variable::Measured
             | Variable::StrainElement
             | Variable::StrainNode
             | Variable::StrainWindow
             | Variable::SigmaStrainWindow
-            | Variable::Mark => "1",
+            | Variable::Mark
+            | Variable::IsPointValue => "1",
             Variable::Residual => "grey levels",
         }
     }
@@ -131,10 +151,22 @@ impl Variable {
     pub fn meaning(self) -> &'static str {
         match self {
             Variable::Displacement => {
-                "displacement from the reference to the deformed image, at the positions of the reference; NaN where \
-                 not measured"
+                "displacement from the reference to the deformed image, at the positions of the reference: the coefficients of \
+                 the bilinear field that was fitted, from which identification starts, and not its values at points, which \
+                 displacement_point_px has; NaN where not measured"
             }
             Variable::Sigma => "standard uncertainty of each component of displacement_px; NaN where not measured",
+            Variable::DisplacementPoint => {
+                "displacement at the node as a value at a point: a sum over the coefficients displacement_px nearby; NaN \
+                 where not measured"
+            }
+            Variable::SigmaPoint => {
+                "standard uncertainty of each component of displacement_point_px; NaN where not measured"
+            }
+            Variable::IsPointValue => {
+                "1 where displacement_point_px is a value at a point, 0 where it is the coefficient as it stands (too few measured \
+                 nodes near, a regularised run, or not measured); 255 not known"
+            }
             Variable::Measured => "1 for a node that was measured in this frame, 0 for one that was not",
             Variable::StrainElement => {
                 "strain at the centre of the element, exy the tensor shear; NaN where a node is not measured"
@@ -172,7 +204,10 @@ impl Variable {
             | Variable::StrainNode
             | Variable::StrainWindow
             | Variable::SigmaStrainWindow
-            | Variable::ModelError => Place::Nodes,
+            | Variable::ModelError
+            | Variable::DisplacementPoint
+            | Variable::SigmaPoint
+            | Variable::IsPointValue => Place::Nodes,
             Variable::StrainElement | Variable::Residual | Variable::Misfit | Variable::Mark => Place::Elements,
         }
     }
@@ -180,11 +215,15 @@ impl Variable {
     /// Names along the last axis; none when there is one value per node or element.
     pub fn components(self) -> &'static [&'static str] {
         match self {
-            Variable::Displacement | Variable::Sigma | Variable::ModelError => &["x", "y"],
+            Variable::Displacement
+            | Variable::Sigma
+            | Variable::ModelError
+            | Variable::DisplacementPoint
+            | Variable::SigmaPoint => &["x", "y"],
             Variable::StrainElement | Variable::StrainNode | Variable::StrainWindow | Variable::SigmaStrainWindow => {
                 &["exx", "eyy", "exy"]
             }
-            Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark => &[],
+            Variable::Measured | Variable::Residual | Variable::Misfit | Variable::Mark | Variable::IsPointValue => &[],
         }
     }
 
@@ -197,12 +236,18 @@ impl Variable {
 impl Variable {
     /// Whether every store has it: those of earlier versions do not have all.
     pub fn is_in_every_store(self) -> bool {
-        !matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark) && !self.is_of_window()
+        let is_later = matches!(self, Variable::ModelError | Variable::Misfit | Variable::Mark);
+        !is_later && !self.is_of_points() && !self.is_of_window()
     }
 
     /// Whether it is of strains over a window of nodes, which not every run asks for.
     pub fn is_of_window(self) -> bool {
         matches!(self, Variable::StrainWindow | Variable::SigmaStrainWindow)
+    }
+
+    /// Whether it is of values at points.
+    pub fn is_of_points(self) -> bool {
+        matches!(self, Variable::DisplacementPoint | Variable::SigmaPoint | Variable::IsPointValue)
     }
 
     /// Whether it stands in the store in `folder`.
@@ -213,8 +258,8 @@ impl Variable {
     /// Kind of the numbers.
     pub fn number(self) -> Number {
         match self {
-            Variable::Displacement => Number::F64,
-            Variable::Measured | Variable::Mark => Number::U8,
+            Variable::Displacement | Variable::DisplacementPoint => Number::F64,
+            Variable::Measured | Variable::Mark | Variable::IsPointValue => Number::U8,
             _ => Number::F32,
         }
     }

@@ -3,11 +3,13 @@
 use super::attributes::Attributes;
 use super::folder::Folder;
 use super::layout::{
-    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, UNKNOWN_MARK, Variable,
+    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, NOT_DONE, Place, REFERENCE_FRAME, UNKNOWN_MARK, Variable,
     codec_options,
 };
 use super::{STORE, StoreError, StoreHeader};
-use crate::field::{ElementMark, Measurement, ModelError, Status, StrainField, TensorStrain, WindowStrains};
+use crate::field::{
+    ElementMark, Measurement, ModelError, PointField, Status, StrainField, TensorStrain, WindowStrains,
+};
 use crate::io::arrays::{Number, Values};
 use crate::linalg::ElementMatrix;
 use crate::mesh::{Mesh, ZoneElements};
@@ -240,8 +242,9 @@ impl Store {
         }
         let model_error = self.model_error(number, &measured)?;
         let marks = self.marks(number)?;
+        let points = self.points(number, &measured)?;
         let measurement =
-            Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error, marks };
+            Measurement { mesh, status, displacement, sigma, measured, element_residual, model_error, marks, points };
         Ok(Some(StoredFrame { number, measurement, file: self.file_of(number) }))
     }
 
@@ -267,8 +270,38 @@ impl Store {
             element_residual,
             model_error: None,
             marks: None,
+            points: None,
         };
         Ok(Some(StoredFrame { number, measurement, file: self.file_of(number) }))
+    }
+
+    /// The values at points of a frame; none in a store of an earlier version, or where nobody made them.
+    fn points(&self, number: usize, measured: &[bool]) -> Result<Option<PointField>, StoreError> {
+        let of_points = [Variable::DisplacementPoint, Variable::SigmaPoint, Variable::IsPointValue];
+        if !of_points.into_iter().all(|variable| self.has(variable)) {
+            return Ok(None);
+        }
+        let codes: Vec<u8> = self.variable(number, Variable::IsPointValue)?;
+        if codes.iter().all(|&code| code == NO_POINT) {
+            return Ok(None);
+        }
+        let mut displacement = pairs(&self.variable::<f64>(number, Variable::DisplacementPoint)?);
+        let mut sigma = pairs(&doubles(&self.variable(number, Variable::SigmaPoint)?));
+        let values = displacement.iter_mut().zip(&mut sigma).zip(codes.iter().zip(measured)).enumerate();
+        for (node, ((displacement, sigma), (&code, &measured))) in values {
+            if code > 1 {
+                let reason = format!("the mark of node {node} is {code}, not 0 or 1");
+                return Err(self.damaged_variable(number, Variable::IsPointValue, reason));
+            }
+            if !measured {
+                (*displacement, *sigma) = ([0.0; 2], [0.0; 2]);
+            } else if !displacement.iter().chain(sigma.iter()).all(|v| v.is_finite()) {
+                let reason = format!("node {node} is measured and has no finite value at its point");
+                return Err(self.damaged_variable(number, Variable::DisplacementPoint, reason));
+            }
+        }
+        let is_value = codes.into_iter().zip(measured).map(|(code, &measured)| code == 1 && measured).collect();
+        Ok(Some(PointField { displacement, sigma, is_value }))
     }
 
     /// What is the matter with the elements of a frame; none in a store of an earlier version, or where nobody looked.

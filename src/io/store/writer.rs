@@ -3,7 +3,7 @@
 use super::attributes::Attributes;
 use super::folder::{Folder, PART};
 use super::layout::{
-    Form, GRADIENT_NOISE, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, UNKNOWN_MARK, Variable, codec_options,
+    Form, GRADIENT_NOISE, NO_POINT, NOISE, NORMAL_MATRICES, REFERENCE_FRAME, UNKNOWN_MARK, Variable, codec_options,
 };
 use super::reader::{Store, place_of};
 use super::{StoreError, StoreHeader};
@@ -30,7 +30,7 @@ const ROOM_AHEAD: usize = 64;
 /// # let mesh = std::sync::Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 32, 32).unwrap());
 /// # let measurement = Measurement { mesh: mesh.clone(), status: Status::Converged,
 /// #     displacement: vec![[0.1, -2.0]; 4], sigma: vec![[0.01; 2]; 4], measured: vec![true; 4],
-/// #     element_residual: vec![1.5], model_error: None, marks: None };
+/// #     element_residual: vec![1.5], model_error: None, marks: None, points: None };
 /// # let header = StoreHeader { quadrille: "0.1.0".into(), device: "cpu".into(), mesh, image_size_px: [32, 32],
 /// #     reference: vec!["ref.tif".into()], reference_sha256: vec![String::new()],
 /// #     frames: vec!["a.tif".into(), "b.tif".into()], pixel_size: None, range_grey: 255.0,
@@ -354,11 +354,14 @@ impl StoreWriter {
     ) -> Result<(), StoreError> {
         self.check_number(number)?;
         let (nodes, elements) = (self.mesh.n_nodes(), self.mesh.n_elements());
-        let model = measurement.model_error.as_ref();
+        let (model, points) = (measurement.model_error.as_ref(), measurement.points.as_ref());
         let sizes = [
             ("model errors", model.map_or(nodes, |model| model.nodes.len()), nodes),
             ("misfits", model.map_or(elements, |model| model.misfit.len()), elements),
             ("marks of elements", measurement.marks.as_ref().map_or(elements, Vec::len), elements),
+            ("values at points", points.map_or(nodes, |points| points.displacement.len()), nodes),
+            ("standard uncertainties of points", points.map_or(nodes, |points| points.sigma.len()), nodes),
+            ("marks of values at points", points.map_or(nodes, |points| points.is_value.len()), nodes),
             ("displacements", measurement.displacement.len(), nodes),
             ("standard uncertainties", measurement.sigma.len(), nodes),
             ("marks of measured nodes", measurement.measured.len(), nodes),
@@ -386,6 +389,7 @@ impl StoreWriter {
             let known = pairs.iter().zip(&measurement.measured);
             known.map(|(&pair, &measured)| if measured { pair } else { [f64::NAN; 2] }).collect()
         };
+        let unknown = |of: &Self| vec![[f64::NAN; 2]; of.mesh.n_nodes()];
         match variable {
             Variable::Displacement => self.chunk(array, &at, kept(&measurement.displacement).as_flattened()),
             Variable::Sigma => self.chunk(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
@@ -406,9 +410,8 @@ impl StoreWriter {
             }
             Variable::Residual => self.chunk(array, &at, singles(&measurement.element_residual).as_slice()),
             Variable::ModelError => {
-                let unknown = vec![[f64::NAN; 2]; self.mesh.n_nodes()];
                 let known = measurement.model_error.as_ref().map(|model| kept(&model.nodes));
-                self.chunk(array, &at, singles(known.unwrap_or(unknown).as_flattened()).as_slice())
+                self.chunk(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
             }
             Variable::Misfit => {
                 let unknown = vec![f64::NAN; self.mesh.n_elements()];
@@ -418,6 +421,20 @@ impl StoreWriter {
             Variable::Mark => {
                 let known = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
                 let codes: Vec<u8> = known.unwrap_or_else(|| vec![UNKNOWN_MARK; self.mesh.n_elements()]);
+                self.chunk(array, &at, codes.as_slice())
+            }
+            Variable::DisplacementPoint => {
+                let known = measurement.points.as_ref().map(|points| kept(&points.displacement));
+                self.chunk(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
+            }
+            Variable::SigmaPoint => {
+                let known = measurement.points.as_ref().map(|points| kept(&points.sigma));
+                self.chunk(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
+            }
+            Variable::IsPointValue => {
+                let known = measurement.points.as_ref();
+                let known = known.map(|points| points.is_value.iter().copied().map(u8::from).collect());
+                let codes: Vec<u8> = known.unwrap_or_else(|| vec![NO_POINT; self.mesh.n_nodes()]);
                 self.chunk(array, &at, codes.as_slice())
             }
         }

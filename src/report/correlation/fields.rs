@@ -112,7 +112,7 @@ impl CorrelationReport<'_> {
             drawn.push(Drawn { caption: format!("{what}, frame {number}"), unit, palette, cells });
         };
         for (c, name) in ["Displacement ux, to the right", "Displacement uy, down"].into_iter().enumerate() {
-            let values: Vec<f64> = field.displacement.iter().map(|u| u[c]).collect();
+            let values: Vec<f64> = field.at_points().iter().map(|u| u[c]).collect();
             add(name, "px", Palette::Viridis, nodal_cells(field, &values)?);
         }
         let names = ["Strain exx", "Strain eyy", "Shear strain exy"];
@@ -137,7 +137,7 @@ impl CorrelationReport<'_> {
         }
         if is_last {
             let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
-            let sigma: Vec<f64> = field.sigma.iter().map(rms).collect();
+            let sigma: Vec<f64> = field.sigma_at_points().iter().map(rms).collect();
             add("Residual of each element, rms: uniform where there is only noise", "grey levels", Palette::Plasma, {
                 element_cells(field, &field.element_residual)?
             });
