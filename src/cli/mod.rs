@@ -28,6 +28,7 @@ mod gauges;
 mod identify;
 mod licences;
 mod lines;
+mod memory;
 mod metrology;
 mod paint;
 mod paper;
@@ -52,6 +53,8 @@ mod virtual_test;
 mod voice;
 mod watch;
 mod wrong_words;
+
+pub use memory::Blocks;
 
 use crate::report::Look;
 use crate::run::Outcome;

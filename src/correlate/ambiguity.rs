@@ -32,8 +32,13 @@ struct Beside {
 impl<B: Backend> Correlator<B> {
     /// The shifts at which each zone of the reference looks like itself.
     pub(super) fn periods(&self) -> &[Vec<[f64; 2]>] {
+        if let Some(periods) = self.periods.get() {
+            return periods;
+        }
+        // Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this one.
         let of_zone = |pixels: &PixelSet| periods(&self.image, pixels);
-        self.periods.get_or_init(|| self.zone_pixels.iter().map(of_zone).collect())
+        let periods: Vec<_> = self.zone_pixels.iter().map(of_zone).collect();
+        self.periods.get_or_init(|| periods)
     }
 
     /// Says what [`Correlator::periods`] would find of a texture that is known not to repeat.

@@ -123,10 +123,12 @@ impl<B: Backend> Correlator<B> {
             let value = options.noise.to_string();
             return Err(CorrelationError::Option { name: "the noise", value, wanted });
         }
-        let noise = AssumedNoise::of(&reference, &options);
-        let noise_gain = NoiseGain::new(options.interpolation, options.n_references);
+        let ((noise, fine), noise_gain) = rayon::join(
+            || (AssumedNoise::of(&reference, &options), high_frequency(&reference, &laid.mesh)),
+            || NoiseGain::new(options.interpolation, options.n_references),
+        );
         let rounding = rounding(&reference);
-        let fine = high_frequency(&reference, &laid.mesh) * (options.n_references.max(1) as f64).sqrt();
+        let fine = fine * (options.n_references.max(1) as f64).sqrt();
         let zone_pixels = laid.zone_pixels.clone();
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
@@ -151,16 +153,26 @@ impl<B: Backend> Correlator<B> {
             false => Vec::new(),
         };
         let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
-        let probe = (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
+        let probe =
+            || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
+        let coarse_levels = || -> Result<Vec<Level<B>>, CorrelationError> {
+            let mut levels = Vec::new();
+            for level in 1..=search_level(&laid.mesh) {
+                let size = size.map(|n| n >> level);
+                let Some(coarse) = laid.halved(options.element_size, size) else { break };
+                let regularisation = options.regularisation;
+                levels.push(Level::coarse(&backend, &mut frame, level, &coarse, &noise, &kernel, regularisation)?);
+                laid = coarse;
+            }
+            Ok(levels)
+        };
+        let (probe, coarse_levels) = rayon::join(probe, coarse_levels);
         let mut levels = vec![level];
-        for level in 1..=search_level(&laid.mesh) {
-            let size = size.map(|n| n >> level);
-            let Some(coarse) = laid.halved(options.element_size, size) else { break };
-            let coarse_level =
-                Level::coarse(&backend, &mut frame, level, &coarse, &noise, &kernel, options.regularisation)?;
-            levels[level - 1].link(&backend, &coarse_level.mesh)?;
-            levels.push(coarse_level);
-            laid = coarse;
+        for coarse in coarse_levels? {
+            if let Some(finer) = levels.last_mut() {
+                finer.link(&backend, &coarse.mesh)?;
+            }
+            levels.push(coarse);
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];

@@ -89,7 +89,9 @@ impl<B: Backend> Correlator<B> {
 
     /// The motions of the `wanted` zones by points that look alike, wherever in the image; none of the others.
     fn everywhere(&self, frame: &B::Frame, wanted: impl Fn(usize) -> bool) -> Vec<Vec<Motion>> {
-        let features = self.features.get_or_init(|| Features::of(&self.image));
+        // As `periods`: nobody may wait for what is made in parallel.
+        let made = self.features.get().is_none().then(|| Features::of(&self.image));
+        let features = self.features.get_or_init(|| made.unwrap_or_else(|| Features::of(&self.image)));
         let deformed = Features::of(&self.backend.image(frame));
         let of_zone = |zone: usize| match wanted(zone) {
             true => wide_motions(features, &deformed, &self.zone_pixels[zone], self.levels.len() - 1),

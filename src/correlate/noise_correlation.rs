@@ -201,17 +201,18 @@ impl NoiseProbe {
         if blocks.len() < LEAST_BLOCKS {
             return None;
         }
-        let mean_lags = |parts: &mut dyn Iterator<Item = &Vec<f32>>| {
-            let (mut sum, mut n) = ([0.0; WIDTH * WIDTH], 0.0);
-            for part in parts {
-                sum.iter_mut().zip(autocorrelation(part, side)).for_each(|(sum, value)| *sum += value);
-                n += 1.0;
+        let mean_lags = |parts: Vec<&Vec<f32>>| {
+            let lags: Vec<Lags> = parts.par_iter().map(|part| autocorrelation(part, side)).collect();
+            let mut sum = [0.0; WIDTH * WIDTH];
+            for lags in &lags {
+                sum.iter_mut().zip(lags).for_each(|(sum, value)| *sum += value);
             }
-            sum.map(|sum| sum / f64::max(n, 1.0))
+            sum.map(|sum| sum / f64::max(lags.len() as f64, 1.0))
         };
-        let of_pieces = [0, 1].map(|c| mean_lags(&mut blocks.iter().map(|block| &block.pieces[c])));
-        let of_beyond = mean_lags(&mut blocks.iter().flat_map(|block| block.beyond.iter().flatten()));
-        let left = [0, 1].map(|c| left_by_fit(of, &blocks, &gradients, c, own_transfer));
+        let of_pieces = [0, 1].map(|c| mean_lags(blocks.iter().map(|block| &block.pieces[c]).collect()));
+        let of_beyond = mean_lags(blocks.iter().flat_map(|block| block.beyond.iter().flatten()).collect());
+        let left_by_fit = |c| left_by_fit(of, &blocks, &gradients, c, own_transfer);
+        let left = rayon::join(|| left_by_fit(0), || left_by_fit(1)).into();
         let filter = (0..=64).map(|k| filter_lags(interpolation, f64::from(k) / 64.0)).collect();
         let of_reference = 1.0 / of.n_references.max(1) as f64;
         Some(Self {
@@ -585,17 +586,28 @@ fn filter_lags(interpolation: Interpolation, t: f64) -> [f64; LAGS + 1] {
     std::array::from_fn(|lag| weight.iter().zip(&weight[lag..]).map(|(a, b)| a * b).sum())
 }
 
-/// Of a square of values, at all lags up to [`LAGS`] in both directions.
+/// Of a square of values, at all lags up to [`LAGS`] in both directions. The sum at each lag runs row by row, and the lags of a
+/// row side by side; what lies beyond the square counts as zero. A lag and its opposite have the same products.
 fn autocorrelation(values: &[f32], side: usize) -> Lags {
+    let stride = side + 2 * LAGS;
+    let mut padded = vec![0.0; side * stride];
+    for (row, values) in padded.chunks_exact_mut(stride).zip(values.chunks_exact(side)) {
+        row[LAGS..][..side].iter_mut().zip(values).for_each(|(to, &value)| *to = f64::from(value));
+    }
     let mut lags = [0.0; WIDTH * WIDTH];
-    for (k, sum) in lags.iter_mut().enumerate() {
-        let (dx, dy) = ((k % WIDTH) as isize - LAGS as isize, (k / WIDTH) as isize - LAGS as isize);
-        let side = side as isize;
-        for y in (-dy).max(0)..(side - dy).min(side) {
-            for x in (-dx).max(0)..(side - dx).min(side) {
-                let (here, there) = (y * side + x, (y + dy) * side + x + dx);
-                *sum += f64::from(values[here as usize]) * f64::from(values[there as usize]);
+    for dy in 0..=LAGS {
+        let mut sums = [0.0; WIDTH];
+        for y in 0..side.saturating_sub(dy) {
+            let (here, there) = (&padded[y * stride + LAGS..][..side], &padded[(y + dy) * stride..][..stride]);
+            for (here, there) in here.iter().zip(there.array_windows::<WIDTH>()) {
+                for k in 0..WIDTH {
+                    sums[k] += here * there[k];
+                }
             }
+        }
+        for (k, sum) in sums.into_iter().enumerate() {
+            lags[(LAGS + dy) * WIDTH + k] = sum;
+            lags[(LAGS - dy) * WIDTH + (WIDTH - 1 - k)] = sum;
         }
     }
     lags
@@ -604,10 +616,12 @@ fn autocorrelation(values: &[f32], side: usize) -> Lags {
 /// Sum of products, in eight strands.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let mut strands = [0.0f32; 8];
-    let (heads, tails) = (a.chunks_exact(8).zip(b.chunks_exact(8)), a.len() / 8 * 8);
-    for (a, b) in heads {
-        strands.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    let ((heads_a, rest_a), (heads_b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (a, b) in heads_a.iter().zip(heads_b) {
+        for k in 0..8 {
+            strands[k] += a[k] * b[k];
+        }
     }
-    let rest: f32 = a[tails..].iter().zip(&b[tails..]).map(|(a, b)| a * b).sum();
+    let rest: f32 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
     strands.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
 }

@@ -3,6 +3,7 @@
 
 use crate::imaging::Image;
 use crate::mesh::PixelSet;
+use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 use serde::{Deserialize, Serialize};
@@ -84,7 +85,7 @@ pub(super) fn periods(image: &Image, zone: &PixelSet) -> Vec<[f64; 2]> {
 fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, window: usize) -> Vec<[f64; 2]> {
     let side = 2 * window;
     let mut pixels = vec![(0.0f32, 0.0f32); window * window];
-    for (at, pixel) in pixels.iter_mut().enumerate() {
+    pixels.par_iter_mut().enumerate().with_min_len(window).for_each(|(at, pixel)| {
         let [x, y] = [first[0] + step * (at % window), first[1] + step * (at / window)];
         let (mut sum, mut n) = (0.0f32, 0.0f32);
         for v in (y..y + step).take_while(|v| *v < image.height()) {
@@ -98,7 +99,7 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
         if 2.0 * n > (step * step) as f32 {
             *pixel = (sum / n, 1.0);
         }
-    }
+    });
     let count: f32 = pixels.iter().map(|p| p.1).sum();
     if count < 32.0 * 32.0 {
         return Vec::new();
@@ -114,16 +115,16 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
         transform(&mut out, side, &forward);
         out
     };
-    let grey = spread(&|f, _| f.into());
-    let inside = spread(&|_, m| m.into());
-    let square = spread(&|f, _| (f * f).into());
+    let (grey, (inside, square)) = rayon::join(
+        || spread(&|f, _| f.into()),
+        || rayon::join(|| spread(&|_, m| m.into()), || spread(&|f, _| (f * f).into())),
+    );
     // Two real results in one transform: products and overlaps.
     let unit = Complex32::new(0.0, 1.0);
     let mut products: Vec<Complex32> =
         grey.iter().zip(&inside).map(|(f, m)| Complex32::from(f.norm_sqr()) + unit * m.norm_sqr()).collect();
     let mut powers: Vec<Complex32> = square.iter().zip(&inside).map(|(q, m)| q.conj() * m).collect();
-    transform(&mut products, side, &inverse);
-    transform(&mut powers, side, &inverse);
+    rayon::join(|| transform(&mut products, side, &inverse), || transform(&mut powers, side, &inverse));
     let whole = products[0].im;
     let like = |dx: isize, dy: isize| -> Option<f32> {
         let index =
@@ -133,8 +134,8 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
         (at.im > OVERLAP * whole && power > 0.0).then(|| at.re / power.sqrt())
     };
     let reach = window as isize - 1;
-    let mut found: Vec<(f64, [f64; 2], f32)> = Vec::new();
-    for dy in 0..reach {
+    let of_row = |dy: isize| {
+        let mut found: Vec<(f64, [f64; 2], f32)> = Vec::new();
         for dx in -reach + 1..reach {
             if dx * dx + dy * dy < 4 || (dy == 0 && dx < 0) {
                 continue;
@@ -160,7 +161,9 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
             ];
             found.push((shift[0].hypot(shift[1]), shift.map(|v| v * step as f64), here));
         }
-    }
+        found
+    };
+    let mut found = (0..reach).into_par_iter().map(of_row).collect::<Vec<_>>().concat();
     let best = found.iter().map(|found| found.2).fold(0.0, f32::max);
     found.retain(|found| found.2 >= AMONG * best);
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -173,11 +176,23 @@ fn repeats(image: &Image, zone: &PixelSet, first: [usize; 2], step: usize, windo
 
 /// Two-dimensional transform in place: rows, then columns as rows of the transpose, twice.
 fn transform(values: &mut [Complex32], side: usize, fft: &Arc<dyn Fft<f32>>) {
+    /// Rows that are transformed one after the other.
+    const ROWS: usize = 32;
     for _ in 0..2 {
-        fft.process(values);
-        for y in 0..side {
-            for x in 0..y {
-                values.swap(y * side + x, x * side + y);
+        values.par_chunks_mut(ROWS * side).for_each(|rows| fft.process(rows));
+        transpose(values, side);
+    }
+}
+
+/// The transpose of a square in place, tile by tile: a column of a power of two of rows has one place in a small cache.
+fn transpose(values: &mut [Complex32], side: usize) {
+    const TILE: usize = 8;
+    for v in (0..side).step_by(TILE) {
+        for u in (0..=v).step_by(TILE) {
+            for y in v..(v + TILE).min(side) {
+                for x in u..(u + TILE).min(y) {
+                    values.swap(y * side + x, x * side + y);
+                }
             }
         }
     }

@@ -3,6 +3,7 @@
 use crate::imaging::{Image, Levels};
 use crate::mesh::{Mesh, Roi};
 use crate::units::Px;
+use rayon::prelude::*;
 
 /// Standard deviation of the rounding to integer grey levels; none for float images.
 pub(super) fn rounding(image: &Image) -> f64 {
@@ -43,33 +44,37 @@ pub(super) fn high_frequency(image: &Image, mesh: &Mesh<Px>) -> f64 {
 
 /// Noise by second differences, and standard deviation, of each tile of the quietest tenth of those that begin where
 /// `counts` holds, in rising order.
-fn quietest_tiles(image: &Image, counts: impl Fn(usize, usize) -> bool) -> Vec<(f64, f64)> {
+fn quietest_tiles(image: &Image, counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<(f64, f64)> {
     const TILE: usize = 16;
     let (width, height) = (image.width(), image.height());
     let (low, _) = image.range();
-    let mut tiles: Vec<(f64, f64)> = Vec::new();
     // Every few rows and columns of tiles: a sample is enough.
     let step = TILE * (1 + width.max(height) / 1024);
-    for y0 in (1..height.saturating_sub(TILE)).step_by(step) {
-        for x0 in (1..width.saturating_sub(TILE)).step_by(step).filter(|&x0| counts(x0, y0)) {
-            let (mut sum, mut greys, mut squares) = (0.0, 0.0, 0.0);
-            for y in y0..y0 + TILE {
-                for x in x0..x0 + TILE {
-                    let row = |y: usize| {
-                        f64::from(image.grey(x - 1, y)) - 2.0 * f64::from(image.grey(x, y))
-                            + f64::from(image.grey(x + 1, y))
-                    };
-                    sum += (row(y - 1) - 2.0 * row(y) + row(y + 1)).powi(2);
-                    let grey = f64::from(image.grey(x, y) - low);
-                    greys += grey;
-                    squares += grey * grey;
-                }
+    let of_tile = |x0: usize, y0: usize| {
+        // With one pixel more on every side.
+        let grey: [[f32; TILE + 2]; TILE + 2] =
+            std::array::from_fn(|v| std::array::from_fn(|u| image.grey(x0 - 1 + u, y0 - 1 + v)));
+        let (mut sum, mut greys, mut squares) = (0.0, 0.0, 0.0);
+        for y in 1..=TILE {
+            for x in 1..=TILE {
+                let row =
+                    |y: usize| f64::from(grey[y][x - 1]) - 2.0 * f64::from(grey[y][x]) + f64::from(grey[y][x + 1]);
+                sum += (row(y - 1) - 2.0 * row(y) + row(y + 1)).powi(2);
+                let grey = f64::from(grey[y][x] - low);
+                greys += grey;
+                squares += grey * grey;
             }
-            let n = (TILE * TILE) as f64;
-            // The mask's squared weights sum to 36.
-            tiles.push(((sum / 36.0 / n).sqrt(), (squares / n - (greys / n).powi(2)).max(0.0).sqrt()));
         }
-    }
+        let n = (TILE * TILE) as f64;
+        // The mask's squared weights sum to 36.
+        ((sum / 36.0 / n).sqrt(), (squares / n - (greys / n).powi(2)).max(0.0).sqrt())
+    };
+    let rows: Vec<usize> = (1..height.saturating_sub(TILE)).step_by(step).collect();
+    let of_row = |&y0: &usize| {
+        let columns = (1..width.saturating_sub(TILE)).step_by(step).filter(|&x0| counts(x0, y0));
+        columns.map(|x0| of_tile(x0, y0)).collect::<Vec<_>>()
+    };
+    let mut tiles = rows.par_iter().map(of_row).collect::<Vec<_>>().concat();
     tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
     tiles.truncate(tiles.len().div_ceil(10));
     tiles

@@ -87,7 +87,7 @@ fn probed(
         if let Some(second) = second {
             forms.par_iter_mut().enumerate().with_min_len(PIECE / 4).for_each(|(node, forms)| {
                 if let Some(lane) = lane_of(node) {
-                    *forms = [lane, lane + 1].map(|lane| form_nearby(second, node, &x, lane));
+                    *forms = forms_nearby(second, node, &x, lane);
                 }
             });
         }
@@ -95,21 +95,26 @@ fn probed(
     (variance, forms)
 }
 
-/// `x . B x` for the column in one lane, summed over the rows of a node and its neighbours.
-fn form_nearby(b: &BlockMatrix, node: usize, x: &[[Lanes; 2]], lane: usize) -> f64 {
+/// `x . B x` for the columns in a lane and the next, summed over the rows of a node and its neighbours.
+fn forms_nearby(b: &BlockMatrix, node: usize, x: &[[Lanes; 2]], lane: usize) -> [f64; 2] {
     let pattern = b.pattern();
-    let value = |node: u32| x[node as usize].map(|x| f64::from(x[lane]));
-    let mut sum = 0.0;
+    // Of both columns.
+    let value = |node: u32| x[node as usize].map(|x| [lane, lane + 1].map(|lane| f64::from(x[lane])));
+    let mut sum = [0.0; 2];
     for &near in pattern.neighbours(node) {
-        let mut image = [0.0; 2];
+        let mut image = [[0.0; 2]; 2];
         let row = pattern.row(near as usize);
         for (b, &column) in b.blocks()[row.clone()].iter().zip(&pattern.columns()[row]) {
-            let x = value(column);
-            image[0] += b[0] * x[0] + b[1] * x[1];
-            image[1] += b[2] * x[0] + b[3] * x[1];
+            let [x, y] = value(column);
+            for k in 0..2 {
+                image[0][k] += b[0] * x[k] + b[1] * y[k];
+                image[1][k] += b[2] * x[k] + b[3] * y[k];
+            }
         }
-        let own = value(near);
-        sum += own[0] * image[0] + own[1] * image[1];
+        let [x, y] = value(near);
+        for k in 0..2 {
+            sum[k] += x[k] * image[0][k] + y[k] * image[1][k];
+        }
     }
     sum
 }

@@ -268,7 +268,6 @@ impl<'a> PreparedSeries<'a> {
                 folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
             }
         }
-        self.draw_found()?;
         let (n_decoders, in_flight) = pipeline::widths(engine, self.pool, plan.options.start);
         let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
         Ok(Tally {
@@ -284,6 +283,7 @@ impl<'a> PreparedSeries<'a> {
         let Self {
             begin, plan, folder, pool, session, camera, correlator, engine, record, about, writer, store, ..
         } = self;
+        let (reference, drawn) = (&self.reference, self.drawn.as_slice());
         let Session { stop, shard, .. } = session;
         let windows = windows(correlator.mesh());
         let flat = FlatBlocks::of(&self.reference);
@@ -319,6 +319,10 @@ impl<'a> PreparedSeries<'a> {
             let output =
                 Output { plan, folder, store: writer, fields: store, about, windows, alone, in_series, writing };
             let writer = thread(scope, move || output.write_all(&to_write))?;
+            // The mesh, where zones or cracks were found: the first of the shards draws it.
+            let is_drawn = !drawn.is_empty() && shard.is_none_or(|shard| shard.i == 1);
+            let draw = || found::draw(plan, reference, correlator, folder.path(), drawn);
+            let drawing = is_drawn.then(|| thread(scope, draw)).transpose()?;
             let mut last_summary = Instant::now();
             let mut summary_every = SUMMARY_EVERY;
             let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
@@ -341,6 +345,9 @@ impl<'a> PreparedSeries<'a> {
             });
             drop(finished);
             writer.join().map_err(|_| RunError::Bug("the writer stopped"))??;
+            if let Some(drawing) = drawing {
+                drawing.join().map_err(|_| RunError::Bug("what draws the mesh stopped"))??;
+            }
             done
         });
         tally.take_notes(engine, watcher);
@@ -415,15 +422,6 @@ impl<'a> PreparedSeries<'a> {
         }
         watcher(Event::Note(&format!("results in {}", folder.path().display())));
         Ok(Ran { outcome, complete, summary, busy })
-    }
-
-    /// Draws the mesh when zones or cracks were found: the first of the shards does.
-    fn draw_found(&self) -> Result<()> {
-        let Self { plan, folder, session, reference, correlator, .. } = self;
-        if self.drawn.is_empty() || session.shard.is_some_and(|shard| shard.i != 1) {
-            return Ok(());
-        }
-        found::draw(plan, reference, correlator, folder.path(), &self.drawn)
     }
 
     /// What is made of a series as a whole: the quantities that are asked for, and the report.

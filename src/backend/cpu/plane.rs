@@ -15,23 +15,31 @@ const LANES: usize = 16;
 /// Values beyond the last row that a vector load may touch.
 const TAIL: usize = 4 * LANES;
 
+/// Bytes of a huge page.
+const HUGE: usize = 1 << 21;
+
 /// Border above and below, px.
 pub(super) const BORDER_ROWS: usize = 4;
 
 /// `f32` values on pages of their own: aligned to cache lines (64-byte accesses that straddle two cost
 /// double), and on huge pages where the system has them (a column of 16 rows touches dozens of small ones).
 #[derive(Debug)]
-pub(super) struct Values(MmapMut);
+pub(super) struct Values {
+    map: MmapMut,
+    len: usize,
+}
 
 impl Values {
     fn zeros(len: usize) -> Result<Self, BackendError> {
         let out_of_memory = |_| BackendError::OutOfMemory { what: format!("{len} values of an image plane") };
-        let map = MmapMut::map_anon(len * size_of::<f32>()).map_err(out_of_memory)?;
+        // Whole huge pages: the system lets none but such mappings begin with one.
+        let bytes = (len * size_of::<f32>()).next_multiple_of(if len >= HUGE / 8 { HUGE } else { 1 });
+        let map = MmapMut::map_anon(bytes).map_err(out_of_memory)?;
         // Only a hint: without huge pages it is merely slower.
         #[cfg(target_os = "linux")]
         #[cfg(not(miri))] // which does not know this advice
         let _ = map.advise(memmap2::Advice::HugePage);
-        Ok(Self(map))
+        Ok(Self { map, len })
     }
 }
 
@@ -40,14 +48,14 @@ impl Deref for Values {
 
     #[inline(always)]
     fn deref(&self) -> &[f32] {
-        bytemuck::cast_slice(&self.0)
+        &bytemuck::cast_slice(&self.map)[..self.len]
     }
 }
 
 impl DerefMut for Values {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut [f32] {
-        bytemuck::cast_slice_mut(&mut self.0)
+        &mut bytemuck::cast_slice_mut(&mut self.map)[..self.len]
     }
 }
 
