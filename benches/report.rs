@@ -1,8 +1,9 @@
 //! Times and memory of the CPU path, and of all devices, as tables for `benches/RESULTS.md`.
 //!
 //!     cargo bench --bench report                 all tables (a few minutes)
-//!     cargo bench --bench report -- kernels      one of: kernels, pairs, solvers, devices
-//!     cargo bench --bench report -- gate         only the ratio that CI checks: vector path / per-pixel loop
+//!     cargo bench --bench report -- kernels      one of: kernels, pairs, borders, solvers, devices
+//!     cargo bench --bench report -- gate         only the ratios that CI checks: vector path / per-pixel loop, whole
+//!                                                image / inner zone
 //!
 //! Every number is wall time of the named work alone, images in memory; medians of the stated number of
 //! runs with the fastest and slowest beside. On a shared machine only ratios within one run are safe.
@@ -11,16 +12,21 @@ use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::adapters;
 use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, repeat};
-use quadrille::correlate::{Correlator, Options, Start};
+use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options, Start};
 use quadrille::field::Status;
+use quadrille::imaging::Image;
 use quadrille::isa::Isa;
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, inverse_diagonal, nested_dissection};
+use quadrille::mesh::{Roi, Zone};
+use quadrille::synth::{Accuracy, Motion, RenderOptions, Sinusoids, Texture, Translation, render};
 use std::convert::Infallible;
 use std::fmt::Debug;
 use std::sync::Arc;
 
 /// The vector path must beat the per-pixel loop by this in the same run.
 const GATE: f64 = 4.0;
+/// The whole image as the zone may cost this many times a zone that stays inside, in iterations and in time per pixel.
+const BORDER_GATE: f64 = 1.2;
 
 fn main() {
     if !std::env::args().any(|a| a == "--bench" || a.starts_with("memory=")) {
@@ -39,6 +45,9 @@ fn main() {
     }
     if asked("pairs") {
         pairs();
+    }
+    if asked("borders") {
+        borders(&[1024, 2048, 4096]);
     }
     if asked("solvers") {
         solvers();
@@ -158,6 +167,122 @@ fn shown3(Spread { fastest, median, slowest }: Spread) -> String {
     format!("{median:.4} ({fastest:.4}-{slowest:.4})")
 }
 
+/// The waves of [`Accuracy`] with hardly any stretch, so that the border moves by `shift`.
+#[derive(Clone, Copy)]
+struct Moved {
+    waves: Sinusoids,
+    shift: [f64; 2],
+}
+
+impl Motion for Moved {
+    fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
+        let u = self.waves.displacement(x);
+        [u[0] + self.shift[0], u[1] + self.shift[1]]
+    }
+
+    fn at(&self, fraction: f64) -> Self {
+        Self { waves: self.waves.at(fraction), shift: self.shift.map(|u| fraction * u) }
+    }
+
+    fn body_gradient(&self, body: usize, x: [f64; 2]) -> [[f64; 2]; 2] {
+        self.waves.body_gradient(body, x)
+    }
+}
+
+/// A frame that is measured again and again from the same start.
+struct Tracked {
+    correlator: Correlator<CpuBackend>,
+    deformed: Arc<Image>,
+    start: Start,
+    /// Pixels of the zone.
+    pixels: f64,
+}
+
+impl Tracked {
+    /// On the whole image but for `margin` px at each side, from 0.1 px beside what is found.
+    fn new(reference: &Arc<Image>, deformed: &Arc<Image>, margin: f64) -> Self {
+        let [x1, y1] = [reference.width(), reference.height()].map(|n| n as f64 - margin);
+        let zone = [Zone::rectangle("image", Roi { x0: margin, y0: margin, x1, y1 })];
+        let correlator = Correlator::new(CpuBackend::default(), reference.clone(), &zone, Options::default());
+        let correlator = correlator.expect("a reference");
+        let found = correlator.correlate(deformed.clone(), None).expect("a result");
+        assert_eq!(found.measurement.status, Status::Converged, "margin {margin}");
+        let start = Start {
+            displacement: found.full_displacement().iter().map(|u| u.map(|u| u + 0.1)).collect(),
+            transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
+        };
+        let pixels = (x1 - margin) * (y1 - margin);
+        Self { correlator, deformed: deformed.clone(), start, pixels }
+    }
+
+    fn correlate(&self) -> Result<Correlation, CorrelationError> {
+        self.correlator.correlate(self.deformed.clone(), Some(&self.start))
+    }
+}
+
+/// What the whole image as the zone costs, where its border leaves the deformed image, against a zone that stays within it.
+#[derive(Clone, Copy)]
+struct BorderCost {
+    /// Iterations: inner zone, whole image.
+    iterations: [usize; 2],
+    /// Processor time per pixel of the zone, s.
+    seconds: [f64; 2],
+}
+
+impl BorderCost {
+    /// Of frames of `size` px moved by `motion`, `motion_px` at most; the fastest of some runs taken in turn.
+    fn new(size: usize, motion: &impl Motion, motion_px: f64) -> Self {
+        let texture = Texture::new(1, 4.5).expect("a texture");
+        let options = RenderOptions::new(size, size);
+        let reference = Arc::new(render(&texture, &Translation([0.0; 2]), &options).expect("an image"));
+        let deformed = Arc::new(render(&texture, motion, &options).expect("an image"));
+        let inner = 16.0 * (motion_px / 16.0).ceil() + 16.0;
+        let both = [inner, 0.0].map(|margin| Tracked::new(&reference, &deformed, margin));
+        let iterations = both.each_ref().map(|tracked| tracked.correlate().expect("a result").iterations);
+        let mut seconds = [f64::INFINITY; 2];
+        for _ in 0..3 {
+            for (tracked, seconds) in both.iter().zip(&mut seconds) {
+                let fastest = repeat(3, || tracked.correlate()).expect("a measurement").cpu.fastest;
+                *seconds = seconds.min(fastest / tracked.pixels);
+            }
+        }
+        Self { iterations, seconds }
+    }
+
+    /// Whole image over inner zone: iterations, processor time per pixel.
+    fn ratios(&self) -> [f64; 2] {
+        let [inner, whole] = self.iterations.map(|n| n as f64);
+        [whole / inner, self.seconds[1] / self.seconds[0]]
+    }
+}
+
+fn borders(sizes: &[usize]) {
+    println!(
+        "frame that starts 0.1 px off, 2 threads, 16 px elements: whole image as the zone against one that stays inside"
+    );
+    println!("processor time per pixel of the zone, all but reading the file, fastest of 9 taken in turn");
+    println!("| size | motion | iterations, inner | whole | ns/px, inner | whole | whole / inner |");
+    println!("|---|---|---|---|---|---|---|");
+    threads(2).install(|| {
+        for &size in sizes {
+            let waves = Sinusoids { amplitude: 1.0, wavelength: 256.0 };
+            let stretched = Accuracy::new(size, size);
+            let reach = 0.0065 * 0.5 * size as f64 + 1.0;
+            let of_stretch = ("0.5 %, 0.2 degrees".to_owned(), BorderCost::new(size, &stretched, reach));
+            let moved = [5.0, 20.0, 60.0].map(|px| {
+                let motion = Moved { waves, shift: [0.8 * px, -0.6 * px] };
+                (format!("{px} px"), BorderCost::new(size, &motion, px + 1.0))
+            });
+            for (what, cost) in moved.into_iter().chain([of_stretch]) {
+                let ([inner, whole], ns) = (cost.iterations, cost.seconds.map(|s| 1e9 * s));
+                let ratio = cost.ratios()[1];
+                println!("| {size}² | {what} | {inner} | {whole} | {:.2} | {:.2} | {ratio:.2} |", ns[0], ns[1]);
+            }
+        }
+    });
+    println!();
+}
+
 /// Peak memory of one cold pair in a process of its own, less what the images take.
 fn memory_in_child(size: usize) -> String {
     let program = std::env::current_exe().expect("this program");
@@ -237,8 +362,31 @@ fn devices() {
     println!("{}", record.expect("figures"));
 }
 
-/// Ratio of the per-pixel loop to the vector path in one run; the program fails when it is too small.
+/// Ratios in one run; the program fails when one of them is not what it must be.
 fn gate() {
+    gate_of_paths();
+    gate_of_borders();
+}
+
+/// The whole image as the zone against one that stays inside: iterations, and processor time per pixel, whose fastest run a
+/// neighbour on the machine can only slow down.
+fn gate_of_borders() {
+    let motion = Moved { waves: Sinusoids { amplitude: 1.0, wavelength: 256.0 }, shift: [16.0, -12.0] };
+    let cost = threads(2).install(|| BorderCost::new(1024, &motion, 21.0));
+    let ([inner, whole], [iterations, time]) = (cost.iterations, cost.ratios());
+    println!(
+        "whole image against inner zone, 1024², 20 px: {whole} iterations against {inner}, {time:.2} times the time"
+    );
+    if iterations > BORDER_GATE || time > BORDER_GATE {
+        eprintln!(
+            "the whole image must cost at most {BORDER_GATE} times the inner zone: look for what the border adds"
+        );
+        std::process::exit(1);
+    }
+}
+
+/// Ratio of the per-pixel loop to the vector path.
+fn gate_of_paths() {
     let scene = scene(512, 16);
     let pass = |isa: Isa| {
         let mut pass = ResidualPass::new(&CpuBackend::new(isa), &scene, 1.0).expect("a field");

@@ -93,7 +93,7 @@ fn main(
             if n < tally.kept_share * all.x {
                 sums[at + N] = 0.0;
             }
-            total[8] += 1.0;
+            total[8] += 2.0;
         } else if n < share * all.x {
             for (var i = 0u; i < OUT; i++) {
                 sums[at + i] = 0.0;
@@ -101,7 +101,7 @@ fn main(
             sums[at + F_LOST] = all.y;
             sums[at + FF_LOST] = all.z;
             sums[at + OUT] = 1.0;
-            total[8] += 1.0;
+            total[8] += 2.0;
         } else if all.x > 0.0 {
             sums[at + OUT] = 0.0;
             total[0] += n;

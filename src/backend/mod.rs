@@ -133,8 +133,8 @@ pub struct Step {
     pub gained: f64,
     /// Pixels counted.
     pub counted: f64,
-    /// Whether some element has lost more than [`LOST_SHARE`] of its pixels.
-    pub lossy: bool,
+    /// Elements that have lost more than [`LOST_SHARE`] of their pixels; those that are left out count twice.
+    pub lost: usize,
 }
 
 /// What an iteration has found when it ends.
@@ -290,6 +290,20 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// # Errors
     /// When the device fails.
     fn step(
+        &self,
+        level: &Self::Level,
+        frame: &mut Self::Frame,
+        field: &mut Self::Field,
+        solver: &Self::Solver,
+        scale: [f64; 2],
+    ) -> Result<Step, BackendError>;
+
+    /// Takes the correction of the last step back and makes another one with `solver` from the same sums: for a frame that
+    /// turned out to have lost pixels.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn solve_again(
         &self,
         level: &Self::Level,
         frame: &mut Self::Frame,

@@ -4,7 +4,7 @@ use super::correlation::{Correlation, StartUsed, ZoneResult, rigid};
 use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
 use super::faces::{Followed, followed};
-use super::gradient_noise::{element_lambda, element_matrices, mass_matrices};
+use super::gradient_noise::OfElement;
 use super::iterate::{Outcome, iterate};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
@@ -13,11 +13,13 @@ use super::misfit::{Look, Residuals};
 use super::model_error::{self, model_error};
 use super::noise_correlation::factors;
 use super::noise_model::Elements;
+use super::own::Own;
 use super::screen::{LEAST_LEFT, continued};
 use super::texture::lost_in_noise;
-use super::uncertainty::{NoiseGain, spread_of};
+use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, PixelSums};
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
+use rayon::prelude::*;
 
 /// A residual of this many times the noise of the reference says that a zone is misfit everywhere: out of focus, a
 /// reflection, another light.
@@ -101,12 +103,7 @@ impl<B: Backend> Correlator<B> {
         let matches = self.zone_matches(&last, &elements);
         let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
         let mut status = self.judge(&outcome, &elements, &matches, &excluded);
-        let own_spread = outcome.own.as_ref().map(|own| {
-            let moments = &outcome.own_moments;
-            let (matrices, masses) = (element_matrices(moments, &self.kernel), mass_matrices(mesh, moments));
-            let lambda = element_lambda(&matrices, &masses, level.lambda);
-            spread_of(self.backend.host_isa(), mesh, own, level.regulariser.as_ref(), &masses, &lambda)
-        });
+        let own_spread = outcome.own.as_ref().map(|own| self.own_spread(own));
         let spread = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
         let mut zones = Vec::new();
@@ -220,7 +217,7 @@ impl<B: Backend> Correlator<B> {
             sigma: &sigma,
             measured: &measured,
             not_followed: &excess.nodes,
-            solver: outcome.own.as_deref().unwrap_or(&level.solver),
+            solver: outcome.own.as_ref().map_or(&*level.solver, |own| &own.solver),
         };
         let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
         if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
@@ -309,6 +306,23 @@ impl<B: Backend> Correlator<B> {
         }
         found.rigid = rigid(mesh, &found.full_displacement, &field.measured, 0..mesh.n_nodes());
         found
+    }
+
+    /// The spread of a frame with a solver of its own.
+    fn own_spread(&self, own: &Own<B>) -> NodalSpread {
+        let Level { mesh, moments, pattern, regulariser, lambda, .. } = &self.levels[0];
+        let isa = self.backend.host_isa();
+        let solvers = (&*own.solver, regulariser.as_ref());
+        if let Some(spread) = self.spread.changed(isa, (mesh, moments), pattern, solvers, &own.changed) {
+            return spread;
+        }
+        let of_element = |element: usize| match own.changed.elements.binary_search(&(element as u32)) {
+            Ok(_) => *own.changed.of(element as u32),
+            Err(_) => OfElement::new(mesh, element, &moments[element], &self.kernel, *lambda),
+        };
+        let of_elements = (0..mesh.n_elements()).into_par_iter().with_min_len(64).map(of_element);
+        let (masses, lambda): (Vec<_>, Vec<_>) = of_elements.map(|element| (element.mass, element.lambda)).unzip();
+        spread_of(isa, mesh, &own.solver, regulariser.as_ref(), &masses, &lambda)
     }
 
     /// How well each zone matches: its correlation coefficient, or what stands for it.

@@ -58,40 +58,78 @@ impl AssumedNoise {
 
 /// Normal matrices of the elements, that of the transfer eliminated where each element has its own.
 pub(super) fn element_matrices(moments: &[ElementMoments], options: &KernelOptions) -> Vec<ElementMatrix> {
-    let matrix = |m: &ElementMoments| match options.brightness {
-        Brightness::Element => m.matrix_without_transfer(),
-        _ => m.matrix(),
-    };
-    moments.iter().map(matrix).collect()
+    moments.iter().map(|m| element_matrix(m, options)).collect()
+}
+
+fn element_matrix(moments: &ElementMoments, options: &KernelOptions) -> ElementMatrix {
+    match options.brightness {
+        Brightness::Element => moments.matrix_without_transfer(),
+        _ => moments.matrix(),
+    }
 }
 
 /// `sum psi_i psi_j` over the pixels of each element. Of an element that is cut by the border of its zone only the number
 /// of pixels counts, as if they lay evenly.
 pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<ElementMatrix> {
-    let mass = |(element, m): (usize, &ElementMoments)| alike(mean_products(mesh.corners(element)), m.n);
+    let mass = |(element, m): (usize, &ElementMoments)| mass_matrix(mesh, element, m);
     moments.par_iter().enumerate().with_min_len(256).map(mass).collect()
+}
+
+/// The same of one of them.
+pub(super) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMoments) -> ElementMatrix {
+    alike(mean_products(mesh.corners(element)), moments.n)
 }
 
 /// What is taken off each element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
 /// its matrix in every direction. So `M0` is positive definite where `M` is.
 pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix], lambda: f64) -> Vec<f64> {
-    /// Less than this part of it is not worth taking off.
-    const LEAST: f64 = 0.02;
-    let share = |(matrix, mass): (&ElementMatrix, &ElementMatrix)| {
-        let mut taken = lambda;
-        while taken > LEAST * lambda {
-            if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]))
-            {
-                return taken;
-            }
-            taken *= 0.75;
-        }
-        0.0
-    };
     if lambda <= 0.0 {
         return vec![0.0; matrices.len()];
     }
-    matrices.par_iter().zip(masses).with_min_len(64).map(share).collect()
+    matrices.par_iter().zip(masses).with_min_len(64).map(|(matrix, mass)| taken_off(matrix, mass, lambda)).collect()
+}
+
+fn taken_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
+    /// Less than this part of it is not worth taking off.
+    const LEAST: f64 = 0.02;
+    let mut taken = lambda;
+    while taken > LEAST * lambda {
+        if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k])) {
+            return taken;
+        }
+        taken *= 0.75;
+    }
+    0.0
+}
+
+/// What one element brings to the matrices of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OfElement {
+    /// Its part of `M0`.
+    pub matrix: ElementMatrix,
+    /// Its part of `P`.
+    pub mass: ElementMatrix,
+    /// What was taken off its matrix.
+    pub lambda: f64,
+}
+
+impl OfElement {
+    /// From its moments, as [`element_matrices`], [`mass_matrices`], [`element_lambda`] and [`without_noise`] make them of
+    /// all elements.
+    pub fn new(
+        mesh: &Mesh<Px>,
+        element: usize,
+        moments: &ElementMoments,
+        options: &KernelOptions,
+        lambda: f64,
+    ) -> Self {
+        let (matrix, mass) = (element_matrix(moments, options), mass_matrix(mesh, element, moments));
+        if lambda <= 0.0 {
+            return Self { matrix, mass, lambda: 0.0 };
+        }
+        let lambda = taken_off(&matrix, &mass, lambda);
+        Self { matrix: std::array::from_fn(|k| matrix[k] - lambda * mass[k]), mass, lambda }
+    }
 }
 
 /// Whether a symmetric matrix has a Cholesky factor.

@@ -1,10 +1,10 @@
 //! The Gauss-Newton iteration on one level.
 
-use super::level::{Level, step_matrix};
+use super::level::Level;
+use super::own::Own;
 use super::regularisation::Regulariser;
-use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
+use crate::backend::{Backend, BackendError, KernelOptions};
 use crate::field::{RigidMotion, Status};
-use crate::linalg::Solver;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -20,7 +20,7 @@ pub(super) struct Limits<'a> {
     pub wild_elements: f64,
     /// How far the field is turned.
     pub turn: Turn,
-    /// Whether the frame has lost elements already at its last evaluation, so that the first step needs its own solver.
+    /// Whether the frame needs a solver of its own even where it has lost no pixels.
     pub own: bool,
     /// What holds the displacement of the frame's own solver in place of what the level has.
     pub regulariser: Option<&'a Regulariser>,
@@ -85,18 +85,16 @@ pub(super) struct Outcome<B: Backend> {
     pub first_correlation: f64,
     /// Smallest change of a zone's correlation coefficient from the start to the last evaluation.
     pub gained: f64,
-    /// The frame's own solver, when it has lost pixels.
-    pub own: Option<B::Solver>,
-    /// and what that is made of.
-    pub own_moments: Vec<ElementMoments>,
+    /// What the frame is solved with when it has lost pixels.
+    pub own: Option<Own<B>>,
     /// How far the field was turned.
     pub turn: Turn,
 }
 
-/// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
-const HELD_SHARE: f64 = 1e-3;
-/// The frame's own matrix is renewed when the pixels counted have changed by this share since.
-const RENEW_SHARE: f64 = 2e-3;
+/// The frame's own matrix is renewed when elements have been left out or have come back, and when corrections fall by less
+/// than this while the pixels counted have changed by this share of an element.
+const SLOW_RATE: f64 = 0.25;
+const RENEW_SHARE: f64 = 0.1;
 /// A correction that falls by less than this has stalled.
 const STALLED: f64 = 0.8;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
@@ -138,38 +136,34 @@ pub(super) fn iterate<B: Backend>(
         first_correlation: 0.0,
         gained: 0.0,
         own: None,
-        own_moments: Vec::new(),
         turn: limits.turn,
     };
     // The last two corrections, the latest first.
     let (mut before, mut stalls, mut late) = ([f64::INFINITY; 2], 0, 0);
-    // Pixels counted at the last evaluation if some element had lost many, and when the own solver was made.
-    let (mut counted_now, mut counted_then): (Option<f64>, Option<f64>) = (None, None);
+    // Pixels counted and elements lost when the own solver was made.
+    let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
-        let renewed = counted_now
-            .filter(|counted| counted_then.is_none_or(|then| (counted - then).abs() > RENEW_SHARE * counted));
-        let at_once = limits.own && iteration == 1;
-        if at_once || renewed.is_some() {
-            let (own, moments) = own_solver(backend, level, frame, field, options, limits.regulariser)?;
-            outcome.own_moments = moments;
-            outcome.own = Some(backend.solver(&level.prepared, own)?);
-            counted_then = renewed;
-        }
-        let solver = outcome.own.as_ref().unwrap_or(&level.solver);
         // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
         // settles it. More of them would only slow down what approaches from one side.
         let damping = if stalls == 3 { 0.5 } else { 1.0 };
         let scale = [damping * limits.turn.cos, damping * limits.turn.sin];
-        let step = backend.step(&level.prepared, frame, field, solver, scale)?;
+        let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
+        let mut step = backend.step(&level.prepared, frame, field, solver, scale)?;
+        let moved = (step.counted - made_at.0).abs() > RENEW_SHARE * size * size;
+        let renew = match outcome.own {
+            None => step.lost > 0 || (limits.own && iteration == 1),
+            Some(_) => step.lost != made_at.1 || (moved && step.correction_px > SLOW_RATE * before[0]),
+        };
+        if renew {
+            let own = Own::new(backend, level, frame, field, options, limits.regulariser)?;
+            step = backend.solve_again(&level.prepared, frame, field, &own.solver, scale)?;
+            (outcome.own, made_at) = (Some(own), (step.counted, step.lost));
+        }
         let correction = step.correction_px;
         outcome.iterations = iteration;
         outcome.correction_px = correction;
         outcome.worst_node = step.worst_node;
         outcome.gained = step.gained;
-        counted_now = step.lossy.then_some(step.counted);
-        if at_once {
-            counted_then = Some(step.counted);
-        }
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
@@ -224,29 +218,6 @@ fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
         return 0.0;
     }
     if correction < earlier { 2.0 * (target / correction).ln() / (correction / earlier).ln() } else { f64::INFINITY }
-}
-
-/// The solver of the pixels that are inside the deformed image.
-fn own_solver<B: Backend>(
-    backend: &B,
-    level: &Level<B>,
-    frame: &mut B::Frame,
-    field: &B::Field,
-    options: &KernelOptions,
-    regulariser: Option<&Regulariser>,
-) -> Result<(Solver, Vec<ElementMoments>), BackendError> {
-    let mut moments = level.moments.to_vec();
-    for (element, partial) in backend.remaining_moments(&level.prepared, frame, field)? {
-        // What a penalty alone holds may move as a whole: a little of the texture that was there holds it.
-        let nothing_left = partial.n == 0.0 && regulariser.is_some();
-        moments[element] = if nothing_left { level.moments[element].scaled(HELD_SHARE) } else { partial };
-    }
-    let mut matrix = step_matrix(&level.mesh, &level.pattern, &moments, options, level.lambda);
-    matrix.hold(&level.keep);
-    // What the regularisation held with all pixels it may fail to hold with fewer: iterate then.
-    let regulariser = regulariser.or(level.regulariser.as_ref());
-    let regularised = regulariser.and_then(|regulariser| regulariser.solver(matrix.clone()).ok());
-    Ok((regularised.unwrap_or_else(|| Solver::iterative(matrix)), moments))
 }
 
 #[cfg(test)]

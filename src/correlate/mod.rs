@@ -23,6 +23,7 @@ mod model_error;
 mod noise_correlation;
 mod noise_model;
 mod options;
+mod own;
 mod patch;
 mod period;
 mod point_values;

@@ -147,7 +147,13 @@ impl Regularisation {
 pub(super) struct Regulariser {
     penalty: Arc<BlockMatrix>,
     order: Vec<usize>,
+    /// How far what happens at a node reaches, px.
+    reach_px: f64,
 }
+
+/// In cut-off lengths: what happens at a node falls by `exp(-2 pi d / (sqrt(2) L))` over a distance d, and a variance by the
+/// square of that, 0.1 % here.
+const REACH: f64 = 0.75;
 
 /// What the penalty is scaled to: the normal matrix of the level.
 pub(super) struct PenaltyScale<'a> {
@@ -176,12 +182,26 @@ impl Regulariser {
         let gradient = mean_square_gradient(mesh, texture);
         let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
         let order = dissection(penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
-        Some(Self { penalty: Arc::new(penalty), order })
+        let reach_px = REACH * regularisation.cutoff_px().unwrap_or(0.0);
+        Some(Self { penalty: Arc::new(penalty), order, reach_px })
     }
 
     /// The solver of the data's matrix with the penalty. Nodes that are not kept must be out of both.
     pub fn solver(&self, data: BlockMatrix) -> Result<Solver, NotPositiveDefinite> {
         Solver::regularised(data, self.penalty.clone(), &self.order)
+    }
+
+    /// Rows of elements of `element_size` px over which it carries what happens at a node.
+    pub fn reach_rows(&self, element_size: f64) -> usize {
+        (self.reach_px / element_size).ceil() as usize
+    }
+
+    /// Variances and degrees of freedom of the solution with the data's matrix at `nodes`, ascending, as if all others were
+    /// held.
+    pub fn spread_of_part(&self, data: &BlockMatrix, nodes: &[u32]) -> Result<Spread, NotPositiveDefinite> {
+        let place = |node: &usize| nodes.binary_search(&(*node as u32)).ok();
+        let order: Vec<usize> = self.order.iter().filter_map(place).collect();
+        spread(&data.part(nodes), &self.penalty.part(nodes), &order)
     }
 
     /// Variances and degrees of freedom of the solution with the data's matrix.

@@ -352,7 +352,7 @@ impl<B: Backend> Correlator<B> {
             if outcome.status == Status::Diverged {
                 outcome.iterations = iterations;
                 // That of the penalty is no matrix of the frame.
-                (outcome.own, outcome.own_moments) = (None, Vec::new());
+                outcome.own = None;
                 return self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded);
             }
             let found = self.backend.found(prepared, frame, &field)?;

@@ -125,6 +125,37 @@ impl Pattern {
         self.neighbours(row).binary_search(&column).ok().map(|at| self.row(row).start + at)
     }
 
+    /// The nodes that are at most `steps` steps along couplings away from any of `nodes`, ascending.
+    pub fn around(&self, nodes: &[u32], steps: usize) -> Vec<u32> {
+        let mut is_in = vec![false; self.n_nodes()];
+        nodes.iter().for_each(|&node| is_in[node as usize] = true);
+        let (mut all, mut ring) = (nodes.to_vec(), nodes.to_vec());
+        for _ in 0..steps {
+            let mut next = Vec::new();
+            for &node in &ring {
+                for &other in self.neighbours(node as usize) {
+                    if !std::mem::replace(&mut is_in[other as usize], true) {
+                        next.push(other);
+                    }
+                }
+            }
+            all.extend_from_slice(&next);
+            ring = next;
+        }
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// The elements of any of `nodes`, ascending.
+    pub fn elements_around(&self, nodes: &[u32]) -> Vec<u32> {
+        let of_node = |&node: &u32| self.elements_of(node as usize).iter().map(|&(element, _)| element);
+        let mut elements: Vec<u32> = nodes.iter().flat_map(of_node).collect();
+        elements.sort_unstable();
+        elements.dedup();
+        elements
+    }
+
     /// The elements of a node, with the node's corner in each.
     pub(crate) fn elements_of(&self, node: usize) -> &[(u32, u8)] {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
@@ -186,6 +217,30 @@ impl Pattern {
     }
 }
 
+/// Adds the part of each element of a node to its row of blocks, in element order.
+fn add_row<'a>(
+    pattern: &Pattern,
+    elements: &[[u32; 4]],
+    matrix: impl Fn(u32) -> &'a ElementMatrix,
+    node: usize,
+    row: &mut [[f64; 4]],
+) {
+    let columns = &pattern.columns[pattern.row(node)];
+    for &(element, corner) in pattern.elements_of(node) {
+        let matrix = matrix(element);
+        let a = 2 * corner as usize;
+        for (b, other) in elements[element as usize].iter().enumerate() {
+            // A row has at most nine blocks: looking is faster than an index table in memory.
+            let Some(at) = columns.iter().position(|c| c == other) else { continue };
+            let b = 2 * b;
+            row[at][0] += matrix[upper(a, b)];
+            row[at][1] += matrix[upper(a, b + 1)];
+            row[at][2] += matrix[upper(a + 1, b)];
+            row[at][3] += matrix[upper(a + 1, b + 1)];
+        }
+    }
+}
+
 /// A symmetric matrix on a [`Pattern`]; both triangles are stored. A block is `[xx, xy, yx, yy]`.
 #[derive(Debug, Clone)]
 pub struct BlockMatrix {
@@ -207,23 +262,82 @@ impl BlockMatrix {
             rows.push(row);
             rest = tail;
         }
-        rows.into_par_iter().with_min_len(512).enumerate().for_each(|(node, row)| {
-            let columns = &pattern.columns[pattern.row(node)];
-            for &(element, corner) in pattern.elements_of(node) {
-                let matrix = &matrices[element as usize];
-                let a = 2 * corner as usize;
-                for (b, other) in elements[element as usize].iter().enumerate() {
-                    // A row has at most nine blocks: looking is faster than an index table in memory.
-                    let Some(at) = columns.iter().position(|c| c == other) else { continue };
-                    let b = 2 * b;
-                    row[at][0] += matrix[upper(a, b)];
-                    row[at][1] += matrix[upper(a, b + 1)];
-                    row[at][2] += matrix[upper(a + 1, b)];
-                    row[at][3] += matrix[upper(a + 1, b + 1)];
+        rows.into_par_iter()
+            .with_min_len(512)
+            .enumerate()
+            .for_each(|(node, row)| add_row(pattern, elements, |element| &matrices[element as usize], node, row));
+        Self { pattern: pattern.clone(), blocks, held: Vec::new() }
+    }
+
+    /// Assembles the rows of `nodes` anew, bit for bit as [`BlockMatrix::assemble`] and [`BlockMatrix::hold`] would: for a
+    /// matrix of which some elements have changed, and `nodes` all of theirs.
+    pub(crate) fn assemble_rows<'a>(
+        &mut self,
+        nodes: &[u32],
+        elements: &[[u32; 4]],
+        matrix: impl Fn(u32) -> &'a ElementMatrix,
+    ) {
+        for &node in nodes {
+            let range = self.pattern.row(node as usize);
+            let row = &mut self.blocks[range.clone()];
+            row.fill([0.0; 4]);
+            add_row(&self.pattern, elements, &matrix, node as usize, row);
+            if self.held.is_empty() {
+                continue;
+            }
+            let is_held = |node: u32| self.held.binary_search(&node).is_ok();
+            for (block, &column) in row.iter_mut().zip(&self.pattern.columns[range]) {
+                if is_held(node) || is_held(column) {
+                    *block = if node == column { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
                 }
             }
+        }
+    }
+
+    /// The rows and columns of `nodes`, ascending, alone: as if all others were held. It has no elements.
+    pub fn part(&self, nodes: &[u32]) -> Self {
+        let mut part = Self::part_of(&self.pattern, nodes, |node, row| {
+            row.extend_from_slice(&self.blocks[self.pattern.row(node)]);
         });
-        Self { pattern: pattern.clone(), blocks, held: Vec::new() }
+        let own = |node: &u32| nodes.binary_search(node).ok().map(|at| at as u32);
+        part.held = self.held.iter().filter_map(own).collect();
+        part
+    }
+
+    /// That part of the assembled matrix, from the matrices of the elements of `nodes`.
+    pub(crate) fn assemble_part<'a>(
+        pattern: &Pattern,
+        nodes: &[u32],
+        elements: &[[u32; 4]],
+        matrix: impl Fn(u32) -> &'a ElementMatrix,
+    ) -> Self {
+        Self::part_of(pattern, nodes, |node, row| {
+            row.resize(pattern.row(node).len(), [0.0; 4]);
+            add_row(pattern, elements, &matrix, node, row);
+        })
+    }
+
+    /// The part of a matrix whose rows are what `whole_row` puts into an empty list.
+    fn part_of(pattern: &Pattern, nodes: &[u32], whole_row: impl Fn(usize, &mut Vec<[f64; 4]>)) -> Self {
+        let mut number = vec![u32::MAX; pattern.n_nodes()];
+        (0..).zip(nodes).for_each(|(at, &node)| number[node as usize] = at);
+        let (mut row_starts, mut columns, mut blocks) = (vec![0], Vec::new(), Vec::new());
+        let mut row = Vec::with_capacity(16);
+        for &node in nodes {
+            row.clear();
+            whole_row(node as usize, &mut row);
+            for (block, &column) in row.iter().zip(pattern.neighbours(node as usize)) {
+                let own = number[column as usize];
+                if own != u32::MAX {
+                    columns.push(own);
+                    blocks.push(*block);
+                }
+            }
+            row_starts.push(columns.len() as u32);
+        }
+        let incidence_starts = vec![0; row_starts.len()];
+        let pattern = Arc::new(Pattern { row_starts, columns, incidence_starts, incidence: Vec::new() });
+        Self { pattern, blocks, held: Vec::new() }
     }
 
     /// The zero matrix.

@@ -24,13 +24,13 @@ pub struct CgOutcome {
 impl BlockJacobi {
     /// Inverts the diagonal blocks of `matrix`; a singular block counts as zero.
     pub fn new(matrix: &BlockMatrix) -> Self {
-        let inverse = (0..matrix.pattern().n_nodes())
-            .map(|node| {
-                let [xx, xy, yy] = matrix.diagonal(node);
-                let determinant = xx * yy - xy * xy;
-                if determinant > 0.0 { [yy / determinant, -xy / determinant, xx / determinant] } else { [0.0; 3] }
-            })
-            .collect();
+        Self { inverse: (0..matrix.pattern().n_nodes()).map(|node| inverted(matrix.diagonal(node))).collect() }
+    }
+
+    /// The same where the blocks of `nodes` have changed.
+    pub(super) fn changed(&self, matrix: &BlockMatrix, nodes: &[u32]) -> Self {
+        let mut inverse = self.inverse.clone();
+        nodes.iter().for_each(|&node| inverse[node as usize] = inverted(matrix.diagonal(node as usize)));
         Self { inverse }
     }
 
@@ -110,6 +110,11 @@ impl BlockJacobi {
         let relative_residual = if rz_start > 0.0 { (rz / rz_start).max(0.0).sqrt() } else { 0.0 };
         (x, CgOutcome { iterations, relative_residual })
     }
+}
+
+fn inverted([xx, xy, yy]: [f64; 3]) -> [f64; 3] {
+    let determinant = xx * yy - xy * xy;
+    if determinant > 0.0 { [yy / determinant, -xy / determinant, xx / determinant] } else { [0.0; 3] }
 }
 
 fn in_order(parts: impl IntoIterator<Item = f64>) -> f64 {

@@ -1,6 +1,6 @@
 //! The solver of the normal equations: direct or iterative, by size.
 
-use super::blocks::BlockMatrix;
+use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
 use super::conjugate_gradients::BlockJacobi;
 use std::sync::Arc;
@@ -12,6 +12,9 @@ pub const DIRECT_UP_TO: usize = 5_000;
 /// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
 /// about ninefold, so a correction exact to 1 % loses nothing.
 const REDUCTION: f64 = 1e-2;
+/// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last to
+/// settle.
+const REDUCTION_CHANGED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 60;
 
 /// Which solver to use.
@@ -33,6 +36,8 @@ pub struct Solver {
     jacobi: BlockJacobi,
     factor: Option<Factor>,
     regularised: Option<Regularised>,
+    /// Fall of the residual that conjugate gradients are asked for.
+    reduction: f64,
 }
 
 /// A factor of the matrix.
@@ -91,7 +96,7 @@ impl Solver {
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
     pub fn iterative(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
-        Self { matrix, jacobi, factor: None, regularised: None }
+        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION }
     }
 
     /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
@@ -111,6 +116,20 @@ impl Solver {
         sum.add(&data, 1.0);
         let factor = Some(Factor::Double(Cholesky::new(&sum, order)?));
         Ok(Self { factor, regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) })
+    }
+
+    /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]: for a
+    /// solver without penalty of which some elements have changed, and `nodes` all of theirs.
+    pub(crate) fn changed<'a>(
+        &self,
+        nodes: &[u32],
+        elements: &[[u32; 4]],
+        of_element: impl Fn(u32) -> &'a ElementMatrix,
+    ) -> Self {
+        let mut matrix = self.matrix.clone();
+        matrix.assemble_rows(nodes, elements, of_element);
+        let jacobi = self.jacobi.changed(&matrix, nodes);
+        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION_CHANGED }
     }
 
     /// The matrix of the data alone: the part of [`Solver::matrix`] that is not penalty.
@@ -139,6 +158,11 @@ impl Solver {
     /// The matrix.
     pub fn matrix(&self) -> &BlockMatrix {
         &self.matrix
+    }
+
+    /// Fall of the residual that conjugate gradients are asked for.
+    pub(crate) fn reduction(&self) -> f64 {
+        self.reduction
     }
 
     /// The inverse nodal blocks.
@@ -171,7 +195,7 @@ impl Solver {
         self.jacobi.solve(&self.matrix, &rhs, reduction, most).1.iterations
     }
 
-    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 %; any of
+    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less; any of
     /// these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
@@ -188,7 +212,7 @@ impl Solver {
                 factor.solve(&mut single);
                 single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
             }
-            None => self.jacobi.solve(&self.matrix, &rhs, REDUCTION, MAX_ITERATIONS).0,
+            None => self.jacobi.solve(&self.matrix, &rhs, self.reduction, MAX_ITERATIONS).0,
         }
     }
 }

@@ -77,7 +77,7 @@ fn shifts_up_to_half_the_image_are_found() {
 
 #[test]
 fn any_rotation_is_found() {
-    for degrees in [20.0, -45.0, 135.0, 180.0] {
+    for degrees in [20.0, 30.0, -45.0, 135.0, 180.0] {
         assert_found(degrees, [3.4, -7.7], MIDDLE);
     }
     assert_found(-170.0, [60.0, 41.0], WHOLE);

@@ -326,6 +326,70 @@ fn pixels_that_leave_the_image_are_counted_out() {
     assert!(worst <= WORST_SIGMA, "{worst} standard uncertainties");
 }
 
+/// Waves, and a shift of the whole, px.
+#[derive(Clone, Copy)]
+struct Moved([f64; 2]);
+
+const WAVES: Sinusoids = Sinusoids { amplitude: 1.0, wavelength: 256.0 };
+
+impl Motion for Moved {
+    fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
+        let u = WAVES.displacement(x);
+        [u[0] + self.0[0], u[1] + self.0[1]]
+    }
+
+    fn at(&self, fraction: f64) -> Self {
+        Self(self.0.map(|u| fraction * u))
+    }
+}
+
+/// A start that is `off` px beside what was found, everywhere.
+fn beside(found: &Correlation, off: [f64; 2]) -> Start {
+    Start {
+        displacement: found.full_displacement().iter().map(|u| [u[0] + off[0], u[1] + off[1]]).collect(),
+        transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
+    }
+}
+
+#[test]
+fn the_whole_image_takes_at_most_one_iteration_more_than_a_zone_that_stays_inside() {
+    const SIDE: usize = 768;
+    let reference = picture(&REST, &eight_bit(SIDE, SIDE));
+    for shift in [[4.0, -3.0], [-16.0, 12.0], [-48.0, -36.0]] {
+        let deformed = picture(&Moved(shift), &eight_bit(SIDE, SIDE));
+        let [inner, whole] = [80, 0].map(|margin| {
+            let correlator = prepared(&reference, &inside(SIDE, SIDE, margin), Options::default());
+            let start = beside(&cold(&correlator, &deformed), [0.1, 0.1]);
+            let found = correlator.correlate(deformed.clone(), Some(&start)).unwrap();
+            assert_eq!(found.measurement.status, Status::Converged, "{shift:?}, margin {margin}");
+            found.iterations
+        });
+        // Where the edge of the image cuts elements corrections fall by six to ten times per iteration, inside by thirty.
+        assert!(whole <= inner.max(4) + 1, "{shift:?}: {whole} iterations for the whole image, {inner} inside");
+    }
+}
+
+#[test]
+fn where_pixels_leave_the_image_the_field_does_not_depend_on_the_start() {
+    const SIDE: usize = 512;
+    const TOLERANCE_PX: f64 = 1e-6;
+    let reference = picture(&REST, &eight_bit(SIDE, SIDE));
+    for shift in [[4.3, -3.2], [-21.4, 30.7]] {
+        let deformed = picture(&Moved(shift), &eight_bit(SIDE, SIDE));
+        let options = Options { tolerance_px: TOLERANCE_PX, tolerance_by_sigma: 0.0, ..Options::default() };
+        let correlator = prepared(&reference, &whole(SIDE, SIDE), options);
+        let found = cold(&correlator, &deformed);
+        for off in [[0.1, 0.1], [-0.15, 0.2]] {
+            let again = correlator.correlate(deformed.clone(), Some(&beside(&found, off))).unwrap();
+            assert_eq!(again.measurement.measured, found.measurement.measured, "{shift:?} from {off:?}");
+            // Where nothing is left a node stays where it started, and has no result.
+            let apart = largest_difference(&again.measurement.displacement, &found.measurement.displacement);
+            // Each has settled to the tolerance; round-off of the kernels moves border nodes by some 1e-6 px more.
+            assert!(apart < 1e-5, "{shift:?} from {off:?}: {apart} px apart");
+        }
+    }
+}
+
 #[test]
 fn a_frame_that_has_moved_out_is_lost_not_invented() {
     let texture = Texture::new(2024, SPECKLE_PX).unwrap();

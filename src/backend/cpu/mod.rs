@@ -114,6 +114,8 @@ pub struct CpuLevel {
 #[derive(Debug)]
 pub struct CpuField {
     displacement: Vec<[f64; 2]>,
+    /// That of the last evaluation, before the correction that was added since.
+    evaluated: Vec<[f64; 2]>,
     /// Displacement and transfer at the start.
     started: (Vec<[f64; 2]>, Vec<GreyTransfer>),
     /// Correlation coefficients of the zones at the first evaluation.
@@ -241,6 +243,41 @@ impl CpuLevel {
         self.pattern.gather(|element| field.sums[element].b.map(f64::from))
     }
 
+    /// Corrects the field by the sums of its last evaluation.
+    fn corrected(&self, field: &mut CpuField, solver: &Solver, [cos, sin]: [f64; 2]) -> Step {
+        let zones = self.zone_sums(field);
+        let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
+        if field.first.is_empty() {
+            field.first = correlations.clone();
+        }
+        let smallest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
+        let correction = solver.correction(self.right_hand_side(field), &field.displacement);
+        let (mut largest, mut worst_node) = (0.0f64, 0);
+        for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
+            let turned = [cos * du[0] - sin * du[1], cos * du[1] + sin * du[0]];
+            for c in 0..2 {
+                u[c] += turned[c];
+                // `max` would drop a NaN; a correction that is not a number must be seen.
+                if du[c].abs() > largest || du[c].is_nan() {
+                    (largest, worst_node) = (du[c].abs(), node);
+                }
+            }
+        }
+        self.fit_transfer(&zones, field);
+        let lost = |element: usize| {
+            let (n, n_all) = (f64::from(field.sums_of(element).n), self.whole[element][0]);
+            usize::from(n < (1.0 - LOST_SHARE) * n_all) + usize::from(n == 0.0 && n_all > 0.0)
+        };
+        Step {
+            correction_px: largest,
+            worst_node,
+            correlation: smallest(&mut correlations.iter().copied()),
+            gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
+            counted: zones.iter().map(|zone| zone.n).sum(),
+            lost: (0..field.sums.len()).map(lost).sum(),
+        }
+    }
+
     /// Transfer of grey levels per zone; the mean over its elements where each has its own.
     fn transfer(&self, field: &CpuField) -> Vec<GreyTransfer> {
         if !self.own_transfer() {
@@ -359,6 +396,7 @@ impl Backend for CpuBackend {
         let n = level.mesh.n_elements();
         Ok(CpuField {
             displacement: displacement.to_vec(),
+            evaluated: Vec::new(),
             started: (displacement.to_vec(), transfer.to_vec()),
             first: Vec::new(),
             transfer: transfer.to_vec(),
@@ -423,37 +461,23 @@ impl Backend for CpuBackend {
         frame: &mut CpuFrame,
         field: &mut CpuField,
         solver: &Arc<Solver>,
-        [cos, sin]: [f64; 2],
+        scale: [f64; 2],
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
-        let zones = level.zone_sums(field);
-        let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
-        if field.first.is_empty() {
-            field.first = correlations.clone();
-        }
-        let smallest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
-        let correction = solver.correction(level.right_hand_side(field), &field.displacement);
-        let (mut largest, mut worst_node) = (0.0f64, 0);
-        for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
-            let turned = [cos * du[0] - sin * du[1], cos * du[1] + sin * du[0]];
-            for c in 0..2 {
-                u[c] += turned[c];
-                // `max` would drop a NaN; a correction that is not a number must be seen.
-                if du[c].abs() > largest || du[c].is_nan() {
-                    (largest, worst_node) = (du[c].abs(), node);
-                }
-            }
-        }
-        level.fit_transfer(&zones, field);
-        let lossy = |element: usize| f64::from(field.sums_of(element).n) < (1.0 - LOST_SHARE) * level.whole[element][0];
-        Ok(Step {
-            correction_px: largest,
-            worst_node,
-            correlation: smallest(&mut correlations.iter().copied()),
-            gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
-            counted: zones.iter().map(|zone| zone.n).sum(),
-            lossy: (0..field.sums.len()).any(lossy),
-        })
+        field.evaluated.clone_from(&field.displacement);
+        Ok(level.corrected(field, solver, scale))
+    }
+
+    fn solve_again(
+        &self,
+        level: &CpuLevel,
+        _: &mut CpuFrame,
+        field: &mut CpuField,
+        solver: &Arc<Solver>,
+        scale: [f64; 2],
+    ) -> Result<Step, BackendError> {
+        field.displacement.clone_from(&field.evaluated);
+        Ok(level.corrected(field, solver, scale))
     }
 
     fn remaining_moments(
@@ -464,18 +488,37 @@ impl Backend for CpuBackend {
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
         let deformed = frame.coefficients(self, level.level)?;
         let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums_of(e).n) < level.whole[e][0]);
-        Ok(lost
-            .map(|at| {
-                if field.sums_of(at).n == 0.0 {
-                    return (at, ElementMoments::default());
-                }
-                let element = &level.reference.elements[at];
-                let corners = &field.corners[at];
-                let weight = |x, y, xi, eta| corners.weight(x, y, xi, eta, deformed);
-                let moments = normal_matrix::partial_moments(&level.reference, element, level.own_transfer(), weight);
-                (at, moments)
-            })
-            .collect())
+        let (gone, left): (Vec<usize>, Vec<usize>) = lost.partition(|&element| field.sums_of(element).n == 0.0);
+        let mut moments = vec![ElementMoments::default(); left.len()];
+        let pieces = left.par_chunks(PIECE).zip(moments.par_chunks_mut(PIECE));
+        pieces.for_each(|(left, moments)| {
+            let (reference, own) = (&level.reference, level.own_transfer());
+            if level.narrow {
+                normal_matrix::remaining_moments::<8>(
+                    self.isa,
+                    reference,
+                    left,
+                    &field.corners,
+                    deformed,
+                    own,
+                    moments,
+                );
+            } else {
+                normal_matrix::remaining_moments::<16>(
+                    self.isa,
+                    reference,
+                    left,
+                    &field.corners,
+                    deformed,
+                    own,
+                    moments,
+                );
+            }
+        });
+        let nothing = gone.into_iter().map(|element| (element, ElementMoments::default()));
+        let mut remaining: Vec<_> = left.into_iter().zip(moments).chain(nothing).collect();
+        remaining.sort_unstable_by_key(|(element, _)| *element);
+        Ok(remaining)
     }
 
     fn right_hand_side(

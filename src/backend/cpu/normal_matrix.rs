@@ -1,7 +1,8 @@
 //! Moments of the reference gradient per element, from which the normal matrices are made (THEORY 2):
 //! 27 sums instead of the 36 entries (see [`ElementMoments`]).
 
-use super::residual::{Reference, chunk, total};
+use super::plane::Plane;
+use super::residual::{Corners, Reference, chunk, total};
 use crate::backend::ElementMoments;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -25,17 +26,59 @@ fn element_moments_body<const FMA: bool, const L: usize>(
             *moments = partial_moments(reference, element, with_transfer, |_, _, _, _| 1.0);
             continue;
         }
-        *moments = one_element::<FMA, L>(reference, element);
+        *moments = one_element::<FMA, L>(reference, element, |_, _, _, _, mask| *mask);
+        moments.n = f64::from(element.nx) * f64::from(element.ny);
         if with_transfer {
             moments.transfer = transfer_coupling(reference, element, |_, _, _, _| 1.0);
         }
     }
 }
 
+multiversioned! {
+    /// What is left of the elements `lost`, whose corners in the deformed image are `corners` (of all elements).
+    pub(super) fn remaining_moments[const L: usize][L](reference: &Reference, lost: &[usize], corners: &[Corners], deformed: &Plane, with_transfer: bool, moments: &mut [ElementMoments])
+        => remaining_moments_body
+}
+
 #[inline(always)]
-fn one_element<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> ElementMoments {
+fn remaining_moments_body<const FMA: bool, const L: usize>(
+    reference: &Reference,
+    lost: &[usize],
+    corners: &[Corners],
+    deformed: &Plane,
+    with_transfer: bool,
+    moments: &mut [ElementMoments],
+) {
+    for (&element, moments) in lost.iter().zip(moments) {
+        let (element, corners) = (&reference.elements[element], &corners[element]);
+        if element.n_runs > 0 || with_transfer {
+            let weight = |x, y, xi, eta| corners.weight(x, y, xi, eta, deformed);
+            *moments = partial_moments(reference, element, with_transfer, weight);
+            continue;
+        }
+        let mut n = 0.0;
+        *moments = one_element::<FMA, L>(reference, element, |x, y, xi, eta, mask| {
+            let mut weights = [0.0; L];
+            for i in 0..L {
+                weights[i] = mask[i] * corners.weight(x + i as i32, y, xi[i], eta, deformed);
+            }
+            n += f64::from(total(&weights));
+            weights
+        });
+        moments.n = n;
+    }
+}
+
+/// The sums of a rectangle of pixels, but for their number; `weights` are those of lanes from a column on in a row (at xi and
+/// eta), of which the mask says which belong to the element.
+#[inline(always)]
+fn one_element<const FMA: bool, const L: usize>(
+    reference: &Reference,
+    element: &ElementPixels,
+    mut weights: impl FnMut(i32, i32, &[f32; L], f32, &[f32; L]) -> [f32; L],
+) -> ElementMoments {
     let (f, fx, fy) = (reference.f.view(), reference.fx.view(), reference.fy.view());
-    let mut moments = ElementMoments { n: f64::from(element.nx) * f64::from(element.ny), ..Default::default() };
+    let mut moments = ElementMoments::default();
     let mut column = 0;
     while column < element.nx as usize {
         let (_, xi, mask) = chunk::<L>(element, column);
@@ -44,18 +87,20 @@ fn one_element<const FMA: bool, const L: usize>(reference: &Reference, element: 
         let (mut sf, mut sff) = ([0.0f32; L], [0.0f32; L]);
         for k in 0..element.ny as i32 {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
-            let at = f.at((element.x + column as i32) as isize, (element.y + k) as isize);
+            let (x, y) = (element.x + column as i32, element.y + k);
+            let weight = weights(x, y, &xi, eta, &mask);
+            let at = f.at(x as isize, y as isize);
             let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
             for i in 0..L {
-                let (gx, gy, grey) = (mask[i] * fx[i], mask[i] * fy[i], mask[i] * f[i]);
-                for (p, value) in [gx * gx, gx * gy, gy * gy].into_iter().enumerate() {
+                let (gx, gy, grey) = (weight[i] * fx[i], weight[i] * fy[i], weight[i] * f[i]);
+                for (p, value) in [gx * fx[i], gx * fy[i], gy * fy[i]].into_iter().enumerate() {
                     let first = eta * value;
                     acc[p][0][i] += value;
                     acc[p][1][i] += first;
                     acc[p][2][i] = mul_add::<FMA>(eta, first, acc[p][2][i]);
                 }
                 sf[i] += grey;
-                sff[i] = mul_add::<FMA>(grey, grey, sff[i]);
+                sff[i] = mul_add::<FMA>(grey, f[i], sff[i]);
             }
         }
         moments.f += f64::from(total(&sf));

@@ -66,6 +66,23 @@ impl Corners {
         })
     }
 
+    /// Whether the pixels of an element all land beyond one side of the deformed image.
+    #[inline(always)]
+    fn is_outside(&self, element: &ElementPixels, deformed: View<'_>) -> bool {
+        // What is bilinear lies between its corners; the margin is more than the round-off of `f32` and what still counts.
+        const MARGIN: f32 = 0.5;
+        let beyond = |first: i32, n: u16, u: &[f32; 4], size: usize| {
+            let (low, high) = u.iter().fold((f32::MAX, f32::MIN), |(low, high), u| (low.min(*u), high.max(*u)));
+            // In whole pixels, rounded outwards: the sum would lose the fraction far from zero.
+            let last = (first + i32::from(n) - 1).saturating_add((high + MARGIN).ceil() as i32);
+            last < 0 || first.saturating_add((low - MARGIN).floor() as i32) > size as i32 - 1
+        };
+        // What is no number is seen by the kernel.
+        self.x.iter().chain(&self.y).all(|u| u.is_finite())
+            && (beyond(element.x + self.whole[0], element.nx, &self.x, deformed.width)
+                || beyond(element.y + self.whole[1], element.ny, &self.y, deformed.height))
+    }
+
     /// How much the pixel in column `x` and row `y`, at (xi, eta) of the element, counts in the deformed image.
     pub fn weight(&self, x: i32, y: i32, xi: f32, eta: f32, deformed: &Plane) -> f32 {
         let [[ux], [uy]] = self.displacement::<false, 1>(&[xi], &[eta]);
@@ -183,6 +200,8 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
         let element = &pass.elements[first + k];
         *sums = if element.n_runs > 0 {
             run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], Grey::Transfer, scratch)
+        } else if corners[k].is_outside(element, pass.deformed) {
+            ElementSums::default()
         } else {
             element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k])
         };

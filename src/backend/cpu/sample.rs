@@ -3,7 +3,7 @@
 
 #![allow(unsafe_code, reason = "one comparison for all taps of a kernel; prefetching")]
 
-use super::plane::View;
+use super::plane::{BORDER, View};
 use crate::backend::spline::Spline;
 use crate::isa::mul_add;
 
@@ -150,11 +150,13 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     // A wild field lands everywhere.
     let combinations = (sx1 - sx0 + 1).saturating_mul(y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
-    if !scalar && all_inside && combinations <= 6 {
+    // Rows beyond the image have nothing to read, and lanes left of it must begin within the border.
+    let readable = x + sx0 >= before as i32 - BORDER as i32 && y0 >= -1 && y1 <= c.height as i32 - 1;
+    if !scalar && (all_inside || readable) && combinations <= 6 {
         let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
         // A floor just outside the image is allowed by `EDGE`; its taps lie in the border.
-        if farthest <= c.data.len() && x + sx0 >= -1 && y0 >= -1 {
-            row.all_counted = true;
+        if farthest <= c.data.len() && (!all_inside || x + sx0 >= -1) && y0 >= -1 {
+            row.all_counted = all_inside;
             for sy in y0..=y1 {
                 for sx in sx0..=sx1 {
                     let at = c.at((x + sx) as isize - before, sy as isize - before);
@@ -177,6 +179,14 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                             row.g[i] = if here { g[i] } else { row.g[i] };
                         }
                     }
+                }
+            }
+            if !all_inside {
+                for i in 0..L {
+                    let ((px, tx), (py, ty)) = (place(x + i as i32, ux[i]), place(y, uy[i]));
+                    let counted = if i < lanes { weight(px, tx, c.width) * weight(py, ty, c.height) } else { 0.0 };
+                    // What a lane beyond the image has read is nothing.
+                    (row.counted[i], row.g[i]) = (counted, if counted > 0.0 { row.g[i] } else { 0.0 });
                 }
             }
             return row;

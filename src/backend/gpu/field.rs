@@ -14,6 +14,8 @@ use bytemuck::bytes_of;
 #[derive(Debug)]
 pub struct GpuField {
     displacement: Buffer,
+    /// The displacement of the last evaluation, before the correction that was added since.
+    before: Buffer,
     /// Displacement and transfer at the start.
     started: [Buffer; 2],
     /// Gain and offset per zone, or per element; then the light of the nodes, where it was set.
@@ -27,8 +29,8 @@ pub struct GpuField {
     vectors: Vectors,
     correct: ([f64; 2], Buffer),
     evaluated: bool,
-    /// What the last correction was multiplied by when it was added since the last evaluation; zero when none was.
-    added: [f64; 2],
+    /// Whether a correction was added since the last evaluation.
+    corrected: bool,
     n_nodes: usize,
     n_zones: usize,
     /// The kernels of an evaluation: residual, fit of transfers, tally.
@@ -80,6 +82,7 @@ impl GpuField {
             fit,
             tally,
             started: [nodal()?, gpu.visible(8 * level.n_zones as u64, "gains and offsets")?],
+            before: nodal()?,
             displacement,
             transfer,
             sums,
@@ -91,7 +94,7 @@ impl GpuField {
             correct: ([1.0, 0.0], correct(gpu, n_nodes, [1.0, 0.0])),
             in_light: false,
             evaluated: false,
-            added: [0.0; 2],
+            corrected: false,
             n_nodes,
             n_zones: level.n_zones,
             solving: None,
@@ -210,7 +213,7 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         let summary = self.summary(gpu, level, false);
         recorder.run(&summary, 1);
-        self.added = [0.0; 2];
+        self.corrected = false;
         let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
         Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
     }
@@ -224,11 +227,39 @@ impl GpuField {
         scale: [f64; 2],
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
+        let mut recorder = gpu.record();
+        self.evaluate(level, &mut recorder);
+        recorder.copy(&self.displacement, &self.before, 0, 16 * self.n_nodes as u64);
+        self.correct(gpu, level, solver, scale, recorder, traffic)
+    }
+
+    /// The correction of the last step taken back, and another one made from the same sums.
+    pub(super) fn solve_again(
+        &mut self,
+        gpu: &Gpu,
+        level: &GpuLevel,
+        solver: &GpuSolver,
+        scale: [f64; 2],
+        traffic: &mut Traffic,
+    ) -> Result<Step, BackendError> {
+        let mut recorder = gpu.record();
+        recorder.copy(&self.before, &self.displacement, 0, 16 * self.n_nodes as u64);
+        self.correct(gpu, level, solver, scale, recorder, traffic)
+    }
+
+    /// Corrects the field by the sums of its last evaluation, after what is recorded.
+    fn correct<'a>(
+        &mut self,
+        gpu: &'a Gpu,
+        level: &GpuLevel,
+        solver: &GpuSolver,
+        scale: [f64; 2],
+        mut recorder: Recorder<'a>,
+        traffic: &mut Traffic,
+    ) -> Result<Step, BackendError> {
         if self.correct.0 != scale {
             self.correct = (scale, correct(gpu, self.n_nodes, scale));
         }
-        let mut recorder = gpu.record();
-        self.evaluate(level, &mut recorder);
         match &solver.device {
             Some(cg) => {
                 if self.solving.as_ref().is_none_or(|(id, _)| *id != solver.id) {
@@ -262,7 +293,7 @@ impl GpuField {
             &[self.correct.1.whole(), self.vectors.solution.whole(), self.displacement.whole(), self.worst.whole()],
         );
         recorder.run(&correct, self.node_groups());
-        self.added = scale;
+        self.corrected = true;
         let summary = self.summary(gpu, level, true);
         recorder.run(&summary, 1);
         let bytes = recorder.fetch(&[(&self.step, size_of::<layout::Step>() as u64)], traffic)?;
@@ -273,7 +304,7 @@ impl GpuField {
             correlation: f64::from(step.correlation),
             gained: f64::from(step.gained),
             counted: f64::from(step.counted),
-            lossy: step.lossy > 0.0,
+            lost: step.lossy.round() as usize,
         })
     }
 
@@ -308,21 +339,9 @@ impl GpuField {
         Ok(lost.map(|(element, n)| (element, n > 0.0)).collect())
     }
 
-    /// The displacement of the last evaluation, that is without the correction that was added since.
-    pub(super) fn evaluated(&self, gpu: &Gpu, level: &GpuLevel, traffic: &mut Traffic) -> Result<Buffer, BackendError> {
-        let bytes = 16 * self.n_nodes as u64;
-        let evaluated = gpu.visible(bytes, "a field")?;
-        let back = correct(gpu, self.n_nodes, self.added.map(|v| -v));
-        let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
-        let back =
-            gpu.bind(&pipeline, &[back.whole(), self.vectors.solution.whole(), evaluated.whole(), self.worst.whole()]);
-        let mut recorder = gpu.record();
-        recorder.copy(&self.displacement, &evaluated, 0, bytes);
-        if self.added != [0.0; 2] {
-            recorder.run(&back, self.node_groups());
-        }
-        recorder.submit(traffic);
-        Ok(evaluated)
+    /// The displacement of the last evaluation.
+    pub(super) fn evaluated(&self) -> &Buffer {
+        if self.corrected { &self.before } else { &self.displacement }
     }
 
     /// Leaves the elements where `excluded` is true out of all sums, and takes the others back.
@@ -351,7 +370,7 @@ impl GpuField {
     pub(super) fn place(&mut self, gpu: &Gpu, traffic: &mut Traffic, displacement: &[[f64; 2]]) {
         let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
         traffic.bytes_up += gpu.write(&self.displacement, &displacement);
-        self.added = [0.0; 2];
+        self.corrected = false;
     }
 
     /// Displacement and transfer at the start.

@@ -215,6 +215,17 @@ impl Backend for GpuBackend {
         field.step(&self.gpu, level, solver, scale, &mut frame.traffic)
     }
 
+    fn solve_again(
+        &self,
+        level: &GpuLevel,
+        frame: &mut GpuFrame,
+        field: &mut GpuField,
+        solver: &GpuSolver,
+        scale: [f64; 2],
+    ) -> Result<Step, BackendError> {
+        field.solve_again(&self.gpu, level, solver, scale, &mut frame.traffic)
+    }
+
     fn right_hand_side(
         &self,
         level: &GpuLevel,
@@ -232,8 +243,7 @@ impl Backend for GpuBackend {
     ) -> Result<Vec<(usize, ElementMoments)>, BackendError> {
         let lost = field.lost(&self.gpu, level, &mut frame.traffic)?;
         let numbers: Vec<u32> = lost.iter().map(|lost| lost.0).collect();
-        let evaluated = field.evaluated(&self.gpu, level, &mut frame.traffic)?;
-        let moments = level.moments(&self.gpu, &numbers, Some(&evaluated), &mut frame.traffic)?;
+        let moments = level.moments(&self.gpu, &numbers, Some(field.evaluated()), &mut frame.traffic)?;
         let remaining = |((element, any_left), moments): ((u32, bool), ElementMoments)| {
             (element as usize, if any_left { moments } else { ElementMoments::default() })
         };

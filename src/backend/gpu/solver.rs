@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fall of the residual that the inner iterations are to reach: a Gauss-Newton iteration contracts about ninefold,
 /// and one that is solved to this loses nothing (`benches/RESULTS.md`).
-const REDUCTION: f64 = 3e-2;
+/// Times that of the host, which is 1e-2.
+const REDUCTION_BY_HOST: f64 = 3.0;
 /// The same of a regularised matrix, whose long waves fall last and are what the regularisation is about.
 const REDUCTION_REGULARISED: f64 = 1e-3;
 /// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host
@@ -86,7 +87,9 @@ impl Vectors {
 impl GpuSolver {
     pub(super) fn new(gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
         static COUNT: AtomicU64 = AtomicU64::new(1);
-        let reduction = if host.penalty().is_some() { REDUCTION_REGULARISED } else { REDUCTION };
+        // Where the host goes further than for a whole reference, in the same proportion.
+        let reduction =
+            if host.penalty().is_some() { REDUCTION_REGULARISED } else { REDUCTION_BY_HOST * host.reduction() };
         let iterations = host.trial_iterations(reduction, MOST).max(LEAST);
         let on_device = match host.penalty() {
             Some(penalty) => iterations < MOST && acts_on_differences(penalty),
