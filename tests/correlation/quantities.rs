@@ -5,8 +5,8 @@ use crate::common;
 use common::*;
 use quadrille::correlate::Options;
 use quadrille::field::{
-    Extensometer, Facing, Measurement, NodalNoise, PointValues, Quantities, QuantityError, Reading, RemoveRigid,
-    Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
+    Extensometer, Facing, Measurement, NodalNoise, PointFilter, PointValues, Quantities, QuantityError, Reading,
+    RemoveRigid, Segment, Status, StrainDefinition, StrainField, Value, at_point, remove_rigid,
 };
 use quadrille::io::load::{LoadTable, parse_load};
 use quadrille::io::quantities::QuantityTables;
@@ -93,14 +93,19 @@ fn points_and_lines_are_exact_on_affine_fields() {
 fn a_point_on_a_node_reads_what_the_node_has() {
     let field =
         field(grid(&[[10.0, 10.0, 100.0, 100.0]]), |_, [x, y]| [0.3 * (x / 20.0).sin(), 0.2 * (x * y / 900.0).cos()]);
-    let noise = noise_of(&field);
+    let points = PointFilter::new(&field.mesh, &field.measured, None).of(&field);
+    let [at_points, of_coefficients] = [noise_of(&field), noise_of(&field).of_coefficients()];
     for definition in [StrainDefinition::GreenLagrange, StrainDefinition::Hencky] {
         let strains = StrainField::of(&field, definition);
         for (node, &x) in field.mesh.nodes().iter().enumerate() {
-            let there = at_point(&field, &noise, definition, x).unwrap();
+            let value = at_point(&field, &at_points, definition, x).unwrap();
+            // Sums of the same weights in another order, of numbers below one.
+            assert!((0..2).all(|c| (value.displacement[c] - points.displacement[node][c]).abs() < 1e-13));
+            let there = at_point(&field, &of_coefficients, definition, x).unwrap();
             let want = strains.nodes[node].unwrap();
             assert!((0..2).all(|c| (there.displacement[c] - field.displacement[node][c]).abs() < 1e-14));
             assert!((0..2).all(|c| (there.sigma[c] - field.sigma[node][c]).abs() < 1e-14));
+            assert_eq!(there.strain, value.strain);
             assert!(
                 (0..3).all(|k| (there.strain.unwrap().0.components()[k] - want.components()[k]).abs() < 1e-12),
                 "node {node}"
@@ -161,7 +166,7 @@ fn uncertainty_without_known_correlation_is_an_upper_bound() {
     assert!(known.is_for(&field.measured) && !known.is_for(&[]));
     for x in [[50.0, 50.0], [58.0, 58.0], [61.3, 52.9]] {
         let [a, b] = [&known, &unknown].map(|noise| at_point(&field, noise, StrainDefinition::Hencky, x).unwrap());
-        assert_eq!(a.displacement, b.displacement);
+        (0..2).for_each(|c| assert_near(a.displacement[c], b.displacement[c], 1e-14, "a linear field"));
         assert!(a.sigma[0] <= b.sigma[0] && b.sigma[0] <= 0.01 + 1e-15, "{:?}, {:?}", a.sigma, b.sigma);
         assert!((0..3).all(|k| a.strain.unwrap().1[k] < b.strain.unwrap().1[k]));
     }
@@ -226,7 +231,8 @@ fn assert_jumps(field: &Measurement<Px>, facing: &Facing, want: impl Fn([f64; 2]
         let [opening, sliding] = want(point.at);
         assert_near(jump.opening.value, opening, tolerance, &format!("opening at {:?}", point.at));
         assert_near(jump.sliding.value, sliding, tolerance, &format!("sliding at {:?}", point.at));
-        assert!(jump.opening.sigma > 0.005 && jump.opening.sigma <= 0.0142, "{jump:?}");
+        // A value has at most twice the noise of its coefficient; 1.12 of it in a corner of a grid.
+        assert!(jump.opening.sigma > 0.005 && jump.opening.sigma <= 2.0 * 0.0142, "{jump:?}");
     }
 }
 
@@ -623,7 +629,8 @@ fn tables_hold_every_frame_with_units_definitions_and_empty_cells() {
     assert_eq!((points[0]["ux_px"].as_str(), points[0]["ux_mm"].as_str()), ("0.5", "0.005"));
     assert_eq!((points[0]["load_N"].as_str(), points[0]["status"].as_str()), ("10.0", "converged"));
     assert_near(points[0]["exx"].parse().unwrap(), 1.01f64.ln(), 1e-12, "strain");
-    assert_eq!((points[1]["ux_px"].as_str(), points[4]["ux_px"].as_str()), ("0.24", ""), "the corner is lost");
+    assert_near(points[1]["ux_px"].parse().unwrap(), 0.24, 1e-14, "the corner");
+    assert!(points[4]["ux_px"].is_empty(), "the corner is lost");
     for row in [&points[2], &points[5], &points[6]] {
         assert!(row["ux_px"].is_empty() && row["exx"].is_empty() && row["sigma_exx"].is_empty(), "{row:?}");
         assert!(!row["x_px"].is_empty());
