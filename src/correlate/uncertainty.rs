@@ -8,7 +8,9 @@ use super::regularisation::Regulariser;
 use crate::backend::{ElementMoments, GreyTransfer, PixelSums};
 use crate::imaging::Interpolation;
 use crate::isa::Isa;
-use crate::linalg::{BlockJacobi, BlockMatrix, ElementMatrix, Pattern, Solver, Spread, inverse_diagonal_with, upper};
+use crate::linalg::{
+    BlockMatrix, ElementMatrix, Pattern, Solver, Spread, inverse_diagonal_of_part, inverse_diagonal_with, upper,
+};
 use crate::mesh::{Mesh, shape_functions};
 use crate::units::Px;
 use rayon::prelude::*;
@@ -116,7 +118,7 @@ impl NodalSpread {
         matrix.held().iter().for_each(|&node| keep[node as usize] = false);
         mass.hold(&keep);
         let colours: Vec<u32> = free.iter().map(|&node| self.colours[node as usize]).collect();
-        let (variance, of_mass) = inverse_diagonal_with(isa, &matrix, &BlockJacobi::new(&matrix), &colours, &mass);
+        let (variance, of_mass) = inverse_diagonal_of_part(isa, (&matrix, &mass), &colours, &free);
         for &node in &redone {
             let at = free.binary_search(&node).expect("redone nodes are free");
             (spread.variance[node as usize], spread.of_mass[node as usize]) = (variance[at], of_mass[at]);
@@ -368,6 +370,7 @@ mod tests {
     use super::*;
     use crate::backend::KernelOptions;
     use crate::correlate::gradient_noise::OfElement;
+    use crate::correlate::level::support;
     use crate::correlate::regularisation::{PenaltyScale, Regularisation};
     use crate::field::Brightness;
     use crate::mesh::{PixelMesh, Roi, Zone};
@@ -419,7 +422,7 @@ mod tests {
         assert_eq!(lost.len(), 20 * columns.div_ceil(ELEMENT));
         let changed = Changed::new((mesh, &pattern), &all, &lost, lambda, &options);
         let nothing = Changed::new((mesh, &pattern), &all, &[], lambda, &options);
-        let (support, seen, active) = (vec![1.0; mesh.n_nodes()], vec![true; mesh.n_nodes()], vec![true; all.len()]);
+        let (support, seen, active) = (support(mesh, &all), vec![true; mesh.n_nodes()], vec![true; all.len()]);
         let matrices: Vec<ElementMatrix> = all.iter().map(|moments| moments.matrix()).collect();
         let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
         let scale = PenaltyScale { matrix: &matrix, support: &support, seen: &seen };
@@ -452,10 +455,12 @@ mod tests {
         let mut worst = [0.0f64; 3];
         for node in 0..mesh.n_nodes() {
             assert_eq!(got.lambda[node], want.lambda[node], "node {node}");
-            let pairs = [(got.variance[node], want.variance[node]), (got.of_mass[node], want.of_mass[node])];
+            let want_variance = want.variance[node];
+            let pairs = [(got.variance[node], want_variance), (got.of_mass[node], want.of_mass[node])];
             for (worst, (got, want)) in worst.iter_mut().zip(pairs) {
                 (0..2).for_each(|c| assert_eq!(got[c] > 0.0, want[c] > 0.0, "node {node}"));
-                let off = |c: usize| if want[c] > 0.0 { ((got[c] / want[c]).sqrt() - 1.0).abs() } else { 0.0 };
+                // A node of which nothing is left has nothing but what leaks to its neighbours.
+                let off = |c: usize| if want_variance[c] > 0.0 { ((got[c] / want[c]).sqrt() - 1.0).abs() } else { 0.0 };
                 *worst = worst.max(off(0)).max(off(1));
             }
             worst[2] = worst[2].max(0.5 * (got.freedom[node] - want.freedom[node]).abs());
@@ -466,9 +471,9 @@ mod tests {
 
     #[test]
     fn uncertainties_done_anew_near_lost_elements_are_those_of_all_nodes_done_anew() {
-        // Half an element, an element and a quarter, three whole ones. Both are probed to 1 % at worst, with other signs and so
-        // with other leaks, in the form with the mass twice that; what is not done anew, and where nodes are held, differs by
-        // less than a tenth of that.
+        // Half an element, an element and a quarter, three whole ones; a texture so uneven that what happens at a node falls by
+        // 0.4 per row: by 0.4^6 = 0.4 % in a variance where nodes are held or no longer done anew. Both are probed with the same
+        // signs, to the same fall of the residual.
         for columns in [ELEMENT / 2, ELEMENT + 2, 3 * ELEMENT] {
             let [variance, of_mass, freedom] = differences(columns, Regularisation::None);
             assert!(
@@ -488,7 +493,7 @@ mod tests {
                 // Selected inverses are exact: what is left is what is not done anew, and where nodes are held. The part of the
                 // gradient's noise is by the texture of the zone, here with the pixels lost and there without.
                 let [variance, of_mass, freedom] = differences(columns, regularisation);
-                let right = variance < 0.005 && of_mass < 0.05 && freedom < 0.005;
+                let right = variance < 1e-3 && of_mass < 1e-2 && freedom < 1e-3;
                 assert!(right, "{regularisation:?}, {columns} columns: {variance}, {of_mass}, {freedom}");
             }
         }

@@ -23,7 +23,7 @@ type Lanes = [f32; LANES];
 /// load to the next, about 0.15 % each, from adding up: the standard deviations are right to 0.2 % typically, 1 %
 /// at worst.
 pub fn inverse_diagonal(isa: Isa, matrix: &BlockMatrix, jacobi: &BlockJacobi, colour: &[u32]) -> Vec<[f64; 2]> {
-    probed(isa, matrix, jacobi, colour, None).0
+    probed(isa, matrix, jacobi, colour, None, |node| node).0
 }
 
 /// As [`inverse_diagonal`] for `A` (`matrix`), and with it the diagonal of `A^-1 B A^-1` for a second matrix `B` on the
@@ -43,7 +43,19 @@ pub fn inverse_diagonal_with(
     second: &BlockMatrix,
 ) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
     assert_eq!(matrix.pattern().n_blocks(), second.pattern().n_blocks(), "matrices on different patterns");
-    probed(isa, matrix, jacobi, colour, Some(second))
+    probed(isa, matrix, jacobi, colour, Some(second), |node| node)
+}
+
+/// As [`inverse_diagonal_with`] for the parts of two matrices at the `nodes` of a mesh, with the signs that these have in the
+/// whole: what leaks is then the same.
+pub(crate) fn inverse_diagonal_of_part(
+    isa: Isa,
+    (matrix, second): (&BlockMatrix, &BlockMatrix),
+    colour: &[u32],
+    nodes: &[u32],
+) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
+    assert_eq!(matrix.pattern().n_blocks(), second.pattern().n_blocks(), "matrices on different patterns");
+    probed(isa, matrix, &BlockJacobi::new(matrix), colour, Some(second), |node| nodes[node] as usize)
 }
 
 fn probed(
@@ -52,7 +64,9 @@ fn probed(
     jacobi: &BlockJacobi,
     colour: &[u32],
     second: Option<&BlockMatrix>,
+    number: impl Fn(usize) -> usize + Sync,
 ) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
+    let sign = |node: usize| sign(number(node));
     let mut forms = vec![[0.0; 2]; if second.is_some() { colour.len() } else { 0 }];
     let blocks: Vec<[f32; 4]> = matrix.blocks().par_iter().map(|b| b.map(|v| v as f32)).collect();
     let inverse: Vec<[f32; 3]> = jacobi.inverse.iter().map(|b| b.map(|v| v as f32)).collect();

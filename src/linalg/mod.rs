@@ -25,6 +25,7 @@ pub use conjugate_gradients::{BlockJacobi, CgOutcome};
 pub use dense::{Dense, DenseCholesky};
 pub use dissection::{dissection, nested_dissection};
 pub use envelope::Envelope;
+pub(crate) use inverse_diagonal::inverse_diagonal_of_part;
 pub use inverse_diagonal::{inverse_diagonal, inverse_diagonal_with};
 pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan};
 pub use pivots::{PivotSigns, Singular};
