@@ -245,7 +245,7 @@ mod tests {
                 let held: Vec<(*mut u8, usize)> =
                     sizes.iter().chain(&sizes).map(|&size| (blocks.alloc_zeroed(layout(size)), size)).collect();
                 for (k, &(at, size)) in held.iter().enumerate() {
-                    assert!(at as usize % ALIGNED == 0);
+                    assert!((at as usize).is_multiple_of(ALIGNED));
                     let block = std::slice::from_raw_parts_mut(at, size);
                     assert!(block.iter().all(|&byte| byte == 0), "round {round}, block {k}");
                     block.fill(k as u8 + 1);

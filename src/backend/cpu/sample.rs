@@ -151,7 +151,7 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     let combinations = (sx1 - sx0 + 1).saturating_mul(y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
     // Rows beyond the image have nothing to read, and lanes left of it must begin within the border.
-    let readable = x + sx0 >= before as i32 - BORDER as i32 && y0 >= -1 && y1 <= c.height as i32 - 1;
+    let readable = x + sx0 >= before as i32 - BORDER as i32 && y0 >= -1 && y1 < c.height as i32;
     if !scalar && (all_inside || readable) && combinations <= 6 {
         let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
         // A floor just outside the image is allowed by `EDGE`; its taps lie in the border.
