@@ -754,7 +754,7 @@ fn the_store_has_the_same_chunks_for_any_number_of_threads() {
     let files = desk.all_files("t1");
     assert_eq!(files, desk.all_files("t2"));
     let chunks: Vec<_> = files.iter().filter(|name| name.contains("/c.")).collect();
-    assert_eq!(chunks.len(), 6 + 2 * 11, "{chunks:?}");
+    assert_eq!(chunks.len(), 6 + 2 * 14, "{chunks:?}");
     for name in chunks {
         assert!(desk.bytes(&format!("t1/{name}")) == desk.bytes(&format!("t2/{name}")), "{name}");
     }

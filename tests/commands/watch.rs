@@ -156,7 +156,7 @@ fn a_signal_ends_it_well_and_the_same_command_goes_on() {
         signal(&child, signal_name);
         let (code, said) = end(child);
         assert_eq!(code, Some(0), "{signal_name}: {said}");
-        assert!(said.contains("stopped watching shots; the same command goes on"), "{said}");
+        assert!(said.contains("stopped watching shots; the same command resumes"), "{said}");
         assert_is_one_run(&desk, "before the signal");
         let child = watch(&desk, "--timeout 1");
         (4..7).for_each(|k| shoot(&desk, &name(k), k));
