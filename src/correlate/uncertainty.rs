@@ -99,6 +99,9 @@ impl NodalSpread {
             let node = node as usize;
             spread.lambda[node] = mean_lambda(pattern, node, |element| (mass_of(element), changed.of(element).lambda));
         }
+        if free.is_empty() {
+            return Some(spread); // a solver of its own although nothing is lost
+        }
         if let Some(regulariser) = regulariser {
             solver.penalty()?;
             let Spread { variance, freedom } = regulariser.spread_of_part(solver.data(), &free).ok()?;

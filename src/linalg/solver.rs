@@ -160,7 +160,8 @@ impl Solver {
         &self.matrix
     }
 
-    /// Fall of the residual that conjugate gradients are asked for.
+    /// Fall of the residual that conjugate gradients are asked for: a graphics device has its own.
+    #[cfg(feature = "gpu")]
     pub(crate) fn reduction(&self) -> f64 {
         self.reduction
     }
