@@ -468,7 +468,6 @@ mod tests {
             }
             worst[2] = worst[2].max(0.5 * (got.freedom[node] - want.freedom[node]).abs());
         }
-        println!("{columns} columns, {regularisation:?}: {worst:?}");
         worst
     }
 
