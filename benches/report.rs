@@ -25,8 +25,9 @@ use std::sync::Arc;
 
 /// The vector path must beat the per-pixel loop by this in the same run.
 const GATE: f64 = 4.0;
-/// The whole image as the zone may cost this many times a zone that stays inside, in iterations and in time per pixel.
-const BORDER_GATE: f64 = 1.2;
+/// The whole image as the zone may cost this many times a zone that stays inside, in iterations and in time per pixel: counts do not
+/// vary, times by a third between runs (1.05 to 1.15 seen, 1.7 before border elements were treated by themselves).
+const BORDER_GATE: [f64; 2] = [1.2, 1.5];
 
 fn main() {
     if !std::env::args().any(|a| a == "--bench" || a.starts_with("memory=")) {
@@ -377,9 +378,11 @@ fn gate_of_borders() {
     println!(
         "whole image against inner zone, 1024², 20 px: {whole} iterations against {inner}, {time:.2} times the time"
     );
-    if iterations > BORDER_GATE || time > BORDER_GATE {
+    let [most_iterations, most_time] = BORDER_GATE;
+    if iterations > most_iterations || time > most_time {
         eprintln!(
-            "the whole image must cost at most {BORDER_GATE} times the inner zone: look for what the border adds"
+            "the whole image must take at most {most_iterations} times the iterations and {most_time} times the time of the inner zone: \
+             look for what the border adds"
         );
         std::process::exit(1);
     }

@@ -5,7 +5,7 @@ thousand zones, images larger than the memory that may be had, a clock that jump
     scripts/soak.py [--frames 100000] [--zones 1000] [--side 20000] [--parts disk,series,shards,zones,large,clock]
                     [--program target/release/quadrille] [--output out/soak]
 
-Each part prints what was done and what was lost, and the script ends with 1 when something was. 100 000 frames are 1.4 million
+Each part prints what was done and what was lost, and the script ends with 1 when something was. 100 000 frames are 1.5 million
 small files.
 """
 

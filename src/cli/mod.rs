@@ -28,7 +28,6 @@ mod gauges;
 mod identify;
 mod licences;
 mod lines;
-mod memory;
 mod metrology;
 mod paint;
 mod paper;
@@ -53,8 +52,6 @@ mod virtual_test;
 mod voice;
 mod watch;
 mod wrong_words;
-
-pub use memory::Blocks;
 
 use crate::report::Look;
 use crate::run::Outcome;

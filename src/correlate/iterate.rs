@@ -91,6 +91,9 @@ pub(super) struct Outcome<B: Backend> {
     pub turn: Turn,
 }
 
+/// A first correction of more than this, px, comes from a start that is too rough for what the frame has lost to be known: full steps
+/// beside the border would overshoot, and elements be lost that have most of their pixels.
+const ROUGH_PX: f64 = 0.25;
 /// The frame's own matrix is renewed when elements have been left out or have come back, and when corrections fall by less
 /// than this while the pixels counted have changed by this share of an element.
 const SLOW_RATE: f64 = 0.25;
@@ -151,7 +154,9 @@ pub(super) fn iterate<B: Backend>(
         let mut step = backend.step(&level.prepared, frame, field, solver, scale)?;
         let moved = (step.counted - made_at.0).abs() > RENEW_SHARE * size * size;
         let renew = match outcome.own {
-            None => step.lost > 0 || (limits.own && iteration == 1),
+            None => {
+                (step.lost > 0 && (iteration > 1 || step.correction_px < ROUGH_PX)) || (limits.own && iteration == 1)
+            }
             Some(_) => step.lost != made_at.1 || (moved && step.correction_px > SLOW_RATE * before[0]),
         };
         if renew {

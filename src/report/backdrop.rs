@@ -2,11 +2,12 @@
 
 use super::look::Look;
 use super::picture::LARGEST_RATIO;
-use crate::imaging::{Image, Levels};
+use crate::imaging::Image;
+use fast_image_resize::images::{TypedImage, TypedImageRef};
+use fast_image_resize::pixels::F32;
+use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 use image::codecs::png::{CompressionType, FilterType as Filter, PngEncoder};
-use image::imageops::{self, FilterType};
-use image::{ExtendedColorType, ImageBuffer, ImageEncoder, Luma};
-use rayon::prelude::*;
+use image::{ExtendedColorType, ImageEncoder};
 
 /// Longer side of the image in the picture.
 pub(super) const LONGER_SIDE: f64 = 900.0;
@@ -105,24 +106,15 @@ impl Backdrop {
 impl Drawn {
     fn new(image: &Image, width: u32, height: u32) -> Self {
         let (columns, rows) = (image.width() as u32, image.height() as u32);
-        // From 0 to 1 first: `resize` clips floats to that.
         let (darkest, brightest) = image.range();
         let extent = if brightest > darkest { f64::from(brightest) - f64::from(darkest) } else { 1.0 };
-        let stretched = |v: f64| ((v - f64::from(darkest)) / extent) as f32;
+        let grey = |x: u32, y: u32| f64::from(image.grey(x as usize, y as usize));
+        let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        let source: Vec<F32> =
+            pixels.map(|(x, y)| F32::new(((grey(x, y) - f64::from(darkest)) / extent) as f32)).collect();
         // Few pixels are shown as the squares they are; many are averaged, or moire would appear.
-        let values = if width >= 4 * columns || (width, height) == (columns, rows) {
-            let grey = |x: u32, y: u32| Luma([stretched(f64::from(image.grey(x as usize, y as usize)))]);
-            imageops::resize(&ImageBuffer::from_fn(columns, rows, grey), width, height, FilterType::Nearest).into_raw()
-        } else {
-            let size = [image.width(), image.height(), width as usize, height as usize];
-            // A table of levels for what has few of them.
-            let table = |n: usize| (0..n).map(|v| stretched(v as f64)).collect::<Vec<f32>>();
-            match image.pixels() {
-                Levels::U8(p) => averaged(p, size, &with_table(table(1 << 8), |v: u8| usize::from(v))),
-                Levels::U16(p) => averaged(p, size, &with_table(table(1 << 16), |v: u16| usize::from(v))),
-                Levels::F32(p) => averaged(p, size, &|v| stretched(f64::from(v))),
-            }
-        };
+        let by = if width >= 4 * columns { ResizeAlg::Nearest } else { ResizeAlg::Convolution(FilterType::Bilinear) };
+        let values = resized(&source, [columns, rows], [width, height], by);
         // A few hot or dead pixels must not decide the contrast.
         let mut partly_sorted = values.clone();
         let mut quantile = |part: f64| {
@@ -141,52 +133,13 @@ impl Drawn {
     }
 }
 
-fn with_table<G>(table: Vec<f32>, place: impl Fn(G) -> usize) -> impl Fn(G) -> f32 {
-    move |level| table[place(level)]
-}
-
-/// Grey levels by `value` in another size (columns and rows before and after), averaged with weights that fall to nothing at the
-/// distance of a pixel of the coarser of both: what `image::imageops::resize` does with `Triangle`, which holds four floats
-/// for each pixel, to the last bit.
-fn averaged<G: Copy + Sync>(
-    grey: &[G],
-    [columns, rows, width, height]: [usize; 4],
-    value: &(impl Fn(G) -> f32 + Sync),
-) -> Vec<f32> {
-    let (across, down) = (weights(columns, width), weights(rows, height));
-    let mut out = vec![0.0; width * height];
-    out.par_chunks_mut(width).zip(&down).for_each_init(
-        || vec![0.0f32; columns],
-        |along, (out, (first, weights))| {
-            along.fill(0.0);
-            for (row, weight) in grey.chunks_exact(columns).skip(*first).zip(weights) {
-                along.iter_mut().zip(row).for_each(|(sum, &grey)| *sum += value(grey) * weight);
-            }
-            for (out, (first, weights)) in out.iter_mut().zip(&across) {
-                let mut sum = 0.0f32;
-                along[*first..].iter().zip(weights).for_each(|(value, weight)| sum += value * weight);
-                *out = sum.clamp(0.0, 1.0);
-            }
-        },
-    );
-    out
-}
-
-/// For each of `to` pixels in place of `from` the first one that counts and the weights from it on.
-fn weights(from: usize, to: usize) -> Vec<(usize, Vec<f32>)> {
-    let ratio = from as f32 / to as f32;
-    let reach = ratio.max(1.0);
-    let of = |k: usize| {
-        let at = (k as f32 + 0.5) * ratio;
-        let first = ((at - reach).floor().max(0.0) as usize).min(from - 1);
-        let end = ((at + reach).ceil().max(0.0) as usize).clamp(first + 1, from);
-        let distance = |k: usize| ((k as f32 - (at - 0.5)) / reach).abs();
-        let mut weights: Vec<f32> = (first..end).map(|k| (1.0 - distance(k)).max(0.0)).collect();
-        let sum: f32 = weights.iter().fold(0.0, |sum, weight| sum + weight);
-        weights.iter_mut().for_each(|weight| *weight /= sum);
-        (first, weights)
-    };
-    (0..to).map(of).collect()
+/// An image of `from` columns and rows in those of `to`.
+fn resized(pixels: &[F32], from: [u32; 2], to: [u32; 2], by: ResizeAlg) -> Vec<f32> {
+    let source = TypedImageRef::new(from[0], from[1], pixels).expect("as many pixels as columns times rows");
+    let mut resized = TypedImage::<F32>::new(to[0], to[1]);
+    let options = ResizeOptions::new().resize_alg(by);
+    Resizer::new().resize_typed(&source, &mut resized, &options).expect("the whole of the source");
+    resized.pixels().iter().map(|pixel| pixel.0).collect()
 }
 
 /// Pixels as a PNG file, to stand inside a picture.
@@ -197,26 +150,4 @@ pub(super) fn png(pixels: &[u8], width: u32, height: u32, colour: ExtendedColorT
         .write_image(pixels, width, height, colour)
         .expect("memory takes any picture");
     bytes
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::imaging::Pixels;
-
-    #[test]
-    fn an_image_is_averaged_as_the_crate_image_does_it_to_the_last_bit() {
-        for (size, wanted) in [([64, 48], [20, 15]), ([50, 70], [31, 44]), ([33, 20], [90, 55]), ([7, 3], [3, 7])] {
-            let levels: Vec<u8> = (0..size[0] * size[1]).map(|k| (k * 7919 % 251) as u8).collect();
-            let image = Image::new(size[0], size[1], Pixels::U8(levels.clone())).unwrap();
-            let value = |grey: u8| f32::from(grey) / 255.0;
-            let [width, height] = wanted;
-            let own = averaged(&levels, [size[0], size[1], width, height], &value);
-            let source = ImageBuffer::from_fn(size[0] as u32, size[1] as u32, |x, y| {
-                Luma([value(image.grey(x as usize, y as usize) as u8)])
-            });
-            let theirs = imageops::resize(&source, width as u32, height as u32, FilterType::Triangle).into_raw();
-            assert_eq!(own, theirs, "{size:?} to {wanted:?}");
-        }
-    }
 }

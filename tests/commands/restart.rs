@@ -541,7 +541,7 @@ fn tracked_and_independent_frames_agree() {
             assert!(difference < allowed, "frame {number}, node {node}: {difference} px");
         }
     }
-    assert!(other_elements <= 6, "{other_elements} frames with other elements");
+    assert!(other_elements <= 4, "{other_elements} frames with other elements");
     assert!(compared > N - 6, "{compared} frames");
 }
 
@@ -672,8 +672,8 @@ fn memory_grows_with_the_series_by_the_summary_alone() {
         return println!("SKIPPED: there is no /proc here");
     }
     // Names, SHA-256 and the entry in summary.json take 3 to 5 KiB a frame (the allocator rounds); its field would be
-    // 20 KiB more. The program takes memory by huge pages of 2 MiB: which of two frames touches the next one is chance.
-    assert!(long < short + 8 * (n - 50) as u64 + 2 * 2048, "50 frames {short} KiB, {n} frames {long} KiB");
+    // 20 KiB more.
+    assert!(long < short + 8 * (n - 50) as u64, "50 frames {short} KiB, {n} frames {long} KiB");
 }
 
 #[test]

@@ -490,30 +490,10 @@ impl Backend for CpuBackend {
         let lost = (0..field.sums.len()).filter(|&e| f64::from(field.sums_of(e).n) < level.whole[e][0]);
         let (gone, left): (Vec<usize>, Vec<usize>) = lost.partition(|&element| field.sums_of(element).n == 0.0);
         let mut moments = vec![ElementMoments::default(); left.len()];
-        let pieces = left.par_chunks(PIECE).zip(moments.par_chunks_mut(PIECE));
-        pieces.for_each(|(left, moments)| {
-            let (reference, own) = (&level.reference, level.own_transfer());
-            if level.narrow {
-                normal_matrix::remaining_moments::<8>(
-                    self.isa,
-                    reference,
-                    left,
-                    &field.corners,
-                    deformed,
-                    own,
-                    moments,
-                );
-            } else {
-                normal_matrix::remaining_moments::<16>(
-                    self.isa,
-                    reference,
-                    left,
-                    &field.corners,
-                    deformed,
-                    own,
-                    moments,
-                );
-            }
+        let remaining =
+            if level.narrow { normal_matrix::remaining_moments::<8> } else { normal_matrix::remaining_moments::<16> };
+        left.par_chunks(PIECE).zip(moments.par_chunks_mut(PIECE)).for_each(|(left, moments)| {
+            remaining(self.isa, &level.reference, left, &field.corners, deformed, level.own_transfer(), moments);
         });
         let nothing = gone.into_iter().map(|element| (element, ElementMoments::default()));
         let mut remaining: Vec<_> = left.into_iter().zip(moments).chain(nothing).collect();
