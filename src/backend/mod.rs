@@ -14,7 +14,7 @@ mod spline;
 mod sums;
 
 pub(crate) use spline::{at_pixel, taps};
-pub use sums::{ElementMatch, ElementMoments, PixelSums};
+pub use sums::{ElementMatch, ElementMoments, PixelSums, loads_of_light};
 
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
@@ -96,6 +96,13 @@ pub struct GreyTransfer {
 impl GreyTransfer {
     /// No change: `f = g`.
     pub const NONE: Self = Self { gain: 1.0, offset: 0.0 };
+
+    /// What `to` adds to the deformed image as this transfer shows it, which is about f: shares of f and of 1.
+    pub fn change(self, to: Self) -> [f64; 2] {
+        let of_f = (to.gain - self.gain) / self.gain;
+        let of_one = to.offset - self.offset - of_f * self.offset;
+        if self.gain > 0.0 && of_f.is_finite() && of_one.is_finite() { [of_f, of_one] } else { [0.0; 2] }
+    }
 }
 
 /// What is prepared for every level of a reference image.
@@ -115,6 +122,9 @@ pub const KEPT_SHARE: f64 = 0.5;
 
 /// and comes back only with this share, so that it does not flicker while the field settles.
 pub const BACK_SHARE: f64 = 0.6;
+
+/// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows it.
+pub const COUPLED: f64 = 0.5;
 
 /// An element that has lost more than this share of its pixels makes the constant matrix too stiff for the
 /// right-hand side.

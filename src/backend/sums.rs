@@ -1,6 +1,6 @@
 //! Sums over pixels that backends hand back.
 
-use crate::linalg::ElementMatrix;
+use crate::linalg::{ElementMatrix, Pattern};
 
 /// Grey-level sums over a set of pixels; `f` reference, `g` deformed, both less the series' offset.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -135,7 +135,7 @@ pub struct ElementMoments {
     /// ((1-s)^2, s(1-s), s^2).
     pub gradient: [[[f64; 3]; 3]; 3],
     /// Sums of `psi_a fx`, `psi_a fy` (unknown 2 a + c), times f and times 1: the coupling of displacement
-    /// and grey-level transfer. Filled only when the transfer is per element.
+    /// and grey-level transfer. Not filled where brightness is not followed.
     pub transfer: [[f64; 8]; 2],
     /// Pixels.
     pub n: f64,
@@ -143,6 +143,12 @@ pub struct ElementMoments {
     pub f: f64,
     /// Sum of f^2.
     pub ff: f64,
+}
+
+/// What a gain and an offset of the grey levels put on the nodes: `B_f` and `B_1`, the right-hand sides of residuals f and 1
+/// (THEORY 2).
+pub fn loads_of_light(pattern: &Pattern, moments: &[ElementMoments]) -> [Vec<[f64; 2]>; 2] {
+    [0, 1].map(|k| pattern.gather(|element| moments[element].transfer[k]))
 }
 
 /// Whether corner a of an element is at the far end along xi and along eta.

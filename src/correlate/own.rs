@@ -40,7 +40,8 @@ impl<B: Backend> Own<B> {
             Some(regulariser) => {
                 let mut data = level.solver.data().clone();
                 data.assemble_rows(nodes, elements, |element| &changed.of(element).matrix);
-                regulariser.solver(data.clone()).unwrap_or_else(|_| Solver::iterative(data))
+                let solver = regulariser.solver(data.clone()).unwrap_or_else(|_| Solver::iterative(data));
+                solver.with_responses_of(&level.solver)
             }
             None => level.solver.changed(nodes, elements, |element| &changed.of(element).matrix),
         };

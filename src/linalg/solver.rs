@@ -38,6 +38,7 @@ pub struct Solver {
     regularised: Option<Regularised>,
     /// Fall of the residual that conjugate gradients are asked for.
     reduction: f64,
+    responses: Option<Arc<[Vec<[f64; 2]>; 2]>>,
 }
 
 /// A factor of the matrix.
@@ -96,7 +97,7 @@ impl Solver {
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
     pub fn iterative(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
-        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION }
+        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION, responses: None }
     }
 
     /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
@@ -129,7 +130,24 @@ impl Solver {
         let mut matrix = self.matrix.clone();
         matrix.assemble_rows(nodes, elements, of_element);
         let jacobi = self.jacobi.changed(&matrix, nodes);
-        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION_CHANGED }
+        let responses = self.responses.clone();
+        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION_CHANGED, responses }
+    }
+
+    /// The same with the solutions for two right-hand sides, which are wanted in every step.
+    pub fn with_responses(self, to: [Vec<[f64; 2]>; 2]) -> Self {
+        let responses = Some(Arc::new(to.map(|rhs| self.solve(rhs))));
+        Self { responses, ..self }
+    }
+
+    /// The same with those of `other`, whose matrix is nearly this one.
+    pub(crate) fn with_responses_of(self, other: &Self) -> Self {
+        Self { responses: other.responses.clone(), ..self }
+    }
+
+    /// The solutions of [`Solver::with_responses`], where there are any.
+    pub fn responses(&self) -> Option<&[Vec<[f64; 2]>; 2]> {
+        self.responses.as_deref()
     }
 
     /// The matrix of the data alone: the part of [`Solver::matrix`] that is not penalty.

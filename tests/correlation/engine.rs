@@ -262,6 +262,29 @@ fn brightness_and_contrast_leave_the_displacement_as_it_is() {
 }
 
 #[test]
+fn light_that_flickers_costs_two_iterations_at_most() {
+    const SIDE: usize = 512;
+    let reference = picture(&REST, &eight_bit(SIDE, SIDE));
+    let correlator = prepared(&reference, &inside(SIDE, SIDE, 32), Options::default());
+    let motion = Accuracy::new(SIDE, SIDE);
+    let plain = picture(&motion, &eight_bit(SIDE, SIDE));
+    let iterations = |image: &Arc<Image>, before: &Correlation| {
+        let found = correlator.correlate(image.clone(), Some(&beside(before, [0.05, -0.05]))).unwrap();
+        assert_eq!(found.measurement.status, Status::Converged);
+        found.iterations
+    };
+    let steady = cold(&correlator, &plain);
+    let without = iterations(&plain, &steady);
+    for (gain, offset) in [(0.8, 10.0), (1.15, -12.0), (0.95, 0.0)] {
+        // Each begins with the light of the frame before, as a series does.
+        let other = changed(&plain, |_, _, grey| (gain * grey + offset).clamp(0.0, 255.0));
+        let with = iterations(&other, &steady);
+        // Not solved with the displacement, it costs four.
+        assert!(with <= without + 2, "{gain} g + {offset}: {with} iterations, {without} in the same light");
+    }
+}
+
+#[test]
 fn shading_across_the_image_is_followed_by_elements_better_than_by_a_zone() {
     const SIDE: usize = 320;
     let motion = Accuracy::new(SIDE, SIDE);

@@ -13,7 +13,7 @@ mod sample;
 use crate::backend::pyramid::Pyramid;
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
-    BACK_SHARE, Backend, BackendError, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
+    BACK_SHARE, Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
     KernelOptions, LOST_SHARE, PixelSums, Place, Step,
 };
 use crate::field::Brightness;
@@ -122,6 +122,8 @@ pub struct CpuField {
     first: Vec<f64>,
     /// Per zone.
     transfer: Vec<GreyTransfer>,
+    /// What the last evaluation added to it, see [`GreyTransfer::change`].
+    change: Vec<[f64; 2]>,
     corners: Vec<Corners>,
     sums: Vec<ElementSums>,
     /// Gain and offset per element.
@@ -243,7 +245,8 @@ impl CpuLevel {
         self.pattern.gather(|element| field.sums[element].b.map(f64::from))
     }
 
-    /// Corrects the field by the sums of its last evaluation.
+    /// Corrects the field by the sums of its last evaluation, and by what the transfer has changed since: the sums are of
+    /// the residual before that.
     fn corrected(&self, field: &mut CpuField, solver: &Solver, [cos, sin]: [f64; 2]) -> Step {
         let zones = self.zone_sums(field);
         let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
@@ -251,7 +254,16 @@ impl CpuLevel {
             field.first = correlations.clone();
         }
         let smallest = |values: &mut dyn Iterator<Item = f64>| values.fold(f64::INFINITY, f64::min);
-        let correction = solver.correction(self.right_hand_side(field), &field.displacement);
+        let mut correction = solver.correction(self.right_hand_side(field), &field.displacement);
+        if let Some([by_gain, by_offset]) = solver.responses() {
+            for (zone, [of_f, of_one]) in field.change.iter().enumerate() {
+                for node in self.mesh.zone_nodes(zone) {
+                    for c in 0..2 {
+                        correction[node][c] -= of_f * by_gain[node][c] + of_one * by_offset[node][c];
+                    }
+                }
+            }
+        }
         let (mut largest, mut worst_node) = (0.0f64, 0);
         for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
             let turned = [cos * du[0] - sin * du[1], cos * du[1] + sin * du[0]];
@@ -263,7 +275,6 @@ impl CpuLevel {
                 }
             }
         }
-        self.fit_transfer(&zones, field);
         let lost = |element: usize| {
             let (n, n_all) = (f64::from(field.sums_of(element).n), self.whole[element][0]);
             usize::from(n < (1.0 - LOST_SHARE) * n_all) + usize::from(n == 0.0 && n_all > 0.0)
@@ -300,10 +311,10 @@ impl CpuLevel {
         if self.options.brightness != Brightness::Zone {
             return;
         }
-        for (transfer, sums) in field.transfer.iter_mut().zip(zones) {
-            if let Some(fitted) = sums.transfer() {
-                *transfer = fitted;
-            }
+        for ((transfer, change), sums) in field.transfer.iter_mut().zip(&mut field.change).zip(zones) {
+            let fitted = sums.transfer().unwrap_or(*transfer);
+            *change = if sums.correlation() < COUPLED { [0.0; 2] } else { transfer.change(fitted) };
+            *transfer = fitted;
         }
     }
 }
@@ -359,7 +370,7 @@ impl Backend for CpuBackend {
         }?;
         let elements = mesh.pixels.elements.clone();
         let narrow = elements.iter().all(|e| e.nx <= 8);
-        let with_transfer = options.brightness == Brightness::Element;
+        let with_transfer = options.brightness != Brightness::Off;
         let reference = Reference { f, fx, fy, elements, map: mesh.pixels.clone() };
         let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
@@ -400,6 +411,7 @@ impl Backend for CpuBackend {
             started: (displacement.to_vec(), transfer.to_vec()),
             first: Vec::new(),
             transfer: transfer.to_vec(),
+            change: vec![[0.0; 2]; transfer.len()],
             corners: vec![Corners::new([[0.0; 2]; 4]); n],
             sums: vec![ElementSums::default(); n],
             element_transfer: vec![(1.0, 0.0); n],
@@ -465,6 +477,7 @@ impl Backend for CpuBackend {
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         field.evaluated.clone_from(&field.displacement);
+        level.fit_transfer(&level.zone_sums(field), field);
         Ok(level.corrected(field, solver, scale))
     }
 

@@ -29,7 +29,7 @@ fn element_moments_body<const FMA: bool, const L: usize>(
         *moments = one_element::<FMA, L>(reference, element, |_, _, _, _, mask| *mask);
         moments.n = f64::from(element.nx) * f64::from(element.ny);
         if with_transfer {
-            moments.transfer = transfer_coupling(reference, element, |_, _, _, _| 1.0);
+            moments.transfer = coupling_of_one::<FMA, L>(reference, element);
         }
     }
 }
@@ -132,6 +132,45 @@ fn one_element<const FMA: bool, const L: usize>(
 #[inline(always)]
 fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
     [zero - 2.0 * one + two, one - two, two]
+}
+
+/// [`transfer_coupling`] of a rectangle of pixels.
+#[inline(always)]
+fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> [[f64; 8]; 2] {
+    let (f, fx, fy) = (reference.f.view(), reference.fx.view(), reference.fy.view());
+    let mut sums = [[0.0; 8]; 2];
+    let mut column = 0;
+    while column < element.nx as usize {
+        let (_, xi, mask) = chunk::<L>(element, column);
+        // f fx, f fy, fx, fy times 1 and eta.
+        let mut acc = [[[0.0f32; L]; 2]; 4];
+        for k in 0..element.ny as i32 {
+            let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
+            let at = f.at((element.x + column as i32) as isize, (element.y + k) as isize);
+            let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
+            for i in 0..L {
+                let (gx, gy) = (mask[i] * fx[i], mask[i] * fy[i]);
+                for (p, value) in [gx * f[i], gy * f[i], gx, gy].into_iter().enumerate() {
+                    acc[p][0][i] += value;
+                    acc[p][1][i] = mul_add::<FMA>(eta, value, acc[p][1][i]);
+                }
+            }
+        }
+        for (p, acc) in acc.iter().enumerate() {
+            let [[all, far_x], [far_y, far]] = [0, 1].map(|w| {
+                let mut along = [0.0; L];
+                for i in 0..L {
+                    along[i] = xi[i] * acc[w][i];
+                }
+                [f64::from(total(&acc[w])), f64::from(total(&along))]
+            });
+            for (a, of_corner) in [all - far_x - far_y + far, far_x - far, far, far_y - far].into_iter().enumerate() {
+                sums[p / 2][2 * a + p % 2] += of_corner;
+            }
+        }
+        column += L;
+    }
+    sums
 }
 
 /// `sum psi_a grad f` times f and times 1, each pixel by its weight (of column, row, xi, eta).

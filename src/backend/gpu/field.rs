@@ -26,8 +26,11 @@ pub struct GpuField {
     zones: Buffer,
     step: Buffer,
     worst: Buffer,
+    /// What the last evaluation added to the transfer of each zone.
+    change: Buffer,
     vectors: Vectors,
-    correct: ([f64; 2], Buffer),
+    /// Constants of the correction: what they are for, and on the device.
+    correct: (([f64; 2], bool), Buffer),
     evaluated: bool,
     /// Whether a correction was added since the last evaluation.
     corrected: bool,
@@ -47,9 +50,9 @@ const OUT: usize = 15;
 const EXCLUDED: f32 = 2.0;
 
 /// Constants of the correction.
-fn correct(gpu: &Gpu, n_nodes: usize, scale: [f64; 2]) -> Buffer {
+fn correct(gpu: &Gpu, n_nodes: usize, (scale, coupled): ([f64; 2], bool)) -> Buffer {
     let [cos, sin] = scale.map(|v| v as f32);
-    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, cos, sin, unused0: 0 })
+    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, cos, sin, coupled: coupled.into() })
 }
 
 /// The fit of transfers and the tally, with their workgroups.
@@ -90,8 +93,9 @@ impl GpuField {
             zones: gpu.visible((size_of::<layout::Zone>() * level.n_zones) as u64, "sums of the zones")?,
             step: gpu.visible(size_of::<layout::Step>() as u64, "a report")?,
             worst: gpu.visible(8 * n_nodes.div_ceil(NODES_TOGETHER) as u64, "corrections")?,
+            change: gpu.visible(8 * level.n_zones as u64, "changes of light")?,
             vectors: Vectors::new(gpu, n_nodes)?,
-            correct: ([1.0, 0.0], correct(gpu, n_nodes, [1.0, 0.0])),
+            correct: (([1.0, 0.0], false), correct(gpu, n_nodes, ([1.0, 0.0], false))),
             in_light: false,
             evaluated: false,
             corrected: false,
@@ -169,11 +173,11 @@ impl GpuField {
         recorder.run(&self.tally.0, self.tally.1);
     }
 
-    /// The sums of the zones, and the report of a step if there was one.
-    fn summary(&mut self, gpu: &Gpu, level: &GpuLevel, after_step: bool) -> Bound {
+    /// The sums of the zones and what follows from them, or, after a step, its largest correction.
+    fn summary(&mut self, gpu: &Gpu, level: &GpuLevel, kernel: Kernel) -> Bound {
         let constants = layout::Summary {
             n_zones: level.n_zones as u32,
-            n_worst: if after_step { self.node_groups() } else { 0 },
+            n_worst: self.node_groups(),
             brightness: match level.options.brightness {
                 Brightness::Off => 0,
                 Brightness::Zone | Brightness::Smooth | Brightness::Auto => 1,
@@ -182,7 +186,7 @@ impl GpuField {
             first: u32::from(!self.evaluated),
         };
         self.evaluated = true;
-        let pipeline = gpu.pipeline(Kernel::Summary, level.options.interpolation, 0);
+        let pipeline = gpu.pipeline(kernel, level.options.interpolation, 0);
         let uniform = gpu.uniform(&constants);
         gpu.bind(
             &pipeline,
@@ -194,6 +198,7 @@ impl GpuField {
                 self.transfer.whole(),
                 self.zones.whole(),
                 self.step.whole(),
+                self.change.whole(),
             ],
         )
     }
@@ -211,8 +216,7 @@ impl GpuField {
     ) -> Result<Vec<(PixelSums, GreyTransfer)>, BackendError> {
         let mut recorder = gpu.record();
         self.evaluate(level, &mut recorder);
-        let summary = self.summary(gpu, level, false);
-        recorder.run(&summary, 1);
+        recorder.run(&self.summary(gpu, level, Kernel::Summary), 1);
         self.corrected = false;
         let bytes = recorder.fetch(&[(&self.zones, self.zone_bytes())], traffic)?;
         Ok(values::<layout::Zone>(&bytes).iter().map(of_zone).collect())
@@ -229,6 +233,7 @@ impl GpuField {
     ) -> Result<Step, BackendError> {
         let mut recorder = gpu.record();
         self.evaluate(level, &mut recorder);
+        recorder.run(&self.summary(gpu, level, Kernel::Summary), 1);
         recorder.copy(&self.displacement, &self.before, 0, 16 * self.n_nodes as u64);
         self.correct(gpu, level, solver, scale, recorder, traffic)
     }
@@ -257,8 +262,9 @@ impl GpuField {
         mut recorder: Recorder<'a>,
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
-        if self.correct.0 != scale {
-            self.correct = (scale, correct(gpu, self.n_nodes, scale));
+        let what = (scale, solver.responses.is_some());
+        if self.correct.0 != what {
+            self.correct = (what, correct(gpu, self.n_nodes, what));
         }
         match &solver.device {
             Some(cg) => {
@@ -290,12 +296,20 @@ impl GpuField {
         let pipeline = gpu.pipeline(Kernel::Correct, level.options.interpolation, 0);
         let correct = gpu.bind(
             &pipeline,
-            &[self.correct.1.whole(), self.vectors.solution.whole(), self.displacement.whole(), self.worst.whole()],
+            &[
+                self.correct.1.whole(),
+                self.vectors.solution.whole(),
+                self.displacement.whole(),
+                self.worst.whole(),
+                // Not read where there are none.
+                solver.responses.as_ref().unwrap_or(&self.change).whole(),
+                level.node_zone.whole(),
+                self.change.whole(),
+            ],
         );
         recorder.run(&correct, self.node_groups());
         self.corrected = true;
-        let summary = self.summary(gpu, level, true);
-        recorder.run(&summary, 1);
+        recorder.run(&self.summary(gpu, level, Kernel::Largest), 1);
         let bytes = recorder.fetch(&[(&self.step, size_of::<layout::Step>() as u64)], traffic)?;
         let step: layout::Step = values(&bytes)[0];
         Ok(Step {

@@ -63,6 +63,8 @@ pub struct GpuLevel {
     pub(super) groups: Buffer,
     pub(super) zone_groups: Buffer,
     pub(super) tally: Buffer,
+    /// The zone of each node.
+    pub(super) node_zone: Buffer,
     pub(super) gather: Buffer,
     pub(super) report: Buffer,
     pub(super) places: Option<Buffer>,
@@ -146,6 +148,7 @@ impl GpuLevel {
             groups: gpu.filled(&groups, "groups of elements")?,
             zone_groups: gpu.filled(&zone_groups, "zones")?,
             tally: gpu.uniform(&tally),
+            node_zone: gpu.filled(mesh.node_zone(), "the zones of the nodes")?,
             gather: gpu.uniform(&layout::Gather { n_nodes, unused0: 0, unused1: 0, unused2: 0 }),
             report: gpu.uniform(&layout::Report { n_elements, n_nodes, unused: [0; 2] }),
             places: None,
@@ -252,6 +255,9 @@ impl GpuLevel {
     ) -> Result<Vec<ElementMoments>, BackendError> {
         let pipeline = gpu.pipeline(Kernel::NormalMatrix, self.options.interpolation, 0);
         let none = gpu.storage(16, "nothing")?;
+        // How grey levels that change as a whole are coupled with the displacement: of all pixels, in elements and in zones.
+        let of_zones = displacement.is_none() && self.options.brightness != Brightness::Off;
+        let own_transfer = u32::from(self.own_transfer() || of_zones);
         let mut moments = Vec::with_capacity(list.len());
         for list in list.chunks(MOMENTS_AT_ONCE) {
             let numbers = gpu.filled(list, "numbers of elements")?;
@@ -263,6 +269,7 @@ impl GpuLevel {
                 let pass = layout::Pass {
                     n_listed: list.len() as u32,
                     weighted: u32::from(displacement.is_some()),
+                    own_transfer,
                     ..self.pass(elements, rows.start)
                 };
                 let uniform = gpu.uniform(&pass);
@@ -294,9 +301,7 @@ impl GpuLevel {
                 *of_eta = std::array::from_fn(|w| at(9 * p + 3 * q + w));
             }
         }
-        if self.own_transfer() {
-            moments.transfer = [0, 1].map(|t| std::array::from_fn(|k| at(30 + 8 * t + k)));
-        }
+        moments.transfer = [0, 1].map(|t| std::array::from_fn(|k| at(30 + 8 * t + k)));
         moments
     }
 

@@ -137,12 +137,14 @@ kernels! {
     CgUpdate = "cg_update": "cg_update" main, 256 [Uniform Read Read Read Write Write Write Write],
         Solve, |of| of.runs * 72 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
     /// Correction of the field.
-    Correct = "correct": "correct" main, 256 [Uniform Read Write Write],
-        Other, |of| 40 * of.nodes, "N (8 B correction, 16 B in and out)";
-    /// Sums of the zones and the report of a step.
-    Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write],
-        Other, |of| 48 * of.elements.div_ceil(256) + 8 * of.nodes.div_ceil(256),
-            "sums of groups of elements and of nodes";
+    Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read],
+        Other, |of| 60 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it)";
+    /// Sums of the zones, and what follows from them.
+    Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write Write],
+        Other, |of| 48 * of.elements.div_ceil(256), "sums of groups of elements";
+    /// Largest correction.
+    Largest = "largest": "summary" largest, 64 [Uniform Read Read Read Write Write Write Write],
+        Other, |of| 8 * of.nodes.div_ceil(256), "largest corrections of groups of nodes";
     /// Field of a level from that of the next coarser one.
     Prolong = "prolong": "prolong" main, 256 [Read Read Write],
         Other, |of| 64 * of.nodes, "N (32 B place, 16 B in, 16 B out)";

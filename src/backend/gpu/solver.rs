@@ -32,6 +32,8 @@ pub(super) const NODES_TOGETHER: usize = 256;
 pub struct GpuSolver {
     host: Solver,
     pub(super) id: u64,
+    /// How the nodes answer to gain and offset of their zone, see [`Solver::responses`].
+    pub(super) responses: Option<Buffer>,
     pub(super) device: Option<ConjugateGradients>,
 }
 
@@ -96,7 +98,13 @@ impl GpuSolver {
             None => host.name() == "iterative",
         };
         let device = if on_device { Some(ConjugateGradients::new(gpu, &host, iterations)?) } else { None };
-        Ok(Self { host, id: COUNT.fetch_add(1, Ordering::Relaxed), device })
+        let of_node =
+            |(gain, offset): (&[f64; 2], &[f64; 2])| [gain[0], gain[1], offset[0], offset[1]].map(|u| u as f32);
+        let responses = host
+            .responses()
+            .map(|[by_gain, by_offset]| -> Vec<[f32; 4]> { by_gain.iter().zip(by_offset).map(of_node).collect() });
+        let responses = responses.map(|of| gpu.filled(&of, "responses to light")).transpose()?;
+        Ok(Self { host, id: COUNT.fetch_add(1, Ordering::Relaxed), responses, device })
     }
 }
 
