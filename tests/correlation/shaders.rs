@@ -3,6 +3,7 @@
 
 #![cfg(feature = "gpu")]
 
+use naga::BinaryOperator as Op;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use quadrille::backend::gpu::{Binding, KERNELS, Kernel, mirrors, source};
 use quadrille::imaging::Interpolation;
@@ -127,5 +128,75 @@ fn every_kernel_keeps_within_the_limits_of_every_webgpu_device() {
             .map(|(_, global)| layouter[global.ty].size)
             .sum();
         assert!(shared <= 16384, "{kernel:?} shares {shared} bytes in a workgroup");
+    }
+}
+
+/// What lets shaders run without wgpu's bounds of loops and guards of divisions (`src/backend/gpu/device.rs`).
+#[test]
+fn every_loop_counts_up_to_a_bound_and_whole_numbers_are_divided_by_constants() {
+    for (kernel, interpolation) in variants() {
+        let module = parsed(kernel, interpolation);
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        let info = validator.validate(&module).unwrap();
+        let functions = module.functions.iter().map(|(handle, function)| (function, &info[handle]));
+        let entries =
+            module.entry_points.iter().enumerate().map(|(k, entry)| (&entry.function, info.get_entry_point(k)));
+        for (function, of_function) in functions.chain(entries) {
+            for (handle, expression) in function.expressions.iter() {
+                let naga::Expression::Binary { op: Op::Divide | Op::Modulo, right, .. } = *expression else { continue };
+                let kind = of_function[handle].ty.inner_with(&module.types).scalar_kind();
+                if matches!(kind, Some(naga::ScalarKind::Sint | naga::ScalarKind::Uint)) {
+                    assert!(is_constant(&module, function, right), "{kernel:?}: {:?}", function.expressions[right]);
+                }
+            }
+            assert_bounded(&function.body, kernel);
+        }
+    }
+}
+
+/// Whether it is a number other than 0 that is known when the shader is made.
+fn is_constant(module: &naga::Module, function: &naga::Function, expression: naga::Handle<naga::Expression>) -> bool {
+    let not_zero = |literal: &naga::Literal| match *literal {
+        naga::Literal::I32(value) => value > 0,
+        naga::Literal::U32(value) => value > 0,
+        _ => false,
+    };
+    let global = |init: naga::Handle<naga::Expression>| match &module.global_expressions[init] {
+        naga::Expression::Literal(literal) => not_zero(literal),
+        _ => false,
+    };
+    match &function.expressions[expression] {
+        naga::Expression::Literal(literal) => not_zero(literal),
+        naga::Expression::Constant(constant) => global(module.constants[*constant].init),
+        // Threads of an element, which the host sets to 4, 8 or 16.
+        naga::Expression::Override(constant) => module.overrides[*constant].init.is_some_and(global),
+        _ => false,
+    }
+}
+
+/// Every loop begins with the question whether it is over, and ends each turn with a step.
+fn assert_bounded(block: &naga::Block, kernel: Kernel) {
+    for statement in block.iter() {
+        match statement {
+            naga::Statement::Block(block) => assert_bounded(block, kernel),
+            naga::Statement::If { accept, reject, .. } => {
+                assert_bounded(accept, kernel);
+                assert_bounded(reject, kernel);
+            }
+            naga::Statement::Switch { cases, .. } => cases.iter().for_each(|case| assert_bounded(&case.body, kernel)),
+            naga::Statement::Loop { body, continuing, .. } => {
+                let first = body.iter().find(|statement| !matches!(statement, naga::Statement::Emit(_)));
+                let is_asked = match first {
+                    Some(naga::Statement::If { accept, reject, .. }) => {
+                        [accept, reject].iter().any(|block| block.iter().any(|s| matches!(s, naga::Statement::Break)))
+                    }
+                    _ => false,
+                };
+                let steps = continuing.iter().any(|statement| matches!(statement, naga::Statement::Store { .. }));
+                assert!(is_asked && steps, "{kernel:?}: a loop without a bound: {first:?}");
+                assert_bounded(body, kernel);
+            }
+            _ => {}
+        }
     }
 }

@@ -248,10 +248,16 @@ impl Gpu {
         if let Some([from, to]) = &*self.altered.lock().unwrap_or_else(PoisonError::into_inner) {
             text = text.replace(from, to);
         }
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(text.into()),
-        });
+        let descriptor = wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text.into()) };
+        let checks = wgpu::ShaderRuntimeChecks {
+            force_loop_bounding: false,
+            int_div_checks: false,
+            ..wgpu::ShaderRuntimeChecks::checked()
+        };
+        // SAFETY: indices stay checked. Every loop of our shaders counts up to a bound, and whole numbers are divided by constants
+        // alone that are not 0 (tests/correlation/shaders.rs).
+        #[allow(unsafe_code, reason = "shaders without checks that ours do not need: a third of their instructions")]
+        let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let entries: Vec<_> = kernel
             .bindings()
             .iter()
