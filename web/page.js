@@ -39,6 +39,7 @@ async function check() {
   known.check = null;
   at('checked').hidden = true;
   try {
+    if (known.device?.fault) known.device = null;
     known.device ??= await Device.open();
     const { device } = known;
     const { maxStorageBufferBindingSize, maxBufferSize } = device.limits;
@@ -53,7 +54,6 @@ async function check() {
     known.device = null;
     say('verdict', sentence(error), 'wrong');
   }
-  at('example').disabled = !known.check?.agrees;
   ready();
 }
 
@@ -164,7 +164,9 @@ async function take(which, file) {
 
 function ready() {
   const { pair: { reference, deformed }, check, busy } = known;
-  at('go').disabled = busy || !check?.agrees || !reference || !deformed;
+  at('again').disabled = busy;
+  at('example').disabled = busy || !check?.agrees;
+  at('go').disabled = at('example').disabled || !reference || !deformed;
 }
 
 for (const which of ['reference', 'deformed']) {

@@ -48,7 +48,11 @@ fn the_page_has_the_shaders_as_the_crate_puts_them_together() {
     }
     let found = std::fs::read_to_string(file("shaders.js")).unwrap_or_default();
     let line = wanted.lines().zip(found.lines()).position(|(wanted, found)| wanted != found);
-    assert!(wanted == found, "web/shaders.js is another from line {:?} on; write it anew: {BLESS}", line.map(|at| at + 1));
+    assert!(
+        wanted == found,
+        "web/shaders.js is another from line {:?} on; write it anew: {BLESS}",
+        line.map(|at| at + 1)
+    );
 }
 
 fn shaders() -> String {
@@ -229,7 +233,10 @@ fn the_answer_of_the_page_is_what_the_cpu_finds() {
     assert_eq!(found.len(), answer.numbers.len(), "{BLESS}");
     for (found, stored) in found.iter().zip(&answer.numbers) {
         let Numbers { what, unit, allowed, values } = found;
-        assert_eq!((what, unit, allowed, values.len()), (&stored.what, &stored.unit, &stored.allowed, stored.values.len()));
+        assert_eq!(
+            (what, unit, allowed, values.len()),
+            (&stored.what, &stored.unit, &stored.allowed, stored.values.len())
+        );
         let largest = stored.values.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
         let scale = if unit == "px" { 1.0 } else { f64::from(largest) };
         let apart = |(a, b): (&f32, &f32)| f64::from((a - b).abs()) / scale;
