@@ -72,11 +72,10 @@ async function checkDevice(device) {
 
 /** What a volunteer can send in. */
 function reportOf(device, check, measured) {
-  const { vendor, architecture, device: model, description, isFallbackAdapter, subgroupMinSize, subgroupMaxSize } = device.info;
   const infinite = v => Number.isFinite(v) ? v : String(v); // JSON has no infinity
   return JSON.stringify({
     report: 'quadrille web check', version: ANSWER.version, at: new Date().toISOString(), browser: navigator.userAgent,
-    adapter: { vendor, architecture, device: model, description, isFallbackAdapter, subgroupMinSize, subgroupMaxSize },
+    adapter: device.info,
     agrees: check.agrees,
     compared: check.compared.map(row => ({ ...row, difference: infinite(row.difference) })),
     ms: { compile: Math.round(device.compileMs), check: Math.round(check.ms) },

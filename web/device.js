@@ -18,7 +18,7 @@ const OVERRIDES = { residual: { LANES: 16, LIGHT: 0 } };
 
 class Device {
   /** Opens the device that the browser offers, with the largest buffers it allows, and compiles every kernel. */
-  static async open() {
+  static async open(tell = () => {}) {
     if (!navigator.gpu) throw new Fault(NO_WEBGPU);
     const adapter = await navigator.gpu.requestAdapter({ powerPreference: 'high-performance' });
     if (!adapter) {
@@ -32,14 +32,21 @@ class Device {
     } catch (error) {
       throw new Fault(`The graphics device cannot be opened: ${error.message}`);
     }
-    const device = new Device(adapter, raw);
+    // Browsers before 2025 tell in other places.
+    const info = adapter.info ?? await adapter.requestAdapterInfo?.() ?? {};
+    const { vendor, architecture, device: model, description, subgroupMinSize, subgroupMaxSize } = info;
+    const isFallbackAdapter = info.isFallbackAdapter ?? adapter.isFallbackAdapter ?? false;
+    const device = new Device(adapter, raw, {
+      vendor, architecture, device: model, description, isFallbackAdapter, subgroupMinSize, subgroupMaxSize,
+    });
+    tell('The kernels are compiled …');
     await device.compile();
     return device;
   }
 
-  constructor(adapter, raw) {
+  constructor(adapter, raw, info) {
     this.raw = raw;
-    this.info = adapter.info ?? {};
+    this.info = info;
     this.limits = {};
     for (const name in raw.limits) this.limits[name] = raw.limits[name];
     this.features = [...adapter.features].sort();

@@ -38,10 +38,11 @@ const runs = counts => Object.entries(counts).map(([name, count]) => [name, coun
 async function check() {
   known.check = null;
   at('checked').hidden = true;
+  ready();
   try {
-    if (known.device?.fault) known.device = null;
-    known.device ??= await Device.open();
+    known.device ??= await Device.open(text => say('verdict', text));
     const { device } = known;
+    device.raw.lost.then(() => forget(device));
     const { maxStorageBufferBindingSize, maxBufferSize } = device.limits;
     at('adapter').textContent = `${device.name}${device.info.isFallbackAdapter ? ' (software: slow, and no graphics card)' : ''}. A kernel ` +
       `sees ${Math.floor(maxStorageBufferBindingSize / 2 ** 20)} MiB at once, a buffer holds ${Math.floor(maxBufferSize / 2 ** 20)} MiB.`;
@@ -54,6 +55,14 @@ async function check() {
     known.device = null;
     say('verdict', sentence(error), 'wrong');
   }
+  ready();
+}
+
+/** A device that is lost computes nothing more; the next check opens another. */
+function forget(device) {
+  if (known.device !== device) return;
+  known.device = known.check = null;
+  say('verdict', device.fault.message, 'wrong');
   ready();
 }
 
@@ -233,6 +242,8 @@ at('example').onclick = async () => {
 at('go').onclick = () => go();
 
 async function go() {
+  const { device, pair } = known;
+  const { reference, deformed } = pair;
   at('result').hidden = true;
   known.result = null;
   known.busy = true;
@@ -240,14 +251,16 @@ async function go() {
   say('status', 'Correlating …');
   await new Promise(done => setTimeout(done)); // the words first
   try {
-    const { reference, deformed } = known.pair;
-    const result = await correlate(known.device, reference, deformed, { size: Number(at('size').value) });
-    known.result = { ...result, reference };
-    say('status', 'Converged.', 'well');
-    show();
+    const result = await correlate(device, reference, deformed, { size: Number(at('size').value) });
+    if (known.pair.reference === reference && known.pair.deformed === deformed) {
+      known.result = { ...result, reference };
+      say('status', 'Converged.', 'well');
+      show();
+    } else {
+      say('status', 'The pair was changed meanwhile: correlate it.');
+    }
   } catch (error) {
     say('status', sentence(error), 'wrong');
-    if (known.device?.fault) known.device = known.check = null;
   }
   known.busy = false;
   ready();
@@ -323,27 +336,38 @@ function valueAt(x, y) {
 }
 
 function draw() {
-  const { result } = known;
-  const { width, height, grey } = result.reference;
+  const { grid, elements, displacement, reference: { width, height, grey } } = known.result;
   const component = Number(at('component').value);
   const opacity = Number(at('opacity').value) / 100;
-  const nodes = new Set();
-  for (let e = 0; e < result.grid.n_elements; e++) if (isShown(e)) result.grid.corners(e).forEach(node => nodes.add(node));
-  const values = [...nodes].map(node => result.displacement[node][component]);
-  const [least, most] = [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
+  const shown = elements.map((_, e) => e).filter(isShown);
+  let [least, most] = [Infinity, -Infinity];
+  for (const node of shown.flatMap(e => grid.corners(e))) {
+    least = Math.min(least, displacement[node][component]);
+    most = Math.max(most, displacement[node][component]);
+  }
   const share = u => most > least ? (u - least) / (most - least) : 0.5;
-  const map = at('map');
-  Object.assign(map, { width, height });
+  const table = Array.from({ length: 256 }, (_, k) => colour(k / 255));
   const picture = new ImageData(width, height);
-  for (let y = 0; y < height; y++) {
-    for (let x = 0; x < width; x++) {
-      const k = y * width + x;
-      const value = valueAt(x, y);
-      const shown = value ? colour(share(value.u[component])) : null;
-      for (let c = 0; c < 3; c++) picture.data[4 * k + c] = shown ? (1 - opacity) * grey[k] + opacity * shown[c] : grey[k];
-      picture.data[4 * k + 3] = 255;
+  for (let k = 0; k < width * height; k++) picture.data.fill(grey[k], 4 * k, 4 * k + 3).fill(255, 4 * k + 3, 4 * k + 4);
+  for (const e of shown) {
+    const { corner: [x0, y0], size: [nx, ny], local: [xi0, dxi, eta0, deta] } = grid.element(e, width, height);
+    const [a, b, c, d] = grid.corners(e).map(node => share(displacement[node][component]));
+    for (let row = 0; row < ny; row++) {
+      const eta = eta0 + row * deta;
+      for (let column = 0; column < nx; column++) {
+        const xi = xi0 + column * dxi;
+        const t = (1 - eta) * ((1 - xi) * a + xi * b) + eta * ((1 - xi) * d + xi * c);
+        const k = (y0 + row) * width + x0 + column;
+        const [red, green, blue] = table[Math.round(255 * Math.min(Math.max(t, 0), 1))];
+        const below = (1 - opacity) * grey[k];
+        picture.data[4 * k] = below + opacity * red;
+        picture.data[4 * k + 1] = below + opacity * green;
+        picture.data[4 * k + 2] = below + opacity * blue;
+      }
     }
   }
+  const map = at('map');
+  Object.assign(map, { width, height });
   map.getContext('2d').putImageData(picture, 0, 0);
   const bar = new ImageData(1, 256);
   for (let k = 0; k < 256; k++) bar.data.set([...colour(1 - k / 255), 255], 4 * k);

@@ -7,7 +7,7 @@ use program::{Desk, moved, speckle};
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Brightness, Status};
-use quadrille::imaging::{Image, Pixels};
+use quadrille::imaging::{Image, Levels, Pixels};
 use quadrille::io::images::write_image;
 use quadrille::mesh::Zone;
 use quadrille::synth::{Depth, Rotation};
@@ -70,6 +70,16 @@ fn the_page_agrees_with_the_cpu_and_measures_files_as_the_library_does() {
     }
     let status = told(&mut page, &files[0], &files[1]);
     assert_eq!(status, "Converged.");
+    // Grey levels arrive as they are written; colours as src/io/images.rs makes them grey.
+    let greys = page.value("Array.from(known.pair.reference.grey)");
+    let greys: Vec<u8> = serde_json::from_value(greys).unwrap();
+    assert!(matches!(images[0].pixels(), Levels::U8(pixels) if *pixels == *greys));
+    let colour = page.value(
+        "(async () => { const c = new OffscreenCanvas(2, 1); const x = c.getContext('2d'); x.fillStyle = 'rgb(10, 200, 30)'; \
+         x.fillRect(0, 0, 2, 1); return (await read(await c.convertToBlob())).grey[1] })()",
+    );
+    let luminance = 0.2126 * 10.0 + 0.7152 * 200.0 + 0.0722 * 30.0;
+    assert!((colour.as_f64().unwrap() - luminance).abs() < 1e-4, "{colour}");
     let [reference, deformed] = images.map(Arc::new);
     let zone = Zone { name: "all".into(), ..Zone::default() };
     let options = Options { brightness: Brightness::Zone, ..Options::default() };
@@ -141,15 +151,26 @@ fn the_page_says_what_it_cannot_measure() {
     std::fs::write(desk.path("words.png"), "no image").unwrap();
     page.choose("reference", &desk.path("words.png"));
     page.until("document.getElementById('status').textContent.includes('no image that this browser reads')");
-    // A device that is lost is said to be, and opened anew by a check.
-    page.value("known.device.raw.destroy()");
-    for id in ["reference", "deformed"] {
-        page.choose(id, &desk.path("reference.png"));
-        page.until(&format!("known.pair.{id}?.name === 'reference.png'"));
-    }
-    page.value("go()");
+    // What ends too early has no field, nor what is too large.
+    let files = ["reference.png", "reference.png"].map(|name| desk.path(name));
+    assert_eq!(told(&mut page, &files[0], &files[1]), "Converged.");
+    let said =
+        page.value("correlate(known.device, known.pair.reference, exampleImage(false)).catch(fault => fault.message)");
+    assert!(said.as_str().unwrap().contains("641 x 403 px"), "{said}");
+    let early = "correlate(known.device, exampleImage(false), exampleImage(true), { max_iterations: 2 }).catch(fault => fault.message)";
+    let said = page.value(early);
+    assert!(said.as_str().unwrap().contains("did not converge"), "{said}");
+    page.value("{ known.before = known.device.limits.maxStorageBufferBindingSize; known.device.limits.maxStorageBufferBindingSize = 1e5 }");
+    let status = told(&mut page, &files[0], &files[1]);
+    assert!(status.contains("which gives a kernel 0 MB at once"), "{status}");
+    assert_eq!(page.value("document.getElementById('result').hidden"), true);
+    page.value("{ known.device.limits.maxStorageBufferBindingSize = known.before }");
+    // A device that is lost in the middle is said to be, and a check opens it anew.
+    page.value("(() => { const done = go(); setTimeout(() => known.device.raw.destroy(), 20); return done })()");
     let status = page.text("status");
     assert!(status.contains("was lost"), "{status}");
+    assert_eq!(page.value("document.getElementById('result').hidden"), true);
+    page.until("document.getElementById('verdict').textContent.includes('was lost')");
     assert_eq!(page.value("document.getElementById('go').disabled"), true);
     page.value("check()");
     assert!(page.text("verdict").starts_with("Agrees"));
