@@ -28,4 +28,6 @@ mod studio;
 mod update_cli;
 mod view;
 mod watch;
+#[cfg(unix)]
+mod web;
 mod words;

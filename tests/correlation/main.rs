@@ -32,5 +32,6 @@ mod strain_gauges;
 mod strain_window;
 mod synth;
 mod uncertainty;
+mod web;
 mod which_reference;
 mod zones;
