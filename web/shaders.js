@@ -1791,9 +1791,10 @@ fn main(
   },
   correct: {
     entry: 'main',
-    bindings: ['uniform', 'read', 'write', 'write'],
+    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read'],
     constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
     source: `// The field plus the correction, turned and damped by \`(cos, sin)\`, and the largest component of the correction. Thread = node.
+// The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 // Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
 
 // An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
@@ -1867,7 +1868,7 @@ struct Correct {
     // Damping times cosine and sine of the angle that the correction is turned by.
     cos: f32,
     sin: f32,
-    unused0: u32,
+    coupled: u32,
 }
 
 struct Worst {
@@ -1879,6 +1880,10 @@ struct Worst {
 @group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
 @group(0) @binding(3) var<storage, read_write> worst: array<Worst>;
+// Displacements by a gain and by an offset of the zone.
+@group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> node_zone: array<u32>;
+@group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
 
 var<workgroup> bits: array<u32, 256>;
 
@@ -1892,7 +1897,12 @@ fn main(
     let node = number * 256u + thread;
     bits[thread] = 0u;
     if node < correct.n_nodes {
-        let du = solution[node];
+        var du = solution[node];
+        if correct.coupled != 0u {
+            let of_zone = change[node_zone[node]];
+            let by = responses[node];
+            du -= of_zone.x * by.xy + of_zone.y * by.zw;
+        }
         let u = displacement[node];
         let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
         let moved = u.rest + turned;
@@ -1920,10 +1930,10 @@ fn main(
   },
   summary: {
     entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write'],
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
     constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
-    source: `// The end of an evaluation: sums, gain and offset of every zone, and of a step what the host asks for. One
-// workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
+    source: `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
+// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
 // Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
 // that have their own.
 const TALLIES: u32 = 11u;
@@ -1988,9 +1998,13 @@ struct Step {
 @group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
 @group(0) @binding(6) var<storage, read_write> step: Step;
+// What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
+@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
 
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
+// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
+const COUPLED: f32 = 0.5;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;
 const ELEMENT: u32 = 2u;
@@ -2053,6 +2067,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             zones[z].gg = total[5];
             zones[z].fg = total[6];
             zones[z].rr = total[7];
+            change[z] = vec2<f32>(0.0);
             // Kept where the sums say nothing: no sensible change of light turns dark into bright.
             if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
                 // Both images are noisy: the line closest to the pairs in both directions.
@@ -2071,7 +2086,13 @@ fn main(@builtin(local_invocation_index) thread: u32) {
                 }
                 // Not where the sums are beyond what f32 holds.
                 if gain > 0.0 && gain < 1e30 {
-                    transfer[z] = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    let before = transfer[z];
+                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    if of_zone >= COUPLED && before.x > 0.0 {
+                        let of_f = (after.x - before.x) / before.x;
+                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
+                    }
+                    transfer[z] = after;
                 }
             }
             if summary.brightness == ELEMENT {
@@ -2084,6 +2105,16 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         }
         workgroupBarrier();
     }
+    if thread == 0u {
+        step.correlation = correlation;
+        step.gained = gained;
+        step.counted = counted;
+        step.lossy = lossy;
+    }
+}
+
+@compute @workgroup_size(64)
+fn largest(@builtin(local_invocation_index) thread: u32) {
     var bits = 0u;
     var node = 0u;
     for (var k = thread; k < summary.n_worst; k += 64u) {
@@ -2103,10 +2134,216 @@ fn main(@builtin(local_invocation_index) thread: u32) {
             }
         }
         step.worst = Worst(bits, node);
+    }
+}
+`,
+  },
+  largest: {
+    entry: 'largest',
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
+    source: `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
+// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
+// Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
+// that have their own.
+const TALLIES: u32 = 11u;
+const ROOM: u32 = 12u; // of a group in memory
+
+struct Summary {
+    n_zones: u32,
+    // Partial results of the largest correction; none after an evaluation without a step.
+    n_worst: u32,
+    // What has a gain and offset: nothing, zones, elements.
+    brightness: u32,
+    // Whether this is the first evaluation of a field.
+    first: u32,
+}
+
+// Groups of elements of a zone, and how many elements they hold.
+struct ZoneGroups {
+    first: u32,
+    count: u32,
+    n_elements: u32,
+    unused: u32,
+}
+
+// Sums over a zone and what follows from them.
+struct Zone {
+    n: f32,
+    n_all: f32,
+    f: f32,
+    ff: f32,
+    g: f32,
+    gg: f32,
+    fg: f32,
+    rr: f32,
+    gain: f32,
+    offset: f32,
+    // Correlation coefficient at the first evaluation.
+    first: f32,
+    unused: f32,
+}
+
+// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
+// and its node.
+struct Worst {
+    bits: u32,
+    node: u32,
+}
+
+struct Step {
+    worst: Worst,
+    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
+    correlation: f32,
+    gained: f32,
+    counted: f32,
+    lossy: f32,
+    unused: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> summary: Summary;
+@group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
+@group(0) @binding(2) var<storage, read> group_sums: array<f32>;
+@group(0) @binding(3) var<storage, read> worst: array<Worst>;
+@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
+@group(0) @binding(6) var<storage, read_write> step: Step;
+// What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
+@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
+
+// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
+const SHARED: f32 = 0.5;
+// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
+const COUPLED: f32 = 0.5;
+const OFF: u32 = 0u;
+const ZONE: u32 = 1u;
+const ELEMENT: u32 = 2u;
+
+var<workgroup> partial: array<f32, 704>; // TALLIES * 64
+var<workgroup> total: array<f32, TALLIES>;
+var<workgroup> worst_bits: array<u32, 64>;
+var<workgroup> worst_node: array<u32, 64>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) thread: u32) {
+    var correlation = 1.0;
+    var gained = 2.0;
+    var counted = 0.0;
+    var lossy = 0.0;
+    for (var z = 0u; z < summary.n_zones; z++) {
+        let groups = zone_groups[z];
+        var mine: array<f32, TALLIES>;
+        for (var k = thread; k < groups.count; k += 64u) {
+            for (var i = 0u; i < TALLIES; i++) {
+                mine[i] += group_sums[(groups.first + k) * ROOM + i];
+            }
+        }
+        for (var i = 0u; i < TALLIES; i++) {
+            partial[64u * i + thread] = mine[i];
+        }
+        workgroupBarrier();
+        if thread < TALLIES {
+            var sum = 0.0;
+            for (var i = 0u; i < 64u; i++) {
+                sum += partial[64u * thread + i];
+            }
+            total[thread] = sum;
+        }
+        workgroupBarrier();
+        if thread == 0u {
+            let n = total[0];
+            let many = max(n, 1.0);
+            let mean_f = total[2] / many;
+            let mean_g = total[4] / many;
+            let variance_f = total[3] / many - mean_f * mean_f;
+            let variance_g = total[5] / many - mean_g * mean_g;
+            let covariance = total[6] / many - mean_f * mean_g;
+            var of_zone = 0.0;
+            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
+                of_zone = clamp(covariance / sqrt(variance_f * variance_g), -1.0, 1.0);
+            }
+            if summary.first != 0u {
+                zones[z].first = of_zone;
+            }
+            correlation = min(correlation, of_zone);
+            gained = min(gained, of_zone - zones[z].first);
+            counted += n;
+            lossy += total[8];
+            zones[z].n = n;
+            zones[z].n_all = total[1];
+            zones[z].f = total[2];
+            zones[z].ff = total[3];
+            zones[z].g = total[4];
+            zones[z].gg = total[5];
+            zones[z].fg = total[6];
+            zones[z].rr = total[7];
+            change[z] = vec2<f32>(0.0);
+            // Kept where the sums say nothing: no sensible change of light turns dark into bright.
+            if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
+                // Both images are noisy: the line closest to the pairs in both directions.
+                // By the ratio of the two: squares of grey levels of any size stay finite.
+                let half = 0.5 * (variance_f - variance_g) / covariance;
+                let root = sqrt(half * half + 1.0);
+                var gain = 0.0;
+                // In quotients, as above.
+                if (covariance / variance_f) * (covariance / variance_g) < SHARED {
+                    // Mostly misfit: the ratio of the contrasts.
+                    gain = sqrt(variance_f / variance_g);
+                } else if half > 0.0 {
+                    gain = half + root;
+                } else {
+                    gain = 1.0 / (root - half);
+                }
+                // Not where the sums are beyond what f32 holds.
+                if gain > 0.0 && gain < 1e30 {
+                    let before = transfer[z];
+                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    if of_zone >= COUPLED && before.x > 0.0 {
+                        let of_f = (after.x - before.x) / before.x;
+                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
+                    }
+                    transfer[z] = after;
+                }
+            }
+            if summary.brightness == ELEMENT {
+                zones[z].gain = total[9] / f32(groups.n_elements);
+                zones[z].offset = total[10] / f32(groups.n_elements);
+            } else {
+                zones[z].gain = transfer[z].x;
+                zones[z].offset = transfer[z].y;
+            }
+        }
+        workgroupBarrier();
+    }
+    if thread == 0u {
         step.correlation = correlation;
         step.gained = gained;
         step.counted = counted;
         step.lossy = lossy;
+    }
+}
+
+@compute @workgroup_size(64)
+fn largest(@builtin(local_invocation_index) thread: u32) {
+    var bits = 0u;
+    var node = 0u;
+    for (var k = thread; k < summary.n_worst; k += 64u) {
+        if worst[k].bits > bits {
+            bits = worst[k].bits;
+            node = worst[k].node;
+        }
+    }
+    worst_bits[thread] = bits;
+    worst_node[thread] = node;
+    workgroupBarrier();
+    if thread == 0u {
+        for (var i = 1u; i < 64u; i++) {
+            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
+                bits = worst_bits[i];
+                node = worst_node[i];
+            }
+        }
+        step.worst = Worst(bits, node);
     }
 }
 `,
@@ -2354,7 +2591,7 @@ fn main(
 const LAYOUTS = {
   Border: { size: 32, fields: { width: [0, 'i32'], height: [4, 'i32'], stride: [8, 'i32'], first: [12, 'i32'], begin: [16, 'i32'], end: [20, 'i32'], unused: [24, 'i32'] } },
   Cg: { size: 32, fields: { n_nodes: [0, 'u32'], iteration: [4, 'u32'], n_partial: [8, 'u32'], first_node: [12, 'u32'], last_node: [16, 'u32'], first_block: [20, 'u32'], unused0: [24, 'u32'], unused1: [28, 'u32'] } },
-  Correct: { size: 16, fields: { n_nodes: [0, 'u32'], cos: [4, 'f32'], sin: [8, 'f32'], unused0: [12, 'u32'] } },
+  Correct: { size: 16, fields: { n_nodes: [0, 'u32'], cos: [4, 'f32'], sin: [8, 'f32'], coupled: [12, 'u32'] } },
   Displacement: { size: 16, fields: { whole: [0, 'i32'], rest: [8, 'f32'] } },
   Downsample: { size: 32, fields: { width: [0, 'u32'], rows: [4, 'u32'], fine_stride: [8, 'u32'], coarse_stride: [12, 'u32'], fine_first: [16, 'u32'], coarse_first: [20, 'u32'], unused: [24, 'u32'] } },
   Element: { size: 64, fields: { nodes: [0, 'u32'], corner: [16, 'i32'], size: [24, 'u32'], local: [32, 'f32'], first_run: [48, 'u32'], n_runs: [52, 'u32'], zone: [56, 'u32'], unused: [60, 'u32'] } },
