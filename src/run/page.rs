@@ -1,12 +1,15 @@
 //! The report of a run, from what its steps have written.
 
 use super::error::{Result, RunError};
+use super::explore::Explored;
 use super::folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
 use super::identification::FIT;
+use super::look::{FitOfRun, Off, off_at};
 use super::record::Record;
 use super::steps::Steps;
-use super::text::absolute;
+use super::text::{absolute, chain};
 use crate::field::{Measurement, Status};
+use crate::imaging::Image;
 use crate::io::images::{Accepted, sha256};
 use crate::io::joint::{read_joint, read_table};
 use crate::io::run_case::RunCase;
@@ -14,8 +17,10 @@ use crate::io::series::Frame;
 use crate::io::store::Store;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::Backdrop;
 use crate::report::fit::{FitRecord, read_bands, read_law};
 use crate::report::identification::{IdentificationReport, OtherRigidMotion};
+use crate::report::page::Page;
 use crate::report::summary::Summary;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
 use crate::units::Px;
@@ -37,12 +42,19 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
 }
 
-/// The report, as HTML, from what the steps have written.
-pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path, steps: &Steps) -> Result<String> {
-    let store = Store::open(correlation_in(folder))?;
+/// The report, as HTML, from what the steps have written; and why the fields cannot be looked around in, where it is so.
+pub(super) fn page(
+    file: &Path,
+    folder: &Path,
+    case: &RunCase,
+    joint_case: &Path,
+    steps: &Steps,
+) -> Result<(String, Option<RunError>)> {
+    let correlation_folder = correlation_in(folder);
+    let store = Store::open(&correlation_folder)?;
     let header = store.header();
     let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
-    let correlation: Summary = read_json(&correlation_in(folder).join("summary.json"))?;
+    let correlation: Summary = read_json(&correlation_folder.join("summary.json"))?;
     let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
         let field = store.frame(number)?.map(|frame| frame.measurement);
@@ -104,7 +116,43 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
         notes,
         provenance,
     };
-    Ok(report.page()?.html())
+    let mut page = report.page()?;
+    let fault = look_around(&mut page, folder, &store, &reference, &joint, &frames, &computed).err();
+    Ok((page.html(), fault))
+}
+
+/// Puts the fields to look around in into `page`, with the fit of the run in `folder`.
+fn look_around(
+    page: &mut Page,
+    folder: &Path,
+    store: &Store,
+    reference: &Image,
+    joint: &Joint,
+    frames: &[(usize, Measurement<Px>)],
+    computed: &Fields,
+) -> Result<()> {
+    let mut numbers = Vec::new();
+    for number in 1..=store.n_frames() {
+        numbers.extend(store.status(number)?.filter(|status| status.has_field()).map(|_| number));
+    }
+    let (fit, fault) = match FitOfRun::read(folder) {
+        Ok(fit) => (fit, None),
+        Err(error) => (None, Some(chain(&error))),
+    };
+    let off = |(at, ((number, field), computed)): (usize, (&(usize, Measurement<Px>), &Vec<[f64; 2]>))| {
+        Some((*number, off_at(joint, store.header().pixel_size?, at, computed, field)?))
+    };
+    let model: Off = frames.iter().zip(computed).enumerate().filter_map(off).collect();
+    let explored = Explored {
+        folder: &correlation_in(folder),
+        store,
+        numbers: &numbers,
+        reference: &Backdrop::new(reference, 1),
+        faults: fault.into_iter().collect(),
+        fit: fit.as_ref(),
+        model: fit.as_ref().filter(|_| !model.is_empty()).map(|_| &model),
+    };
+    explored.put_into(page)
 }
 
 /// What the comparison of laws left that `case` asks for; none where its fit was cut short.
