@@ -83,7 +83,7 @@ impl Backdrop {
     }
 
     /// Length of its picture, as a PNG file.
-    pub(crate) fn n_bytes(&self) -> usize {
+    pub fn n_bytes(&self) -> usize {
         self.png().map_or(0, <[u8]>::len)
     }
 

@@ -428,4 +428,27 @@ mod tests {
             assert!(!html.contains(address), "{address}");
         }
     }
+
+    #[test]
+    fn what_moves_brings_the_one_script_that_may_run_and_its_data_stand_behind_the_text() {
+        let part = Interactive {
+            html: "<canvas></canvas>".into(),
+            style: ".x{}".into(),
+            script: "run();".into(),
+            data: "[1]".into(),
+        };
+        let section = |title: &str, blocks| Section { title: title.into(), blocks };
+        let page = Page {
+            sections: vec![section("Fields", vec![Block::Interactive(part)]), section("Last", Vec::new())],
+            ..Page::default()
+        };
+        let html = page.html();
+        let script = format!("{SCRIPT}run();");
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(script.as_bytes()));
+        assert!(html.contains(&format!("script-src 'sha256-{sha256}'\"")) && html.contains(&script));
+        assert!(html.contains("<section class=\"explore\"><h2>Fields</h2><canvas></canvas></section>"));
+        assert!(html.contains("<section><h2>Last</h2></section>"));
+        let at = |text: &str| html.find(text).unwrap();
+        assert!(at(".x{}</style>") < at("Last") && at("Last") < at("id=\"data\"") && at("[1]") < at("run();"));
+    }
 }

@@ -129,7 +129,7 @@ fn look_around(
     reference: &Image,
     joint: &Joint,
     frames: &[(usize, Measurement<Px>)],
-    computed: &Fields,
+    computed: &[Vec<[f64; 2]>],
 ) -> Result<()> {
     let mut numbers = Vec::new();
     for number in 1..=store.n_frames() {
@@ -139,10 +139,12 @@ fn look_around(
         Ok(fit) => (fit, None),
         Err(error) => (None, Some(chain(&error))),
     };
-    let off = |(at, ((number, field), computed)): (usize, (&(usize, Measurement<Px>), &Vec<[f64; 2]>))| {
-        Some((*number, off_at(joint, store.header().pixel_size?, at, computed, field)?))
-    };
-    let model: Off = frames.iter().zip(computed).enumerate().filter_map(off).collect();
+    let mut model = Off::new();
+    if let Some(pixel_size) = store.header().pixel_size.filter(|_| fit.is_some()) {
+        for (at, ((number, field), computed)) in frames.iter().zip(computed).enumerate() {
+            model.extend(off_at(joint, pixel_size, at, computed, field).map(|off| (*number, off)));
+        }
+    }
     let explored = Explored {
         folder: &correlation_in(folder),
         store,
@@ -150,7 +152,7 @@ fn look_around(
         reference: &Backdrop::new(reference, 1),
         faults: fault.into_iter().collect(),
         fit: fit.as_ref(),
-        model: fit.as_ref().filter(|_| !model.is_empty()).map(|_| &model),
+        model: (!model.is_empty()).then_some(&model),
     };
     explored.put_into(page)
 }

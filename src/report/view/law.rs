@@ -29,7 +29,7 @@ pub struct LawView<'a> {
 
 impl LawView<'_> {
     /// Its size in the page, bytes.
-    pub(crate) fn n_bytes(&self) -> usize {
+    pub fn n_bytes(&self) -> usize {
         self.data().to_string().len()
     }
 
