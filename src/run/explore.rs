@@ -19,7 +19,9 @@ const REST: usize = 2_000_000;
 /// Size of a report with it, bytes.
 const REPORT: usize = 15_000_000;
 /// What it takes of a report beside frames, mesh, image and fit, bytes: script, palettes, words.
-const REST_IN_REPORT: usize = 400_000;
+const REST_IN_REPORT: usize = 150_000;
+/// Name, status and the like of a frame there, bytes.
+const ABOUT_FRAME: usize = 120;
 /// Frames in a report, at most, however small they are.
 const FRAMES_IN_REPORT: usize = 1000;
 /// Title of its section there.
@@ -107,7 +109,7 @@ impl Explored<'_> {
         let law = self.fit.map_or(0, |fit| fit.view().n_bytes());
         let fixed = base64(8 * mesh.n_nodes() + 16 * mesh.n_elements() + self.reference.n_bytes());
         let room = room.saturating_sub(REST_IN_REPORT + law + fixed);
-        let mut shown = self.packed(&sources, |size| (room / size).min(FRAMES_IN_REPORT))?;
+        let mut shown = self.packed(&sources, |size| (room / (size + ABOUT_FRAME)).min(FRAMES_IN_REPORT))?;
         let (n_shown, n) = (shown.len(), self.numbers.len());
         let warned = |text: String| Block::Lead { text, warning: true };
         let mut blocks: Vec<Block> = self.faults.iter().cloned().map(warned).collect();
