@@ -3,7 +3,7 @@
 use super::error::Result;
 use super::folder::correlation_in;
 use super::identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
-use super::page::{fields, read_json};
+use super::read::{fields, read_json};
 use crate::field::{Measurement, Status};
 use crate::io::joint::read_joint;
 use crate::io::store::Store;

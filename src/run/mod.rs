@@ -31,6 +31,7 @@ mod page;
 mod pipeline;
 mod plan;
 pub(crate) mod quantities;
+mod read;
 mod record;
 mod reference;
 mod rehearsal;
@@ -84,7 +85,7 @@ pub(crate) use self::{
     error::shell_word,
     folder::{About, FIGURES, frame_in_words, locks_in},
     lock::{Holder, holders},
-    page::read_json,
+    read::read_json,
     record::Record,
     restart::all_frames,
 };

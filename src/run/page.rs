@@ -5,13 +5,14 @@ use super::explore::Explored;
 use super::folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
 use super::identification::FIT;
 use super::look::{FitOfRun, Off, off_at};
+use super::read::{fields, read_json};
 use super::record::Record;
 use super::steps::Steps;
 use super::text::{absolute, chain};
 use crate::field::{Measurement, Status};
 use crate::imaging::Image;
 use crate::io::images::{Accepted, sha256};
-use crate::io::joint::{read_joint, read_table};
+use crate::io::joint::read_joint;
 use crate::io::run_case::RunCase;
 use crate::io::series::Frame;
 use crate::io::store::Store;
@@ -25,7 +26,6 @@ use crate::report::summary::Summary;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
 use crate::units::Px;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -34,12 +34,6 @@ use std::path::Path;
 #[derive(Deserialize)]
 struct Truth {
     parameters: BTreeMap<String, f64>,
-}
-
-/// A JSON file.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))?;
-    serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
 }
 
 /// The report, as HTML, from what the steps have written; and why the fields cannot be looked around in, where it is so.
@@ -175,26 +169,4 @@ fn identified(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn 
         })
         .collect();
     Ok(law.with_values(&values)?)
-}
-
-/// Displacements by instant and node.
-pub(super) type Fields = Vec<Vec<[f64; 2]>>;
-
-/// The computed displacements, from `solution.csv`.
-pub(super) fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
-    let n_nodes = joint.model.mesh().nodes().len();
-    let n_instants = n.max(joint.boundary.instants().len());
-    let path = folder.join("solution.csv");
-    let (columns, rows) = read_table(&path)?;
-    let at = ["ux_mm", "uy_mm"].map(|name| columns.iter().position(|column| column == name));
-    let [Some(x), Some(y)] = at else { return Err(format!("{}: no columns ux_mm and uy_mm", path.display()).into()) };
-    let mut fields: Fields = vec![Vec::new(); n_instants];
-    for row in rows {
-        let (instant, node) = (row[0] as usize, row[1] as usize);
-        if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
-            field.resize(n_nodes, [0.0; 2]);
-            field[node] = [row[x], row[y]];
-        }
-    }
-    Ok(fields)
 }
