@@ -82,6 +82,11 @@ impl Backdrop {
         self.drawn.as_ref().map(|drawn| drawn.png.as_slice())
     }
 
+    /// Length of its picture, as a PNG file.
+    pub fn n_bytes(&self) -> usize {
+        self.png().map_or(0, <[u8]>::len)
+    }
+
     /// Mean grey; white without an image.
     pub(super) fn mean(&self) -> u8 {
         self.drawn.as_ref().map_or(255, |drawn| drawn.mean)

@@ -2,7 +2,7 @@
 //!
 //! Text stays text: only what has to be a picture is one. Curves are drawn twice, for wide and for narrow screens, so that
 //! their letters are as large as the page's on both; the numbers that they draw stand beside them (`data-series`), for programs and for
-//! the one script of the page, which says those under the pointer.
+//! the one script of the page, which says those under the pointer. What is [`Interactive`] brings more of it.
 
 use super::{Picture, Plot, ReportError};
 use base64::Engine;
@@ -119,6 +119,21 @@ pub enum Block {
     Map(Map),
     /// Pieces side by side where there is room.
     Grid(Vec<Block>),
+    /// What moves: at most one in a page. Its section is left out on paper and where no script runs.
+    Interactive(Interactive),
+}
+
+/// A part of a page with a script of its own.
+#[derive(Debug, Clone, Default)]
+pub struct Interactive {
+    /// What stands in the section, as HTML.
+    pub html: String,
+    /// Its style.
+    pub style: String,
+    /// Its script.
+    pub script: String,
+    /// What the script reads from the element `data`, as JSON without `<`.
+    pub data: String,
 }
 
 /// One bar among others.
@@ -262,7 +277,9 @@ fn data(kind: &str, bytes: &[u8]) -> String {
 impl Page {
     /// The page as HTML.
     pub fn html(&self) -> String {
-        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(SCRIPT.as_bytes()));
+        let interactive = self.sections.iter().find_map(Section::interactive);
+        let script = [SCRIPT, interactive.map_or("", |part| &part.script)].concat();
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(script.as_bytes()));
         let policy =
             format!("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{sha256}'");
         let page = html! {
@@ -273,20 +290,36 @@ impl Page {
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta http-equiv="Content-Security-Policy" content=(policy);
                     title { (self.title) }
-                    style { (PreEscaped(STYLE)) }
+                    style { (PreEscaped(STYLE)) @if let Some(part) = interactive { (PreEscaped(&part.style)) } }
                 }
                 body {
                     header { h1 { (self.title) } p.small { (self.subtitle) } }
                     main {
                         @for section in &self.sections {
-                            section { h2 { (section.title) } @for block in &section.blocks { (block.markup()) } }
+                            section class=[section.interactive().map(|_| "explore")] {
+                                h2 { (section.title) }
+                                @for block in &section.blocks { (block.markup()) }
+                            }
                         }
                     }
-                    script { (PreEscaped(SCRIPT)) }
+                    // Behind all that can be read: it is the larger part.
+                    @if let Some(part) = interactive {
+                        script id="data" type="application/json" { (PreEscaped(&part.data)) }
+                    }
+                    script { (PreEscaped(&script)) }
                 }
             }
         };
         page.into_string()
+    }
+}
+
+impl Section {
+    fn interactive(&self) -> Option<&Interactive> {
+        self.blocks.iter().find_map(|block| match block {
+            Block::Interactive(part) => Some(part),
+            _ => None,
+        })
     }
 }
 
@@ -353,6 +386,7 @@ impl Block {
                     figcaption { (map.caption) }
                 }
             },
+            Self::Interactive(part) => html! { (PreEscaped(&part.html)) },
             Self::Grid(blocks) => html! { div.grid { @for block in blocks { div { (block.markup()) } } } },
         }
     }
@@ -393,5 +427,28 @@ mod tests {
         for address in ["http:", "https:", "src=\"/", "url("] {
             assert!(!html.contains(address), "{address}");
         }
+    }
+
+    #[test]
+    fn what_moves_brings_the_one_script_that_may_run_and_its_data_stand_behind_the_text() {
+        let part = Interactive {
+            html: "<canvas></canvas>".into(),
+            style: ".x{}".into(),
+            script: "run();".into(),
+            data: "[1]".into(),
+        };
+        let section = |title: &str, blocks| Section { title: title.into(), blocks };
+        let page = Page {
+            sections: vec![section("Fields", vec![Block::Interactive(part)]), section("Last", Vec::new())],
+            ..Page::default()
+        };
+        let html = page.html();
+        let script = format!("{SCRIPT}run();");
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(script.as_bytes()));
+        assert!(html.contains(&format!("script-src 'sha256-{sha256}'\"")) && html.contains(&script));
+        assert!(html.contains("<section class=\"explore\"><h2>Fields</h2><canvas></canvas></section>"));
+        assert!(html.contains("<section><h2>Last</h2></section>"));
+        let at = |text: &str| html.find(text).unwrap();
+        assert!(at(".x{}</style>") < at("Last") && at("Last") < at("id=\"data\"") && at("[1]") < at("run();"));
     }
 }

@@ -137,7 +137,10 @@ pub fn run_case(asked: &CaseRun, pool: &ThreadPool, watcher: Watcher<'_>) -> Res
         outcome
     };
 
-    let page = page(file, output, &case, &joint_case, &steps)?;
+    let (page, fault) = pool.install(|| page(file, output, &case, &joint_case, &steps))?;
+    if let Some(error) = fault {
+        watcher(Event::Note(&format!("warning: {REPORT} has no fields to look around in: {}", chain(&error))));
+    }
     RunFolder::open(output, true)?.write(REPORT, |out| std::io::Write::write_all(out, page.as_bytes()))?;
     let left_out = left_out(&correlation)?;
     if left_out > 0 {

@@ -3,8 +3,8 @@
 use super::error::Result;
 use super::folder::correlation_in;
 use super::identification::{FIT, JOINT_SENSITIVITIES, LAW_SENSITIVITIES};
-use super::page::{fields, read_json};
-use crate::field::Status;
+use super::read::{fields, read_json};
+use crate::field::{Measurement, Status};
 use crate::io::joint::read_joint;
 use crate::io::store::Store;
 use crate::linalg::Dense;
@@ -15,7 +15,7 @@ use crate::report::fit::{
 };
 use crate::report::identification::measured_mm;
 use crate::report::view::LawView;
-use crate::units::{Mm, Vector};
+use crate::units::{Mm, PixelSize, Px, Vector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -85,12 +85,15 @@ fn inverse(covariance: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     Some((0..n).map(|r| (0..n).map(|c| inverse[(r, c)] / (std[r] * std[c])).collect()).collect())
 }
 
+/// What a model is off by, px, by the number of the frame: of every node of the correlation, NaN where it is not known.
+pub type Off = BTreeMap<usize, Vec<[f64; 2]>>;
+
 /// The displacement of the model less that measured, px of the image, by the number of the frame: of every node of the correlation, NaN
 /// where one of them is not known. `None` where no model was computed for the frames of the run in `folder`.
 ///
 /// # Errors
 /// Files that are not what they should be.
-pub fn model_less_measured(folder: &Path) -> Result<Option<BTreeMap<usize, Vec<[f64; 2]>>>> {
+pub fn model_less_measured(folder: &Path) -> Result<Option<Off>> {
     let case = folder.join(JOINT_CASE);
     let correlation = correlation_in(folder);
     if !case.is_file() || !folder.join("solution.csv").is_file() || !correlation.is_dir() {
@@ -99,10 +102,6 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<BTreeMap<usize, Vec<[
     let store = Store::open(&correlation)?;
     let Some(pixel_size) = store.header().pixel_size else { return Ok(None) };
     let joint = Joint::new(&read_joint(&case)?)?;
-    let n_nodes = store.mesh().n_nodes();
-    if joint.model.mesh().nodes().len() < n_nodes {
-        return Ok(None);
-    }
     let mut converged = Vec::new();
     for number in 1..=store.n_frames() {
         if store.status(number)? == Some(Status::Converged) {
@@ -110,19 +109,33 @@ pub fn model_less_measured(folder: &Path) -> Result<Option<BTreeMap<usize, Vec<[
         }
     }
     let computed = fields(folder, &joint, converged.len())?;
-    let mut off = BTreeMap::new();
+    let mut off = Off::new();
     for (at, (&number, computed)) in converged.iter().zip(&computed).enumerate() {
-        let Some(frame) = store.frame(number)?.filter(|_| computed.len() >= n_nodes) else { continue };
-        let turned = joint.removed.get(at).map_or(0.0, |motion| motion.rotation_rad).sin_cos();
-        let of_node = |node: usize| {
-            let measured = measured_mm(&frame.measurement, pixel_size, &joint, at, node)?;
-            let [x, y] = [0, 1].map(|c| computed[node][c] - measured[c]);
-            let (sin, cos) = turned;
-            Some(pixel_size.to_px(Vector::<Mm>::new([cos * x - sin * y, sin * x + cos * y])).components())
-        };
-        off.insert(number, (0..n_nodes).map(|node| of_node(node).unwrap_or([f64::NAN; 2])).collect());
+        let Some(frame) = store.frame(number)? else { continue };
+        off.extend(off_at(&joint, pixel_size, at, computed, &frame.measurement).map(|off| (number, off)));
     }
-    Ok(Some(off))
+    Ok((!off.is_empty()).then_some(off))
+}
+
+/// The same of the instant `at`; `None` where the model has fewer nodes than what was measured.
+pub(super) fn off_at(
+    joint: &Joint,
+    pixel_size: PixelSize,
+    at: usize,
+    computed: &[[f64; 2]],
+    field: &Measurement<Px>,
+) -> Option<Vec<[f64; 2]>> {
+    let n_nodes = field.mesh.n_nodes();
+    if computed.len() < n_nodes {
+        return None;
+    }
+    let (sin, cos) = joint.removed.get(at).map_or(0.0, |motion| motion.rotation_rad).sin_cos();
+    let of_node = |node: usize| {
+        let measured = measured_mm(field, pixel_size, joint, at, node)?;
+        let [x, y] = [0, 1].map(|c| computed[node][c] - measured[c]);
+        Some(pixel_size.to_px(Vector::<Mm>::new([cos * x - sin * y, sin * x + cos * y])).components())
+    };
+    Some((0..n_nodes).map(|node| of_node(node).unwrap_or([f64::NAN; 2])).collect())
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ mod doubts;
 mod engine;
 mod error;
 mod event;
+mod explore;
 mod feed;
 mod folder;
 mod found;
@@ -30,6 +31,7 @@ mod page;
 mod pipeline;
 mod plan;
 pub(crate) mod quantities;
+mod read;
 mod record;
 mod reference;
 mod rehearsal;
@@ -58,10 +60,11 @@ pub use case::{CaseRun, run_case};
 pub use check::{Checked, CheckedZone, check, keeps_to};
 pub use error::{Result, RunError};
 pub use event::{Event, Watcher};
+pub use explore::{Explored, ExplorerPage};
 pub use folder::{RunFolder, correlation_in};
 pub use identification::identify;
 pub use in_memory::InMemory;
-pub use look::{FitOfRun, model_less_measured};
+pub use look::{FitOfRun, Off, model_less_measured};
 pub use overlay::{Export, Overlay};
 pub use plan::{Images, Plan, strain_window};
 pub use series::run_series;
@@ -82,7 +85,7 @@ pub(crate) use self::{
     error::shell_word,
     folder::{About, FIGURES, frame_in_words, locks_in},
     lock::{Holder, holders},
-    page::read_json,
+    read::read_json,
     record::Record,
     restart::all_frames,
 };

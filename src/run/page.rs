@@ -1,26 +1,31 @@
 //! The report of a run, from what its steps have written.
 
 use super::error::{Result, RunError};
+use super::explore::Explored;
 use super::folder::{RIGID_MOTION, TOURNAMENT, TOURNAMENT_TRACTIONS, correlation_in};
 use super::identification::FIT;
+use super::look::{FitOfRun, Off, off_at};
+use super::read::{fields, read_json};
 use super::record::Record;
 use super::steps::Steps;
-use super::text::absolute;
+use super::text::{absolute, chain};
 use crate::field::{Measurement, Status};
+use crate::imaging::Image;
 use crate::io::images::{Accepted, sha256};
-use crate::io::joint::{read_joint, read_table};
+use crate::io::joint::read_joint;
 use crate::io::run_case::RunCase;
 use crate::io::series::Frame;
 use crate::io::store::Store;
 use crate::mechanics::Joint;
 use crate::mechanics::cohesive::CohesiveLaw;
+use crate::report::Backdrop;
 use crate::report::fit::{FitRecord, read_bands, read_law};
 use crate::report::identification::{IdentificationReport, OtherRigidMotion};
+use crate::report::page::Page;
 use crate::report::summary::Summary;
 use crate::report::tournament::{TournamentRecord, TournamentReport};
 use crate::units::Px;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -31,18 +36,19 @@ struct Truth {
     parameters: BTreeMap<String, f64>,
 }
 
-/// A JSON file.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).map_err(|error| RunError::file(path, "read", error))?;
-    serde_json::from_str(&text).map_err(|source| RunError::Json { path: path.to_owned(), source })
-}
-
-/// The report, as HTML, from what the steps have written.
-pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path, steps: &Steps) -> Result<String> {
-    let store = Store::open(correlation_in(folder))?;
+/// The report, as HTML, from what the steps have written; and why the fields cannot be looked around in, where it is so.
+pub(super) fn page(
+    file: &Path,
+    folder: &Path,
+    case: &RunCase,
+    joint_case: &Path,
+    steps: &Steps,
+) -> Result<(String, Option<RunError>)> {
+    let correlation_folder = correlation_in(folder);
+    let store = Store::open(&correlation_folder)?;
     let header = store.header();
     let pixel_size = header.pixel_size.ok_or(RunError::Bug("the correlation has no pixel size"))?;
-    let correlation: Summary = read_json(&correlation_in(folder).join("summary.json"))?;
+    let correlation: Summary = read_json(&correlation_folder.join("summary.json"))?;
     let mut frames: Vec<(usize, Measurement<Px>)> = Vec::new();
     for number in 1..=store.n_frames() {
         let field = store.frame(number)?.map(|frame| frame.measurement);
@@ -104,7 +110,45 @@ pub(super) fn page(file: &Path, folder: &Path, case: &RunCase, joint_case: &Path
         notes,
         provenance,
     };
-    Ok(report.page()?.html())
+    let mut page = report.page()?;
+    let fault = look_around(&mut page, folder, &store, &reference, &joint, &frames, &computed).err();
+    Ok((page.html(), fault))
+}
+
+/// Puts the fields to look around in into `page`, with the fit of the run in `folder`.
+fn look_around(
+    page: &mut Page,
+    folder: &Path,
+    store: &Store,
+    reference: &Image,
+    joint: &Joint,
+    frames: &[(usize, Measurement<Px>)],
+    computed: &[Vec<[f64; 2]>],
+) -> Result<()> {
+    let mut numbers = Vec::new();
+    for number in 1..=store.n_frames() {
+        numbers.extend(store.status(number)?.filter(|status| status.has_field()).map(|_| number));
+    }
+    let (fit, fault) = match FitOfRun::read(folder) {
+        Ok(fit) => (fit, None),
+        Err(error) => (None, Some(chain(&error))),
+    };
+    let mut model = Off::new();
+    if let Some(pixel_size) = store.header().pixel_size.filter(|_| fit.is_some()) {
+        for (at, ((number, field), computed)) in frames.iter().zip(computed).enumerate() {
+            model.extend(off_at(joint, pixel_size, at, computed, field).map(|off| (*number, off)));
+        }
+    }
+    let explored = Explored {
+        folder: &correlation_in(folder),
+        store,
+        numbers: &numbers,
+        reference: &Backdrop::new(reference, 1),
+        faults: fault.into_iter().collect(),
+        fit: fit.as_ref(),
+        model: (!model.is_empty()).then_some(&model),
+    };
+    explored.put_into(page)
 }
 
 /// What the comparison of laws left that `case` asks for; none where its fit was cut short.
@@ -125,26 +169,4 @@ fn identified(law: &dyn CohesiveLaw, fit: Option<&FitRecord>) -> Result<Box<dyn 
         })
         .collect();
     Ok(law.with_values(&values)?)
-}
-
-/// Displacements by instant and node.
-pub(super) type Fields = Vec<Vec<[f64; 2]>>;
-
-/// The computed displacements, from `solution.csv`.
-pub(super) fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
-    let n_nodes = joint.model.mesh().nodes().len();
-    let n_instants = n.max(joint.boundary.instants().len());
-    let path = folder.join("solution.csv");
-    let (columns, rows) = read_table(&path)?;
-    let at = ["ux_mm", "uy_mm"].map(|name| columns.iter().position(|column| column == name));
-    let [Some(x), Some(y)] = at else { return Err(format!("{}: no columns ux_mm and uy_mm", path.display()).into()) };
-    let mut fields: Fields = vec![Vec::new(); n_instants];
-    for row in rows {
-        let (instant, node) = (row[0] as usize, row[1] as usize);
-        if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
-            field.resize(n_nodes, [0.0; 2]);
-            field[node] = [row[x], row[y]];
-        }
-    }
-    Ok(fields)
 }

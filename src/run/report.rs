@@ -1,6 +1,7 @@
 //! The report of a series, from its store and its summary.
 
 use super::error::{Result, RunError};
+use super::explore::Explored;
 use super::folder::RunFolder;
 use super::plan::Plan;
 use super::text::absolute;
@@ -15,14 +16,15 @@ use crate::report::summary::Summary;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes `report.html`. What it reads and draws is bounded, however long the series is.
+/// Writes `report.html`. What it reads and draws is bounded, however long the series is. Returns why the fields cannot be looked
+/// around in, where it is so.
 pub(super) fn write(
     folder: &RunFolder,
     plan: &Plan,
     summary: &Summary,
     reference: &Image,
     quantities: &QuantitySummary,
-) -> Result<()> {
+) -> Result<Option<RunError>> {
     let store = Store::open(folder.path())?;
     let header = store.header();
     // What is said of the test may be said anew.
@@ -53,10 +55,14 @@ pub(super) fn write(
         provenance.push((file.clone(), format!("SHA-256 {sha256}")));
     }
     provenance.push(("SHA-256 of the deformed images".to_owned(), "in run.toml, a line each".to_owned()));
+    let reference = &Backdrop::new(reference, 1);
+    let (faults, fit, model) = (Vec::new(), None, None);
+    let explored =
+        Explored { folder: folder.path(), store: &store, numbers: &with_field, reference, faults, fit, model };
     let report = CorrelationReport {
         summary,
         case: &case,
-        reference: &Backdrop::new(reference, 1),
+        reference,
         pixel_size: header.pixel_size,
         element_px: header.element_size_px,
         drawn: &drawn,
@@ -65,6 +71,9 @@ pub(super) fn write(
         notes: &quantities.notes,
         provenance,
     };
-    let page = report.page()?.html();
-    folder.write(RunFolder::REPORT, |out| out.write_all(page.as_bytes()))
+    let mut page = report.page()?;
+    let fault = explored.put_into(&mut page).err();
+    let page = page.html();
+    folder.write(RunFolder::REPORT, |out| out.write_all(page.as_bytes()))?;
+    Ok(fault)
 }

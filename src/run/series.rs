@@ -433,14 +433,16 @@ impl<'a> PreparedSeries<'a> {
         if !self.plan.report {
             return Ok(());
         }
-        match report::write(self.folder, &self.plan, summary, &self.reference, &drawn) {
+        let (folder, plan, reference) = (self.folder, &self.plan, &self.reference);
+        let mut warn = |what: &str, error: &RunError| {
+            watcher(Event::Note(&format!("warning: {what}: {}", chain(error))));
+        };
+        match self.pool.install(|| report::write(folder, plan, summary, reference, &drawn)) {
             // A disk that takes no more.
             Err(error @ RunError::File { .. }) => return Err(error),
             // The measurement is there.
-            Err(error) => {
-                watcher(Event::Note(&format!("warning: there is no {}: {}", RunFolder::REPORT, chain(&error))));
-            }
-            Ok(()) => (),
+            Err(error) => warn("there is no report.html", &error),
+            Ok(fault) => fault.iter().for_each(|error| warn("report.html has no fields to look around in", error)),
         }
         Ok(())
     }

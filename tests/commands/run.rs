@@ -338,6 +338,64 @@ fn nothing_of_the_report_is_clipped_or_illegible_in_a_browser_400_px_wide_or_128
     }
 }
 
+/// Looks around in the report of an identification: answers as lines of JSON.
+const AROUND: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="report.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+const until = async (what, test) => {
+  for (let k = 0; k < 400; k++) { if (test()) return; await new Promise(done => setTimeout(done, 25)); }
+  throw new Error('waited in vain: ' + what);
+};
+f.onload = async () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    await until('the first frame', () => at('frame-name').textContent);
+    said.titles = [...d.querySelectorAll('main > section > h2')].map(h => h.textContent);
+    said.frames = [...at('frames').querySelectorAll('tbody tr')].length;
+    said.quantities = [...at('quantity').options].map(o => o.textContent);
+    const b = map.getBoundingClientRect(), s = Math.min(b.width / 720, b.height / 448);
+    map.dispatchEvent(new w.PointerEvent('pointermove', { bubbles: true, pointerId: 7, pointerType: 'mouse', clientX: b.left + b.width / 2, clientY: b.top + b.height / 2 - 120 * s }));
+    said.value = at('readout').textContent;
+    said.law = !at('law').hidden;
+    // The report says the verdict; it is not repeated.
+    said.again = at('law-verdict').children.length;
+    said.fit = at('law-sliders').textContent;
+    said.near = at('law-distance').textContent;
+    const slider = at('law-0');
+    slider.value = 1;
+    slider.dispatchEvent(new w.Event('input'));
+    said.far = at('law-distance').textContent;
+    said.charts = at('law-charts').querySelectorAll('svg').length;
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
+#[test]
+fn fields_and_law_are_looked_around_in_within_the_report_behind_the_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(made().join("run/report.html"), folder.path().join("report.html")).unwrap();
+    for width in ["400", "1280"] {
+        let Some(said) = seen(folder.path(), &AROUND.replace("WIDTH", width)) else { return };
+        println!("{width} px: {said}");
+        let said: Value = serde_json::from_str(&said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
+            .unwrap_or_else(|_| panic!("{said}"));
+        assert!(said.get("error").is_none(), "{said}");
+        assert!(said["titles"][0] == "Result" && said["titles"][1] == "The fields, to look around in", "{said}");
+        assert!(said["frames"] == 19 && said["law"] == true && said["again"] == 0 && said["charts"] == 4, "{said}");
+        let quantities = said["quantities"].as_array().unwrap();
+        assert!(quantities.iter().any(|q| q == "u_x of the model less that measured (px)"), "{said}");
+        let text = |key: &str| said[key].as_str().unwrap().to_owned();
+        assert!(text("value").contains("u_y = ") && text("value").contains("±"), "{said}");
+        assert!(text("near").contains("inside the 95 % region") && text("far").contains("outside"), "{said}");
+        // The value of the slider is that of the fit, four digits of it.
+        let fit = json(made().join("run/fit.json"));
+        let phi_n = fit["parameters"]["phi_n"]["value"].as_f64().unwrap();
+        let value: f64 = text("fit").split(['(', ' ']).nth(3).unwrap().parse().unwrap();
+        assert!((value / phi_n - 1.0).abs() < 5.1e-4, "{value} for {phi_n}: {said}");
+    }
+}
+
 #[test]
 fn steps_are_done_again_only_when_their_inputs_change() {
     let folder = tempfile::tempdir().unwrap();

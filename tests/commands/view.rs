@@ -71,6 +71,58 @@ f.onload = async () => {
 };
 </script>"#;
 
+/// Looks around in a report, without and with the focus on the field: answers as lines of JSON.
+const REPORT: &str = r#"<!doctype html><body style="margin:0"><iframe id="f" src="out/report.html" style="width:WIDTHpx;height:900px;border:0">
+</iframe><pre id="r">waiting</pre><script>
+const until = async (what, test) => {
+  for (let k = 0; k < 400; k++) { if (test()) return; await new Promise(done => setTimeout(done, 25)); }
+  throw new Error('waited in vain: ' + what);
+};
+f.onload = async () => {
+  const said = {};
+  try {
+    const d = f.contentDocument, w = f.contentWindow, at = id => d.getElementById(id), map = at('map');
+    await until('the first frame', () => at('frame-name').textContent);
+    said.titles = [...d.querySelectorAll('main > section > h2')].map(h => h.textContent);
+    said.title = d.title;
+    const box = map.getBoundingClientRect(), s = Math.min(box.width / 128, box.height / 96);
+    const place = ([x, y]) => ({ clientX: box.left + box.width / 2 + (x + .5 - 64) * s, clientY: box.top + box.height / 2 + (y + .5 - 48) * s });
+    at('quantity').value = [...at('quantity').options].find(o => o.textContent === 'u_x (px)').value;
+    at('quantity').dispatchEvent(new w.Event('change'));
+    map.dispatchEvent(new w.PointerEvent('pointermove', { bubbles: true, pointerId: 7, pointerType: 'mouse', ...place([84, 40]) }));
+    said.value = at('readout').textContent;
+    said.name = at('frame-name').textContent;
+    const key = (on, name) => on.dispatchEvent(new w.KeyboardEvent('keydown', { key: name, bubbles: true }));
+    key(d.body, 'ArrowLeft');
+    await new Promise(done => setTimeout(done, 200));
+    said.elsewhere = at('frame-name').textContent;
+    key(map, 'ArrowLeft');
+    await until('the frame before', () => at('frame-name').textContent !== said.name);
+    said.before = at('frame-name').textContent;
+    at('frame').value = 1;
+    at('frame').dispatchEvent(new w.Event('input'));
+    await until('the frame again', () => at('frame-name').textContent === said.name);
+    said.files = [...at('frames').querySelectorAll('tbody tr')].map(row => row.children[1].textContent);
+    said.foreign = d.querySelectorAll('b').length;
+    // No other script runs, and nothing is fetched.
+    const script = d.createElement('script');
+    script.textContent = 'window.ran = 1';
+    d.body.append(script);
+    said.ran = Boolean(w.ran);
+    said.loaded = w.performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length;
+    said.wide = Math.max(0, d.documentElement.scrollWidth - f.clientWidth);
+    said.scrolls = [...d.querySelectorAll('.explore *')].filter(e => e.scrollHeight > e.clientHeight + 1 && ['auto', 'scroll'].includes(w.getComputedStyle(e).overflowY)).length;
+    said.paper = [...d.styleSheets].flatMap(sheet => [...sheet.cssRules]).filter(rule => rule.media && rule.media.mediaText === 'print')
+      .some(rule => [...rule.cssRules].some(own => own.selectorText === '.explore' && own.style.display === 'none'));
+    said.inside = Boolean(at('explorer').closest('section.explore')) && at('frames').closest('section.explore') !== null;
+    const pen = map.getContext('2d').getImageData(0, 0, map.width, map.height).data, colours = new Set();
+    for (let k = 0; k < pen.length; k += 4 * 97) colours.add(pen[k] << 16 | pen[k + 1] << 8 | pen[k + 2]);
+    said.colours = colours.size;
+  } catch (error) { said.error = String(error); }
+  r.textContent = JSON.stringify(said);
+};
+</script>"#;
+
 /// The number behind `name` in `text`.
 #[track_caller]
 fn after(text: &str, name: &str) -> f64 {
@@ -136,6 +188,30 @@ fn the_page_says_the_motion_of_the_images_under_mouse_finger_and_keys_and_hostil
         assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0 && said["ran"] == false, "{said}");
         assert!(text("hash").contains("frame=2&quantity=ux"), "{said}");
         assert!(said["wide"] == 0 && said["small"] == 0, "{said}");
+        assert!(said["colours"].as_u64() > Some(50), "{said}");
+    }
+    let page = desk.read("out/report.html");
+    assert!(!page.contains("<b><img") && page.matches("<script>").count() == 1);
+    for width in ["400", "1280"] {
+        let Some(said) = seen(&desk.path(""), &REPORT.replace("WIDTH", width)) else { return };
+        let said = said.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+        println!("{width} px: {said}");
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
+        assert!(said.get("error").is_none(), "{said}");
+        let text = |key: &str| said[key].as_str().unwrap().to_owned();
+        // What must be known stands first, then the fields.
+        assert!(
+            said["titles"][0] == "Read this first" && said["titles"][1] == "The fields, to look around in",
+            "{said}"
+        );
+        assert_eq!(text("title"), "Displacements measured on images");
+        assert!((after(&text("value"), "u_x =") - 0.01 * (84.0 - 63.5)).abs() < 0.01, "{said}");
+        assert!(text("value").contains("±") && text("name").contains("frame 2 of 2: <b><img"), "{said}");
+        assert!(text("elsewhere") == text("name") && text("before").contains("frame 1 of 2: a.png"), "{said}");
+        assert!(said["files"][1].as_str() == Some(hostile) && said["foreign"] == 0, "{said}");
+        assert!(said["ran"] == false && said["loaded"] == 0, "{said}");
+        assert!(said["wide"] == 0 && said["scrolls"] == 0, "{said}");
+        assert!(said["paper"] == true && said["inside"] == true, "{said}");
         assert!(said["colours"].as_u64() > Some(50), "{said}");
     }
 }

@@ -304,7 +304,7 @@ pub struct DrawArgs {
     quadrille view out --frames 1,50,100-120 --max-mb 5 --output for-anna.html\n\n\
     The page is one file, fetches nothing and works without a network: frames, quantities, values with their uncertainty, profiles \
     along a line, gauges over all frames. Keys: arrows and space (frames), q (quantity), v p g m (what the pointer does), + - 0 \
-    (zoom). Exit status: 0 fine; 1 some frame named by --frames has no field; 2 nothing could be shown.")]
+    (zoom). The report.html of a run has the same in one of its sections. Exit status: 0 fine; 1 some frame named by --frames has no field; 2 nothing could be shown.")]
 pub struct ViewArgs {
     /// Folder of a run of `quadrille correlate` or `quadrille run`, which may still go on, or of `quadrille metrology`.
     #[arg(value_name = "DIR")]

@@ -75,7 +75,7 @@ pub fn chosen(n: usize) -> Vec<usize> {
 }
 
 impl CorrelationReport<'_> {
-    /// The report as a page.
+    /// The report as a page, what must be known first.
     ///
     /// # Errors
     /// A picture that cannot be drawn.

@@ -61,22 +61,13 @@ impl IdentificationReport<'_> {
         }
         facts.push(("device".into(), summary.device.clone()));
         let mut blocks = vec![
-            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums. All frames, with values under the pointer, profiles, gauges and a law explorer: `quadrille view` with the folder of this page.".into()),
+            Block::Text("The displacement of two strips beside the adhesive, by global image correlation on one mesh for each strip; pixels beside the dark adhesive are left out of the sums.".into()),
             Block::Facts(facts),
         ];
-        let left_out = n - converged;
-        if left_out > 0 {
-            let list: Vec<String> = frames
-                .iter()
-                .filter(|frame| frame.status != Status::Converged)
-                .map(|frame| format!("{} ({})", frame.number, frame.status.name()))
-                .collect();
-            blocks.push(Block::Lead {
-                text: format!("Left out, because they did not converge: frames {}.", list.join(", ")),
-                warning: true,
-            });
+        // With a fit they stand beside its verdict.
+        if self.fit.is_none() {
+            blocks.extend(self.warnings());
         }
-        blocks.extend(self.notes.iter().map(|note| Block::Lead { text: note.clone(), warning: true }));
         blocks.push(self.rigid_motion());
         let backdrop = Backdrop::new(self.reference, 1);
         let mut maps = Vec::new();
@@ -104,6 +95,15 @@ impl IdentificationReport<'_> {
         }
         blocks.push(Block::Grid(maps));
         Ok(Section { title: "What was measured, and how".into(), blocks })
+    }
+
+    /// Frames that are left out, and remarks of the steps.
+    pub(super) fn warnings(&self) -> Vec<Block> {
+        let left_out = self.correlation.frames.iter().filter(|frame| frame.status != Status::Converged);
+        let list: Vec<String> = left_out.map(|frame| format!("{} ({})", frame.number, frame.status.name())).collect();
+        let left_out = format!("Left out, because they did not converge: frames {}.", list.join(", "));
+        let texts = (!list.is_empty()).then_some(left_out).into_iter().chain(self.notes.iter().cloned());
+        texts.map(|text| Block::Lead { text, warning: true }).collect()
     }
 
     /// Root mean square of the standard uncertainty of the measured displacements, px.

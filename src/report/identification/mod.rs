@@ -88,19 +88,24 @@ fn chosen(n: usize) -> Vec<usize> {
 }
 
 impl IdentificationReport<'_> {
-    /// The report as a page.
+    /// The report as a page, what must be known first.
     ///
     /// # Errors
     /// A picture that cannot be drawn.
     pub fn page(&self) -> Result<Page, ReportError> {
-        let mut sections = Vec::new();
+        let mut sections = match self.fit {
+            Some(fit) => vec![self.result(fit)],
+            None => vec![self.measurement()?],
+        };
         if let Some(fit) = self.fit {
-            sections.push(self.result(fit)?);
+            sections.push(self.trust(fit)?);
         }
         if let Some(laws) = self.laws {
             sections.push(laws.section()?);
         }
-        sections.push(self.measurement()?);
+        if self.fit.is_some() {
+            sections.push(self.measurement()?);
+        }
         sections.push(self.comparison()?);
         sections.push(self.tractions()?);
         if let Some(fit) = self.fit {

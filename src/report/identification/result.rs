@@ -8,7 +8,8 @@ use crate::report::words::{capital, plain, plain_or_dash, significant};
 use crate::report::{Axis, Name, Plot, PlotSeries, ReportError, Style};
 
 impl IdentificationReport<'_> {
-    pub(super) fn result(&self, fit: &FitRecord) -> Result<Section, ReportError> {
+    /// The verdict and the values.
+    pub(super) fn result(&self, fit: &FitRecord) -> Section {
         let (status, reason) = (&fit.status, &fit.reason);
         let converged = status == "converged";
         let mut blocks = vec![Block::Lead {
@@ -26,10 +27,16 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Lead { text, warning: !verdict.determined });
             blocks.extend(rest.iter().map(|line| Block::Text(format!("{}.", capital(line)))));
         }
+        blocks.extend(self.warnings());
         blocks.push(Block::Text(format!("Criteria of the verdict: {}.", verdict.thresholds)));
         blocks.push(self.parameters(fit));
         blocks.extend(about_intervals(fit));
-        blocks.extend(self.budget(fit));
+        Section { title: "Result".into(), blocks }
+    }
+
+    /// What the values rest on.
+    pub(super) fn trust(&self, fit: &FitRecord) -> Result<Section, ReportError> {
+        let mut blocks = self.budget(fit);
         let names = self.fitted();
         let fixed: Vec<String> = (self.law.parameters().iter().zip(self.law.values()))
             .filter(|(p, _)| !names.iter().any(|name| name == p.name))
@@ -62,7 +69,7 @@ impl IdentificationReport<'_> {
             blocks.push(Block::Matrix { names: names.iter().map(ToString::to_string).collect(), rows });
         }
         blocks.push(Block::Facts(numbers_of_the_fit(fit)));
-        Ok(Section { title: "Result".into(), blocks })
+        Ok(Section { title: "How far the result can be trusted".into(), blocks })
     }
 
     /// The parameters with their uncertainty, a row each.

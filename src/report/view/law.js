@@ -7,9 +7,11 @@ const SVG = at('curve').namespaceURI, COLOURS = ['#0072b2', '#d55e00'];
 const short = v => Number.isFinite(v) ? String(+v.toPrecision(4)) : 'not known';
 const element = (name, text) => { const made = document.createElement(name); if (text !== undefined) made.textContent = text; return made; };
 at('law').hidden = false;
-for (const [k, text] of fit.sentences.entries()) { const made = element('p', text); made.className = k ? '' : `lead${fit.determined ? '' : ' warn'}`; at('law-verdict').append(made); }
+// A report has said the verdict already, and has the budget as well.
+const verdict = at('verdict');
+if (verdict) for (const [k, text] of fit.sentences.entries()) { const made = element('p', text); made.className = k ? '' : `lead${fit.determined ? '' : ' warn'}`; at('law-verdict').append(made); }
 // The verdict first, before all fields.
-if (fit.sentences.length) { const made = element('p', fit.sentences[0]); made.className = `lead${fit.determined ? '' : ' warn'}`; at('verdict').prepend(made); }
+if (verdict && fit.sentences.length) { const made = element('p', fit.sentences[0]); made.className = `lead${fit.determined ? '' : ' warn'}`; verdict.prepend(made); }
 const parameters = fit.parameters, offset = parameters.map(() => 0);
 let instant = Math.max(0, fit.joint.length - 1);
 

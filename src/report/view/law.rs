@@ -28,6 +28,11 @@ pub struct LawView<'a> {
 }
 
 impl LawView<'_> {
+    /// Its size in the page, bytes.
+    pub fn n_bytes(&self) -> usize {
+        self.data().to_string().len()
+    }
+
     /// What the script of the page is given.
     pub(super) fn data(&self) -> Value {
         let fit = self.fit;

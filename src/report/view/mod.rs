@@ -15,6 +15,7 @@ pub use draw::Drawing;
 pub use law::LawView;
 pub use studio::Studio;
 
+use super::page::Interactive;
 use super::{Backdrop, Palette};
 use crate::field::{ElementMark, Status};
 use crate::mesh::Mesh;
@@ -28,7 +29,10 @@ use sha2::{Digest, Sha256};
 use std::io::Write;
 
 const HTML: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
+/// What stands in a page of its own and in a report.
+const EXPLORER: &str = include_str!("explorer.html");
+const EXPLORER_STYLE: &str = include_str!("explorer.css");
+const STYLE: &str = concat!(include_str!("explorer.css"), include_str!("page.css"));
 const SCRIPT: &str = include_str!("page.js");
 /// The law explorer.
 const LAW: &str = include_str!("law.js");
@@ -109,7 +113,7 @@ impl Packed {
         Self { text: STANDARD.encode(bytes), scale, ends }
     }
 
-    /// Its size in the page, bytes.
+    /// Its size in the page, bytes, nearly.
     pub fn size(&self) -> usize {
         self.text.len() + 48 * self.scale.len()
     }
@@ -140,19 +144,15 @@ pub struct ViewFrame {
 pub struct Column {
     /// Name with unit.
     pub label: String,
-    /// One for each frame of the series; NaN where it is not known.
+    /// One for each frame that is listed; NaN where it is not known.
     pub values: Vec<f64>,
 }
 
 /// What the page shows.
 #[derive(Debug)]
 pub struct View<'a> {
-    /// Its title.
-    pub title: String,
-    /// One line below it.
-    pub subtitle: String,
-    /// What must not be missed, and whether it is a warning.
-    pub lead: Vec<(String, bool)>,
+    /// What a page of its own begins with; a report has that already.
+    pub head: Option<Head>,
     /// The reference image.
     pub backdrop: &'a Backdrop,
     /// mm of a pixel, where they are known.
@@ -160,8 +160,10 @@ pub struct View<'a> {
     /// The mesh on it.
     pub mesh: &'a Mesh<Px>,
     /// The quantities.
-    pub layers: &'a [Layer],
-    /// The frames.
+    pub layers: Vec<Layer>,
+    /// Frames of the series.
+    pub n_frames: usize,
+    /// Those that are listed.
     pub frames: Vec<ViewFrame>,
     /// The first is the number of the frame.
     pub columns: Vec<Column>,
@@ -171,10 +173,37 @@ pub struct View<'a> {
     pub law: Option<LawView<'a>>,
 }
 
+/// What stands above all else.
+#[derive(Debug, Clone, Default)]
+pub struct Head {
+    /// The title of the page.
+    pub title: String,
+    /// One line below it.
+    pub subtitle: String,
+    /// What must not be missed, and whether it is a warning.
+    pub lead: Vec<(String, bool)>,
+}
+
 impl View<'_> {
     /// The page.
     pub fn html(&self) -> String {
-        page_of(HTML, &[IMAGE, SCRIPT, LAW].concat(), &self.data())
+        let page = HTML.replacen("{EXPLORER}", EXPLORER.replace("{OPEN}", " open").trim_end(), 1);
+        page_of(&page, &[IMAGE, SCRIPT, LAW].concat(), &self.data())
+    }
+
+    /// The same within a report.
+    pub fn interactive(&self) -> Interactive {
+        // It stands below a heading there, and what is long is closed.
+        let mut html = EXPLORER.replace("{OPEN}", "");
+        for (from, to) in [("h3>", "h4>"), ("h2>", "h3>")] {
+            html = html.replace(from, to);
+        }
+        Interactive {
+            html,
+            style: EXPLORER_STYLE.to_owned(),
+            script: [IMAGE, SCRIPT, LAW].concat(),
+            data: within_script(&self.data()),
+        }
     }
 
     fn data(&self) -> Value {
@@ -190,17 +219,19 @@ impl View<'_> {
         let words = |mark: ElementMark| if mark == ElementMark::None { "nothing is the matter" } else { mark.words() };
         let marks: serde_json::Map<String, Value> =
             marks.map(|mark| (mark.code().to_string(), words(mark).into())).collect();
+        let lead = self.head.iter().flat_map(|head| &head.lead);
+        let lead = lead.map(|(text, warning)| json!({"text": text, "warning": warning}));
         json!({
-            "title": self.title,
-            "subtitle": self.subtitle,
-            "lead": self.lead.iter().map(|(text, warning)| json!({"text": text, "warning": warning})).collect::<Vec<_>>(),
+            "title": self.head.as_ref().map(|head| &head.title),
+            "subtitle": self.head.as_ref().map(|head| &head.subtitle),
+            "lead": lead.collect::<Vec<_>>(),
             "image": {"width": width, "height": height, "png": self.backdrop.png().map(|png| STANDARD.encode(png))},
             "pixel_size_mm": self.mm_per_px,
             "mesh": {"nodes": STANDARD.encode(nodes), "elements": STANDARD.encode(elements)},
             "palettes": palettes,
             "marks": marks,
             "layers": self.layers.iter().enumerate().map(|(k, layer)| self.layer(k, layer)).collect::<Vec<_>>(),
-            "n_frames": self.frames.len(),
+            "n_frames": self.n_frames,
             "frames": self.frames.iter().map(frame).collect::<Vec<_>>(),
             "columns": self.columns.iter().map(|c| json!({"label": c.label, "values": c.values})).collect::<Vec<_>>(),
             "about": self.about,
@@ -236,14 +267,18 @@ impl View<'_> {
 
 /// The page `html` with its one `script`, which alone may run, and the `data` that it shows.
 fn page_of(html: &str, script: &str, data: &Value) -> String {
-    // Within a script nothing but this ends it.
-    let data = data.to_string().replace('<', "\\u003c");
+    let data = within_script(data);
     let sha256 = STANDARD.encode(Sha256::digest(script.as_bytes()));
     let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
     let html = with(html.to_owned(), "{SCRIPT_SHA256}", &sha256);
     let html = with(html, "{STYLE}", STYLE.trim_end());
     let html = with(html, "{SCRIPT}", script);
     with(html, "{DATA}", &data)
+}
+
+/// JSON that no script ends in.
+fn within_script(data: &Value) -> String {
+    data.to_string().replace('<', "\\u003c")
 }
 
 fn name_of(palette: Palette) -> &'static str {

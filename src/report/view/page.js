@@ -16,6 +16,9 @@ const inflate = async text => {
 };
 const MISSING = 65535;
 const NORMAL_95 = 1.959963984540054;
+// Within a report its own title and verdict stand, and keys are for what has the focus.
+const alone = data.title !== null;
+data.frames.forEach((frame, k) => { frame.at = k; });
 const layers = data.layers, frames = data.frames.filter(frame => frame.field);
 const nodes = new Float32Array(bytesOf(data.mesh.nodes).buffer), corners = new Uint32Array(bytesOf(data.mesh.elements).buffer);
 const nNodes = nodes.length / 2, nElements = corners.length / 4;
@@ -334,7 +337,7 @@ async function gauge() {
     bandAcross.push(NORMAL_95 * mm * Math.sqrt(n[1] ** 2 * variance[0] + n[0] ** 2 * variance[1]));
   }
   const column = data.columns[state.against], unit = data.pixel_size_mm ? 'mm' : 'px';
-  const x = frames.map(frame => column.values[frame.number - 1] ?? NaN), last = state.frame;
+  const x = frames.map(frame => column.values[frame.at] ?? NaN), last = state.frame;
   const strain = along[last] / (length * mm);
   chart({ x, here: last, xLabel: column.label, yLabel: `displacement of the second point against the first (${unit})`,
     series: [{ name: 'along the gauge (opening, elongation)', y: along, band: bandAlong }, { name: 'across it (sliding)', y: across, band: bandAcross }],
@@ -357,7 +360,7 @@ async function show(k) {
   field = got;
   place();
   draw();
-  const columns = data.columns.slice(1).map(c => `${c.label} ${written(c.values[frame.number - 1] ?? NaN, 0)}`);
+  const columns = data.columns.slice(1).map(c => `${c.label} ${written(c.values[frame.at] ?? NaN, 0)}`);
   at('frame-name').textContent = [`frame ${frame.number} of ${data.n_frames}: ${frame.file}`, frame.status, ...columns].join(' \u00b7 ');
   for (const row of at('frames').querySelectorAll('tr[data-at]')) {
     const here = +row.dataset.at === state.frame, box = row.closest('.scroll');
@@ -442,15 +445,17 @@ at('save').addEventListener('click', () => {
   const link = element('a', '', { download: 'quadrille-curve.csv', href: `data:text/csv;charset=utf-8,${encodeURIComponent([`# ${shown.note.replaceAll('\n', ' ')}`, `# ${shown.yLabel}`, head.join(','), ...rows].join('\n') + '\n')}` });
   link.click();
 });
-document.addEventListener('keydown', event => {
+(alone ? document : at('explorer')).addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || ['SELECT', 'INPUT'].includes(event.target.tagName)) return;
   const keys = { ArrowLeft: () => show(state.frame - 1), ArrowRight: () => show(state.frame + 1), Home: () => show(0), End: () => show(frames.length - 1), '+': () => view.closer(1.5), '-': () => view.closer(1 / 1.5), 0: view.whole,
     v: () => choose('value'), p: () => choose('profile'), g: () => choose('gauge'), m: () => choose('move'), q: () => quantity((state.layer + 1) % layers.filter(l => l.choice).length) };
-  if (event.key === ' ' && event.target.tagName !== 'BUTTON') { event.preventDefault(); play(timer === null); } else if (keys[event.key]) { event.preventDefault(); if (event.key.startsWith('Arrow')) play(false); keys[event.key](); }
+  if (event.key === ' ' && !['BUTTON', 'SUMMARY'].includes(event.target.tagName)) { event.preventDefault(); play(timer === null); } else if (keys[event.key]) { event.preventDefault(); if (event.key.startsWith('Arrow')) play(false); keys[event.key](); }
 });
-document.title = data.title;
-at('title').textContent = data.title;
-at('subtitle').textContent = data.subtitle;
+if (alone) {
+  document.title = data.title;
+  at('title').textContent = data.title;
+  at('subtitle').textContent = data.subtitle;
+}
 for (const { text, warning } of data.lead) at('verdict').append(element('p', text, { class: warning ? 'lead warn' : 'lead' }));
 layers.forEach((layer, k) => { if (layer.choice) at('quantity').append(element('option', layer.unit === '1' ? layer.label : `${layer.label} (${layer.unit})`, { value: k })); });
 data.columns.forEach((column, k) => at('against').append(element('option', column.label, { value: k })));
@@ -461,7 +466,7 @@ const body = element('tbody');
 let count = 0;
 for (const frame of data.frames) {
   const row = element('tr');
-  for (const text of [frame.number, frame.file, frame.status + (frame.note ? ` (${frame.note})` : ''), ...data.columns.slice(1).map(c => written(c.values[frame.number - 1] ?? NaN, 0))]) row.append(element('td', text));
+  for (const text of [frame.number, frame.file, frame.status + (frame.note ? ` (${frame.note})` : ''), ...data.columns.slice(1).map(c => written(c.values[frame.at] ?? NaN, 0))]) row.append(element('td', text));
   if (frame.field) { const k = count++; row.dataset.at = k; row.addEventListener('click', () => show(k)); }
   if (frame.bad) row.className = 'bad';
   body.append(row);
