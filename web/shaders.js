@@ -2004,7 +2004,7 @@ struct Step {
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
 // Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
-const COUPLED: f32 = 0.5;
+const COUPLED: f32 = 0.9;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;
 const ELEMENT: u32 = 2u;
@@ -2214,7 +2214,7 @@ struct Step {
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
 // Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
-const COUPLED: f32 = 0.5;
+const COUPLED: f32 = 0.9;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;
 const ELEMENT: u32 = 2u;

@@ -124,7 +124,7 @@ pub const KEPT_SHARE: f64 = 0.5;
 pub const BACK_SHARE: f64 = 0.6;
 
 /// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows it.
-pub const COUPLED: f64 = 0.5;
+pub const COUPLED: f64 = 0.9;
 
 /// An element that has lost more than this share of its pixels makes the constant matrix too stiff for the
 /// right-hand side.

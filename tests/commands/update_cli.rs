@@ -84,16 +84,21 @@ fn a_rotation_by_80_degrees_is_measured_within_its_uncertainty() {
         assert!(reference == 0 || updates.as_array().unwrap().contains(&json!(reference)), "{reference} in {updates}");
         let found = store.frame(number).unwrap().unwrap().measurement;
         let motion = turned().at(number as f64 / N as f64);
-        let nodes = found.mesh.nodes().iter().zip(&found.displacement).zip(&found.sigma);
+        // The second frame starts 6 px off at the corners: by the noise one or two elements there end marked as no match (six of
+        // 24 seeds).
+        let measured: Vec<usize> = (0..found.measured.len()).filter(|&node| found.measured[node]).collect();
+        assert!(measured.len() + 2 >= found.measured.len(), "frame {number}: {} nodes", measured.len());
+        let sigmas: Vec<[f64; 2]> = measured.iter().map(|&node| found.sigma[node]).collect();
+        let nodes = measured.iter().map(|&node| (found.mesh.nodes()[node], found.displacement[node])).zip(&sigmas);
         let ratios: Vec<[f64; 2]> = nodes
-            .map(|((&x, u), sigma)| {
+            .map(|((x, u), sigma)| {
                 let exact = motion.displacement(x);
                 [0, 1].map(|c| (u[c] - exact[c]) / sigma[c])
             })
             .collect();
         let ratio = rms(&ratios) / f64::sqrt(2.0); // of one component
         let error: Vec<[f64; 2]> =
-            ratios.iter().zip(&found.sigma).map(|(ratio, sigma)| [0, 1].map(|c| ratio[c] * sigma[c])).collect();
+            ratios.iter().zip(&sigmas).map(|(ratio, sigma)| [0, 1].map(|c| ratio[c] * sigma[c])).collect();
         let error_px = rms(&error) / f64::sqrt(2.0);
         println!("frame {number}, from {reference}: error {ratio:.2} of its uncertainty, {error_px:.4} px rms");
         // One draw of 98 numbers, which neighbours share, scatters by 0.1; printed are 0.87 to 1 of the scatter
