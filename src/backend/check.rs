@@ -5,7 +5,7 @@
 //! nothing to tell: only another device can.
 
 use super::cpu::CpuBackend;
-use super::{Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, loads_of_light};
+use super::{Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, coupled};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver};
@@ -277,10 +277,7 @@ impl Setting {
         };
         let matrices: Vec<ElementMatrix> = moments.iter().map(matrix).collect();
         let data = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-        let coupled = |solver: Solver| match self.options.brightness {
-            Brightness::Zone => solver.with_responses(loads_of_light(&pattern, moments)),
-            _ => solver,
-        };
+        let coupled = |solver: Solver| coupled(solver, &pattern, moments, self.options.brightness);
         if !self.regularised {
             return coupled(Solver::iterative(data));
         }

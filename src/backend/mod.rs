@@ -14,7 +14,7 @@ mod spline;
 mod sums;
 
 pub(crate) use spline::{at_pixel, taps};
-pub use sums::{ElementMatch, ElementMoments, PixelSums, loads_of_light};
+pub use sums::{ElementMatch, ElementMoments, PixelSums, coupled};
 
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};

@@ -1,6 +1,7 @@
 //! Sums over pixels that backends hand back.
 
-use crate::linalg::{ElementMatrix, Pattern};
+use crate::field::Brightness;
+use crate::linalg::{ElementMatrix, Pattern, Solver};
 
 /// Grey-level sums over a set of pixels; `f` reference, `g` deformed, both less the series' offset.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -145,10 +146,15 @@ pub struct ElementMoments {
     pub ff: f64,
 }
 
-/// What a gain and an offset of the grey levels put on the nodes: `B_f` and `B_1`, the right-hand sides of residuals f and 1
-/// (THEORY 2).
-pub fn loads_of_light(pattern: &Pattern, moments: &[ElementMoments]) -> [Vec<[f64; 2]>; 2] {
-    [0, 1].map(|k| pattern.gather(|element| moments[element].transfer[k]))
+/// `solver` with what a gain and an offset of the zones' grey levels move, where they are followed: the solutions for `B_f` and `B_1`, the
+/// right-hand sides of residuals f and 1 (THEORY 2). Light is then solved with the displacement.
+pub fn coupled(solver: Solver, pattern: &Pattern, moments: &[ElementMoments], brightness: Brightness) -> Solver {
+    match brightness {
+        Brightness::Zone => {
+            solver.with_responses([0, 1].map(|k| pattern.gather(|element| moments[element].transfer[k])))
+        }
+        _ => solver,
+    }
 }
 
 /// Whether corner a of an element is at the far end along xi and along eta.

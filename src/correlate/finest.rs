@@ -2,12 +2,12 @@
 
 use super::error::{CorrelationError, TextureFault};
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
-use super::level::{Level, coupled, elimination_order, support};
+use super::level::{Level, elimination_order, support};
 use super::options::Options;
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::backend::{Backend, KernelOptions};
+use crate::backend::{Backend, KernelOptions, coupled};
 use crate::linalg::{BlockMatrix, Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
@@ -105,7 +105,7 @@ pub(super) fn finest_level<B: Backend>(
             }
             if found.is_empty() {
                 backend.restrict(&mut prepared, &active)?;
-                let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, kernel))?;
+                let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, kernel.brightness))?;
                 dropped.sort_by_key(|fault| fault.node);
                 let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };

@@ -117,8 +117,9 @@ const ROUND_OFF_PX: f64 = 5e-6;
 /// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance. After each step
 /// that another one follows comes `between`: what else is to follow the field.
 ///
-/// The grey transfer is fitted at the field before the correction (and the correction made for it, THEORY 2), and fields of light follow
-/// one iteration late, so that the corrections c may fall unevenly: what repeats is two of them together, by the rate `q = c(k) / c(k-2)`. What is still to come is then about
+/// The grey transfer is fitted at the field before the correction (which is made for it, THEORY 2), and fields of light
+/// follow one iteration late, so that the corrections c may fall unevenly: what repeats is two of them together, by the rate
+/// `q = c(k) / c(k-2)`. What is still to come is then about
 /// `(c(k-1) + c(k)) q / (1 - q)`; of corrections that fall evenly that is the sum of their geometric series.
 pub(super) fn iterate<B: Backend>(
     backend: &B,

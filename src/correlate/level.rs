@@ -2,8 +2,7 @@
 
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
-use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, loads_of_light};
-use crate::field::Brightness;
+use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
 use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
@@ -89,19 +88,6 @@ pub(super) fn support(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<f64> {
     support
 }
 
-/// `solver` with what a change of the zones' light moves, where it is followed: it is then solved with the displacement.
-pub(super) fn coupled(
-    solver: Solver,
-    pattern: &Pattern,
-    moments: &[ElementMoments],
-    options: &KernelOptions,
-) -> Solver {
-    match options.brightness {
-        Brightness::Zone => solver.with_responses(loads_of_light(pattern, moments)),
-        _ => solver,
-    }
-}
-
 impl<B: Backend> Level<B> {
     /// A coarse level: nodes without texture are held by the regularisation, or where the start puts them; nothing
     /// is refused.
@@ -135,12 +121,12 @@ impl<B: Backend> Level<B> {
             && let Ok(solver) = regulariser.solver(matrix.clone())
         {
             let keep = vec![true; mesh.n_nodes()];
-            let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options))?;
+            let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options.brightness))?;
             return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser), lambda });
         }
         matrix.hold(&keep);
         let solver = iterative_or_direct(backend, matrix, &mesh);
-        let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options))?;
+        let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options.brightness))?;
         Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None, lambda })
     }
 

@@ -38,6 +38,7 @@ pub struct Solver {
     regularised: Option<Regularised>,
     /// Fall of the residual that conjugate gradients are asked for.
     reduction: f64,
+    /// See [`Solver::with_responses`].
     responses: Option<Arc<[Vec<[f64; 2]>; 2]>>,
 }
 

@@ -279,7 +279,7 @@ fn light_that_flickers_costs_two_iterations_at_most() {
         // Each begins with the light of the frame before, as a series does.
         let other = changed(&plain, |_, _, grey| (gain * grey + offset).clamp(0.0, 255.0));
         let with = iterations(&other, &steady);
-        // Not solved with the displacement, it costs four.
+        println!("{gain} g + {offset}: {with} iterations, {without} in the same light");
         assert!(with <= without + 2, "{gain} g + {offset}: {with} iterations, {without} in the same light");
     }
 }

@@ -245,10 +245,9 @@ impl CpuLevel {
         self.pattern.gather(|element| field.sums[element].b.map(f64::from))
     }
 
-    /// Corrects the field by the sums of its last evaluation, and by what the transfer has changed since: the sums are of
-    /// the residual before that.
-    fn corrected(&self, field: &mut CpuField, solver: &Solver, [cos, sin]: [f64; 2]) -> Step {
-        let zones = self.zone_sums(field);
+    /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since: the
+    /// sums are of the residual before that.
+    fn corrected(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, [cos, sin]: [f64; 2]) -> Step {
         let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
         if field.first.is_empty() {
             field.first = correlations.clone();
@@ -477,8 +476,9 @@ impl Backend for CpuBackend {
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         field.evaluated.clone_from(&field.displacement);
-        level.fit_transfer(&level.zone_sums(field), field);
-        Ok(level.corrected(field, solver, scale))
+        let zones = level.zone_sums(field);
+        level.fit_transfer(&zones, field);
+        Ok(level.corrected(field, &zones, solver, scale))
     }
 
     fn solve_again(
@@ -490,7 +490,7 @@ impl Backend for CpuBackend {
         scale: [f64; 2],
     ) -> Result<Step, BackendError> {
         field.displacement.clone_from(&field.evaluated);
-        Ok(level.corrected(field, solver, scale))
+        Ok(level.corrected(field, &level.zone_sums(field), solver, scale))
     }
 
     fn remaining_moments(
