@@ -16,6 +16,20 @@ const MOST_GROUPS = 32768;
 /** Threads per element of the residual kernel, and no light that changes over the specimen. */
 const OVERRIDES = { residual: { LANES: 16, LIGHT: 0 } };
 
+/** The whole source of a shader file: a line `#import NAME` stands for the file of that name, taken once, as in src/backend/gpu/shader.rs. */
+function sourceOf(file) {
+  const taken = new Set();
+  const lines = text => text.split('\n').flatMap(line => {
+    const name = /^#import (\w+)/.exec(line)?.[1];
+    if (!name) return [line];
+    const shared = `shared/${name === 'spline' ? 'cubic' : name}`;
+    if (taken.has(shared)) return [];
+    taken.add(shared);
+    return lines(FILES[shared]);
+  });
+  return lines(FILES[file]).join('\n');
+}
+
 class Device {
   /** Opens the device that the browser offers, with the largest buffers it allows, and compiles every kernel. */
   static async open(tell = () => {}) {
@@ -78,7 +92,7 @@ class Device {
     const began = performance.now();
     const kinds = { uniform: 'uniform', read: 'read-only-storage', write: 'storage' };
     await Promise.all(Object.entries(SHADERS).map(async ([name, shader]) => {
-      const module = this.raw.createShaderModule({ label: name, code: shader.source });
+      const module = this.raw.createShaderModule({ label: name, code: sourceOf(shader.file) });
       const entries = shader.bindings.map((kind, binding) =>
         ({ binding, visibility: GPUShaderStage.COMPUTE, buffer: { type: kinds[kind] } }));
       const layout = this.raw.createBindGroupLayout({ label: name, entries });

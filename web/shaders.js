@@ -1,53 +1,336 @@
-// The shaders of `shaders/` as the crate puts them together, what each kernel binds, its constants, and where the fields of its
-// structs lie. Written, and compared, by tests/correlation/web.rs: QUADRILLE_BLESS=1 cargo test --test correlation web::
+// The files of `shaders/` (a page that is opened as a file cannot read others), what each kernel binds, its constants, and where the
+// fields of its structs lie. Written, and compared, by tests/correlation/web.rs: QUADRILLE_BLESS=1 cargo test --test correlation web::
 'use strict';
 
 const SHADERS = {
   unpack: {
+    file: 'unpack',
     entry: 'main',
     bindings: ['uniform', 'read', 'write'],
     constants: {  },
-    source: `// Grey levels of 8-bit, 16-bit or float pixels, less the series' offset. Twin: src/backend/pyramid.rs.
-// Thread = pixel.
-
-struct Unpack {
-    width: u32,
-    rows: u32,
-    stride: u32,
-    // Bytes of a pixel.
-    depth: u32,
-    // Pixels before the first in \`pixels\`, and values before the first in \`grey\`.
-    skip: u32,
-    first: u32,
-    offset: f32,
-    unused: u32,
-}
-
-@group(0) @binding(0) var<uniform> unpack: Unpack;
-@group(0) @binding(1) var<storage, read> pixels: array<u32>;
-@group(0) @binding(2) var<storage, read_write> grey: array<f32>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= unpack.width || id.y >= unpack.rows {
-        return;
-    }
-    let at = unpack.skip + id.y * unpack.width + id.x;
-    // A word holds four pixels, two or one; without a branch, and without a division.
-    let shift = 2u - (unpack.depth >> 1u);
-    let bits = 8u * unpack.depth;
-    let word = pixels[at >> shift];
-    let part = (word >> (bits * (at & ((1u << shift) - 1u)))) & (0xffffffffu >> (32u - bits));
-    let value = select(f32(part), bitcast<f32>(word), unpack.depth == 4u);
-    grey[unpack.first + id.y * unpack.stride + id.x] = value - unpack.offset;
-}
-`,
   },
   downsample: {
+    file: 'downsample',
     entry: 'main',
     bindings: ['uniform', 'read', 'write'],
     constants: {  },
-    source: `// Mean of each 2 x 2 block of pixels: the next level of the pyramid. Twin: src/backend/pyramid.rs.
+  },
+  prefilter: {
+    file: 'prefilter',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'write'],
+    constants: { LINES: 32, LENGTH: 64, HALO: 24, SHORT_HALO: 16, MOST: 32, ROOM: 112, PITCH: 113 },
+  },
+  border_columns: {
+    file: 'border',
+    entry: 'columns',
+    bindings: ['uniform', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+  border_rows: {
+    file: 'border',
+    entry: 'rows',
+    bindings: ['uniform', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+  gradient: {
+    file: 'gradient',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, ROWS: 16 },
+  },
+  normal_matrix: {
+    file: 'normal_matrix',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, LANES: 16, QUANTITIES: 46, MOMENTS: 48 },
+  },
+  residual: {
+    file: 'residual',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, BEFORE: 1, TAPS: 4, QUANTITIES: 15, FAR: -1000000000 },
+  },
+  tally: {
+    file: 'tally',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'write', 'write', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, TALLIES: 11, ROOM: 12 },
+  },
+  gather: {
+    file: 'gather',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+  cg_product: {
+    file: 'cg_product',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'read', 'write', 'write', 'write'],
+    constants: {  },
+  },
+  cg_update: {
+    file: 'cg_update',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    constants: {  },
+  },
+  correct: {
+    file: 'correct',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+  summary: {
+    file: 'summary',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
+  },
+  largest: {
+    file: 'summary',
+    entry: 'largest',
+    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
+  },
+  prolong: {
+    file: 'prolong',
+    entry: 'main',
+    bindings: ['read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+  residual_map: {
+    file: 'residual_map',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+  },
+};
+
+const FILES = {
+  'border': `// The border of a plane: continued through the outermost pixels, c(-k) = 2 c(0) - c(k), first along the rows,
+// then along the columns with the corners. Twin: \`continue_border\` in src/backend/cpu/plane.rs.
+#import types
+
+struct Border {
+    width: i32,
+    height: i32,
+    stride: i32,
+    // Row of the plane, border included, that the binding begins with, and image rows of this dispatch.
+    first: i32,
+    begin: i32,
+    end: i32,
+    unused: vec2<i32>,
+}
+
+@group(0) @binding(0) var<uniform> border: Border;
+@group(0) @binding(1) var<storage, read_write> plane: array<f32>;
+
+fn place(x: i32, y: i32) -> i32 {
+    return (y + BORDER - border.first) * border.stride + x + BORDER;
+}
+
+// Thread = row.
+@compute @workgroup_size(64)
+fn columns(@builtin(global_invocation_id) id: vec3<u32>) {
+    let y = border.begin + i32(id.x);
+    if y >= border.end {
+        return;
+    }
+    let last = border.width - 1;
+    for (var k = 1; k <= BORDER; k++) {
+        let inner = min(k, last);
+        plane[place(-k, y)] = 2.0 * plane[place(0, y)] - plane[place(inner, y)];
+        plane[place(last + k, y)] = 2.0 * plane[place(last, y)] - plane[place(last - inner, y)];
+    }
+}
+
+// Thread = column, border included; the binding holds the border rows above (begin = 0) or below the image.
+@compute @workgroup_size(64)
+fn rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    let x = i32(id.x) - BORDER;
+    if x >= border.width + BORDER {
+        return;
+    }
+    let last = border.height - 1;
+    for (var k = 1; k <= BORDER; k++) {
+        let inner = min(k, last);
+        if border.begin == 0 {
+            plane[place(x, -k)] = 2.0 * plane[place(x, 0)] - plane[place(x, inner)];
+        } else {
+            plane[place(x, last + k)] = 2.0 * plane[place(x, last)] - plane[place(x, last - inner)];
+        }
+    }
+}
+`,
+  'cg_product': `// Conjugate gradients, first half of an iteration: p = z + beta p, q = A p, p . q. The product needs p of the
+// neighbours, so each thread makes those anew from the old one. Twin: src/linalg/conjugate_gradients.rs.
+// Thread = node.
+#import cg
+
+@group(0) @binding(0) var<uniform> cg: Cg;
+// Where each node's row of blocks begins; then their columns.
+@group(0) @binding(1) var<storage, read> pattern: array<u32>;
+@group(0) @binding(2) var<storage, read> blocks: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> preconditioned: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> old_direction: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> direction: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> image: array<vec2<f32>>;
+// Partial sums: of r . z before each iteration and after the last in even rows, of p . q in odd ones.
+@group(0) @binding(7) var<storage, read_write> products: array<f32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    var beta = 0.0;
+    if cg.iteration > 0u {
+        let before = total(2u * cg.iteration - 2u, thread);
+        let now = total(2u * cg.iteration, thread);
+        if before > 0.0 {
+            beta = now / before;
+        }
+    }
+    let number = group_number(group, groups) + cg.first_node / 256u;
+    let node = number * 256u + thread;
+    var product = 0.0;
+    if node < cg.last_node {
+        let p = preconditioned[node] + beta * old_direction[node];
+        var q = vec2<f32>(0.0);
+        for (var k = pattern[node]; k < pattern[node + 1u]; k++) {
+            let other = pattern[k];
+            let v = preconditioned[other] + beta * old_direction[other];
+            let block = blocks[k - (cg.n_nodes + 1u) - cg.first_block];
+            q += vec2<f32>(block.x * v.x + block.y * v.y, block.z * v.x + block.w * v.y);
+        }
+        direction[node] = p;
+        image[node] = q;
+        product = dot(p, q);
+    }
+    let sum = sum_of_group(product, thread);
+    if thread == 0u && number * 256u < cg.last_node {
+        products[(2u * cg.iteration + 1u) * cg.n_partial + number] = sum;
+    }
+}
+`,
+  'cg_update': `// Conjugate gradients, second half of an iteration: x += alpha p, r -= alpha q, z = D r, r . z.
+// Twin: src/linalg/conjugate_gradients.rs. Thread = node.
+#import cg
+
+@group(0) @binding(0) var<uniform> cg: Cg;
+// Inverse nodal blocks xx, xy, yy; zero for a node that is held.
+@group(0) @binding(1) var<storage, read> jacobi: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> direction: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> image: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> solution: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> residual: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> preconditioned: array<vec2<f32>>;
+// Partial sums: of r . z before each iteration and after the last in even rows, of p . q in odd ones.
+@group(0) @binding(7) var<storage, read_write> products: array<f32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let rz = total(2u * cg.iteration, thread);
+    let pq = total(2u * cg.iteration + 1u, thread);
+    // Not positive definite along p, or solved: what is reached so far stands.
+    var alpha = 0.0;
+    if pq > 0.0 {
+        alpha = rz / pq;
+    }
+    let number = group_number(group, groups);
+    let node = number * 256u + thread;
+    var product = 0.0;
+    if node < cg.n_nodes {
+        let r = residual[node] - alpha * image[node];
+        let d = jacobi[node];
+        let z = vec2<f32>(d.x * r.x + d.y * r.y, d.y * r.x + d.z * r.y);
+        solution[node] += alpha * direction[node];
+        residual[node] = r;
+        preconditioned[node] = z;
+        product = dot(r, z);
+    }
+    let sum = sum_of_group(product, thread);
+    if thread == 0u && number * 256u < cg.n_nodes {
+        products[(2u * cg.iteration + 2u) * cg.n_partial + number] = sum;
+    }
+}
+`,
+  'correct': `// The field plus the correction, turned and damped by \`(cos, sin)\`, and the largest component of the correction. Thread = node.
+// The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
+#import types
+#import index
+
+struct Correct {
+    n_nodes: u32,
+    // Damping times cosine and sine of the angle that the correction is turned by.
+    cos: f32,
+    sin: f32,
+    coupled: u32,
+}
+
+struct Worst {
+    bits: u32,
+    node: u32,
+}
+
+@group(0) @binding(0) var<uniform> correct: Correct;
+@group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
+@group(0) @binding(3) var<storage, read_write> worst: array<Worst>;
+// Displacements by a gain and by an offset of the zone.
+@group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> node_zone: array<u32>;
+@group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
+
+var<workgroup> bits: array<u32, 256>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups);
+    let node = number * 256u + thread;
+    bits[thread] = 0u;
+    if node < correct.n_nodes {
+        var du = solution[node];
+        if correct.coupled != 0u {
+            let of_zone = change[node_zone[node]];
+            let by = responses[node];
+            du -= of_zone.x * by.xy + of_zone.y * by.zw;
+        }
+        let u = displacement[node];
+        let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
+        let moved = u.rest + turned;
+        let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
+        displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));
+        displacement[node].rest = moved - floors;
+        // As bits, what is no number is larger than any that is.
+        let size = bitcast<vec2<u32>>(abs(du));
+        bits[thread] = max(size.x, size.y);
+    }
+    workgroupBarrier();
+    if thread == 0u && number * 256u < correct.n_nodes {
+        var largest = bits[0];
+        var at = 0u;
+        for (var i = 1u; i < 256u; i++) {
+            if bits[i] > largest {
+                largest = bits[i];
+                at = i;
+            }
+        }
+        worst[number] = Worst(largest, number * 256u + at);
+    }
+}
+`,
+  'downsample': `// Mean of each 2 x 2 block of pixels: the next level of the pyramid. Twin: src/backend/pyramid.rs.
 // Thread = pixel of the coarser level.
 
 struct Downsample {
@@ -76,479 +359,64 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     coarse[downsample.coarse_first + id.y * downsample.coarse_stride + id.x] = mean;
 }
 `,
-  },
-  prefilter: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'write'],
-    constants: { LINES: 32, LENGTH: 64, HALO: 24, SHORT_HALO: 16, MOST: 32, ROOM: 112, PITCH: 113 },
-    source: `// B-spline coefficients along one axis: the recursive prefilter of an image continued through its outermost
-// pixels, s(-k) = 2 s(0) - s(k). Twin: src/backend/cpu/prefilter.rs, which runs over the whole length; here a
-// tile runs in from HALO pixels beyond its own, where the largest pole leaves 2e-9.
-// A workgroup filters LINES lines over LENGTH pixels in its memory; thread = line. Along y a line is a column.
+  'gather': `// The right-hand side of every node from its elements, in element order, and the start of the conjugate
+// gradients. Twins: \`Pattern::gather\` in src/linalg/blocks.rs, src/linalg/conjugate_gradients.rs.
+// Thread = node.
+#import types
+#import index
+#import reduce
 
-struct Prefilter {
-    // Pixels along the axis and lines across it, all and those of this dispatch.
-    n: i32,
-    lines: i32,
-    // Distance of neighbours along the axis, and of lines.
-    step: i32,
-    line_step: i32,
-    // First pixel and its end along the axis of this dispatch; first value of both bindings.
-    begin: i32,
-    end: i32,
-    source_first: i32,
-    target_first: i32,
-    poles: vec2<f32>,
-    n_poles: i32,
-    // Weights of the first samples in the first causal value, MOST per pole.
-    n_start: i32,
-    start: array<vec4<f32>, 16>,
+struct Gather {
+    n_nodes: u32,
+    unused0: u32,
+    unused1: u32,
+    unused2: u32,
 }
 
-@group(0) @binding(0) var<uniform> prefilter: Prefilter;
-@group(0) @binding(1) var<storage, read> source: array<f32>;
-@group(0) @binding(2) var<storage, read_write> filtered: array<f32>;
+@group(0) @binding(0) var<uniform> gather: Gather;
+// Where each node's elements begin; then 4 element + corner of each, element by element.
+@group(0) @binding(1) var<storage, read> incidence: array<u32>;
+@group(0) @binding(2) var<storage, read> sums: array<f32>;
+// Inverse nodal blocks xx, xy, yy; zero for a node that is held.
+@group(0) @binding(3) var<storage, read> jacobi: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> residual: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> preconditioned: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> solution: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read_write> products: array<f32>;
 
-const LINES: i32 = 32;
-const LENGTH: i32 = 64;
-// With two poles, and with one: that of the cubic spline fades sooner.
-const HALO: i32 = 24;
-const SHORT_HALO: i32 = 16;
-const MOST: i32 = 32;
-const ROOM: i32 = LENGTH + 2 * HALO;
-// One more than a row needs: neighbouring lines lie in different banks.
-const PITCH: i32 = ROOM + 1;
-
-var<workgroup> tile: array<f32, LINES * PITCH>;
-
-fn start_weight(pole: i32, k: i32) -> f32 {
-    let at = pole * MOST + k;
-    return prefilter.start[at >> 2][at & 3];
-}
-
-@compute @workgroup_size(32)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let along_rows = prefilter.step == 1;
-    let n_poles = select(0, prefilter.n_poles, prefilter.n >= 2); // a constant is its own coefficient
-    let halo = select(HALO, SHORT_HALO, n_poles == 1);
-    let line0 = i32(group.x) * LINES;
-    let core = prefilter.begin + i32(group.y) * LENGTH;
-    let stop = min(core + LENGTH, prefilter.end);
-    let begin = max(core - halo, 0);
-    let length = min(core + LENGTH + halo, prefilter.n) - begin;
-    let me = i32(thread);
-    let mine = along_rows || line0 + me < prefilter.lines;
-    let line = me * PITCH;
-    let source_line = prefilter.source_first + (line0 + me) * prefilter.line_step + begin * prefilter.step;
-    let filtered_line = prefilter.target_first + (line0 + me) * prefilter.line_step;
-    // Threads run along whatever lies side by side in memory: rows by way of the tile, columns directly.
-    if along_rows {
-        for (var k = 0; k < LINES; k++) {
-            let row = prefilter.source_first + (line0 + k) * prefilter.line_step + begin;
-            for (var x = me; x < length; x += LINES) {
-                if line0 + k < prefilter.lines {
-                    tile[k * PITCH + x] = source[row + x];
-                }
-            }
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups);
+    let node = number * 256u + thread;
+    var product = 0.0;
+    if node < gather.n_nodes {
+        var b = vec2<f32>(0.0);
+        for (var k = incidence[node]; k < incidence[node + 1u]; k++) {
+            let place = incidence[k];
+            let at = (place >> 2u) * SUMS + 2u * (place & 3u);
+            b += vec2<f32>(sums[at], sums[at + 1u]);
         }
+        let d = jacobi[node];
+        let z = vec2<f32>(d.x * b.x + d.y * b.y, d.y * b.x + d.z * b.y);
+        residual[node] = b;
+        preconditioned[node] = z;
+        solution[node] = vec2<f32>(0.0);
+        product = dot(b, z);
     }
-    workgroupBarrier();
-    if mine {
-        for (var pole = 0; pole < n_poles; pole++) {
-            let z = prefilter.poles[pole];
-            let gain = (1.0 - z) * (1.0 - 1.0 / z);
-            let from_tile = along_rows || pole > 0;
-            // Continued through its end, the signal keeps its end value under a symmetric filter of gain 1; in
-            // the halo, any value that is nearly right will do.
-            var last: f32;
-            if from_tile {
-                last = tile[line + length - 1];
-            } else {
-                last = source[source_line + (length - 1) * prefilter.step];
-            }
-            var value = 0.0;
-            for (var k = 0; k < prefilter.n_start && begin == 0; k++) {
-                if from_tile {
-                    value += start_weight(pole, k) * tile[line + k];
-                } else {
-                    value += start_weight(pole, k) * source[source_line + k * prefilter.step];
-                }
-            }
-            value *= gain;
-            if begin > 0 {
-                if from_tile {
-                    value = gain / (1.0 - z) * tile[line];
-                } else {
-                    value = gain / (1.0 - z) * source[source_line];
-                }
-            }
-            tile[line] = value;
-            if from_tile {
-                for (var k = 1; k < length; k++) {
-                    value = z * value + gain * tile[line + k];
-                    tile[line + k] = value;
-                }
-            } else {
-                for (var k = 1; k < length; k++) {
-                    value = z * value + gain * source[source_line + k * prefilter.step];
-                    tile[line + k] = value;
-                }
-            }
-            // The way back, and out on the last one: what is beyond the core is not wanted then.
-            value = last;
-            let out = pole == n_poles - 1;
-            tile[line + length - 1] = value;
-            if out && !along_rows {
-                if begin + length <= stop {
-                    filtered[filtered_line + (begin + length - 1) * prefilter.step] = value;
-                }
-                for (var k = length - 2; k >= core - begin; k--) {
-                    value = z * (value - tile[line + k]);
-                    if begin + k < stop {
-                        filtered[filtered_line + (begin + k) * prefilter.step] = value;
-                    }
-                }
-            } else {
-                for (var k = length - 2; k >= select(0, core - begin, out); k--) {
-                    value = z * (value - tile[line + k]);
-                    tile[line + k] = value;
-                }
-            }
-        }
-        if n_poles == 0 && !along_rows {
-            for (var k = core - begin; begin + k < stop; k++) {
-                filtered[filtered_line + (begin + k) * prefilter.step] = source[source_line + k * prefilter.step];
-            }
-        }
-    }
-    workgroupBarrier();
-    if along_rows {
-        for (var k = 0; k < LINES; k++) {
-            let row = prefilter.target_first + (line0 + k) * prefilter.line_step;
-            for (var x = core + me; x < stop; x += LINES) {
-                if line0 + k < prefilter.lines {
-                    filtered[row + x] = tile[k * PITCH + x - begin];
-                }
-            }
-        }
+    let sum = sum_of_group(product, thread);
+    if thread == 0u && number * 256u < gather.n_nodes {
+        products[number] = sum;
     }
 }
 `,
-  },
-  border_columns: {
-    entry: 'columns',
-    bindings: ['uniform', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// The border of a plane: continued through the outermost pixels, c(-k) = 2 c(0) - c(k), first along the rows,
-// then along the columns with the corners. Twin: \`continue_border\` in src/backend/cpu/plane.rs.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-
-struct Border {
-    width: i32,
-    height: i32,
-    stride: i32,
-    // Row of the plane, border included, that the binding begins with, and image rows of this dispatch.
-    first: i32,
-    begin: i32,
-    end: i32,
-    unused: vec2<i32>,
-}
-
-@group(0) @binding(0) var<uniform> border: Border;
-@group(0) @binding(1) var<storage, read_write> plane: array<f32>;
-
-fn place(x: i32, y: i32) -> i32 {
-    return (y + BORDER - border.first) * border.stride + x + BORDER;
-}
-
-// Thread = row.
-@compute @workgroup_size(64)
-fn columns(@builtin(global_invocation_id) id: vec3<u32>) {
-    let y = border.begin + i32(id.x);
-    if y >= border.end {
-        return;
-    }
-    let last = border.width - 1;
-    for (var k = 1; k <= BORDER; k++) {
-        let inner = min(k, last);
-        plane[place(-k, y)] = 2.0 * plane[place(0, y)] - plane[place(inner, y)];
-        plane[place(last + k, y)] = 2.0 * plane[place(last, y)] - plane[place(last - inner, y)];
-    }
-}
-
-// Thread = column, border included; the binding holds the border rows above (begin = 0) or below the image.
-@compute @workgroup_size(64)
-fn rows(@builtin(global_invocation_id) id: vec3<u32>) {
-    let x = i32(id.x) - BORDER;
-    if x >= border.width + BORDER {
-        return;
-    }
-    let last = border.height - 1;
-    for (var k = 1; k <= BORDER; k++) {
-        let inner = min(k, last);
-        if border.begin == 0 {
-            plane[place(x, -k)] = 2.0 * plane[place(x, 0)] - plane[place(x, inner)];
-        } else {
-            plane[place(x, last + k)] = 2.0 * plane[place(x, last)] - plane[place(x, last - inner)];
-        }
-    }
-}
-`,
-  },
-  border_rows: {
-    entry: 'rows',
-    bindings: ['uniform', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// The border of a plane: continued through the outermost pixels, c(-k) = 2 c(0) - c(k), first along the rows,
-// then along the columns with the corners. Twin: \`continue_border\` in src/backend/cpu/plane.rs.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-
-struct Border {
-    width: i32,
-    height: i32,
-    stride: i32,
-    // Row of the plane, border included, that the binding begins with, and image rows of this dispatch.
-    first: i32,
-    begin: i32,
-    end: i32,
-    unused: vec2<i32>,
-}
-
-@group(0) @binding(0) var<uniform> border: Border;
-@group(0) @binding(1) var<storage, read_write> plane: array<f32>;
-
-fn place(x: i32, y: i32) -> i32 {
-    return (y + BORDER - border.first) * border.stride + x + BORDER;
-}
-
-// Thread = row.
-@compute @workgroup_size(64)
-fn columns(@builtin(global_invocation_id) id: vec3<u32>) {
-    let y = border.begin + i32(id.x);
-    if y >= border.end {
-        return;
-    }
-    let last = border.width - 1;
-    for (var k = 1; k <= BORDER; k++) {
-        let inner = min(k, last);
-        plane[place(-k, y)] = 2.0 * plane[place(0, y)] - plane[place(inner, y)];
-        plane[place(last + k, y)] = 2.0 * plane[place(last, y)] - plane[place(last - inner, y)];
-    }
-}
-
-// Thread = column, border included; the binding holds the border rows above (begin = 0) or below the image.
-@compute @workgroup_size(64)
-fn rows(@builtin(global_invocation_id) id: vec3<u32>) {
-    let x = i32(id.x) - BORDER;
-    if x >= border.width + BORDER {
-        return;
-    }
-    let last = border.height - 1;
-    for (var k = 1; k <= BORDER; k++) {
-        let inner = min(k, last);
-        if border.begin == 0 {
-            plane[place(x, -k)] = 2.0 * plane[place(x, 0)] - plane[place(x, inner)];
-        } else {
-            plane[place(x, last + k)] = 2.0 * plane[place(x, last)] - plane[place(x, last - inner)];
-        }
-    }
-}
-`,
-  },
-  gradient: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, ROWS: 16 },
-    source: `// The reference: grey levels and the gradient of their spline at the pixels, row by row f, fx, fy.
+  'gradient': `// The reference: grey levels and the gradient of their spline at the pixels, row by row f, fx, fy.
 // Twin: \`gradient\` in src/backend/cpu/gradient.rs. Thread = column of ROWS
 // pixels: going down, sums along four of five rows of coefficients stay in registers.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
+#import types
 
 struct Gradient {
     width: i32,
@@ -600,133 +468,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 `,
-  },
-  normal_matrix: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'read', 'read', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, LANES: 16, QUANTITIES: 46, MOMENTS: 48 },
-    source: `// Moments of the reference gradient per element, from which the normal matrices M_ij = sum (psi_i . grad f)
+  'normal_matrix': `// Moments of the reference gradient per element, from which the normal matrices M_ij = sum (psi_i . grad f)
 // (psi_j . grad f) are made (THEORY 2): 27 sums instead of the 36 entries, and those that couple with a gain
 // and offset. Twin: src/backend/cpu/normal_matrix.rs.
 // 16 threads per element, each takes every 16th column of each of its rows.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-// The displacement inside an element. Twin: \`Corners\` in src/backend/cpu/residual.rs.
-
-// Displacement of the corners: whole pixels plus the rest, within 0..1 at the element's centre.
-struct Corners {
-    whole: vec2<i32>,
-    x: vec4<f32>,
-    y: vec4<f32>,
-}
-
-fn corners_of(nodes: vec4<u32>) -> Corners {
-    let a = displacement[nodes.x];
-    let b = displacement[nodes.y];
-    let c = displacement[nodes.z];
-    let d = displacement[nodes.w];
-    let ub = vec2<f32>(b.whole - a.whole) + b.rest;
-    let uc = vec2<f32>(c.whole - a.whole) + c.rest;
-    let ud = vec2<f32>(d.whole - a.whole) + d.rest;
-    let floors = floor(0.25 * ((a.rest + ub) + (uc + ud)));
-    return Corners(
-        a.whole + vec2<i32>(floors),
-        vec4<f32>(a.rest.x, ub.x, uc.x, ud.x) - floors.x,
-        vec4<f32>(a.rest.y, ub.y, uc.y, ud.y) - floors.y,
-    );
-}
-
-// Displacement (less the whole offset) at a point of the element.
-fn along(corner: vec4<f32>, xi: f32, eta: f32) -> f32 {
-    let left = corner.x + eta * (corner.w - corner.x);
-    let right = corner.y + eta * (corner.z - corner.y);
-    return left + xi * (right - left);
-}
-
-fn shape_functions(xi: f32, eta: f32) -> vec4<f32> {
-    return vec4<f32>((1.0 - xi) * (1.0 - eta), xi * (1.0 - eta), xi * eta, (1.0 - xi) * eta);
-}
-// Where pixels land in the deformed image, and how much they count there. Twin: src/backend/cpu/sample.rs.
-
-// A pixel that lands beyond the outermost pixel centres fades out over this distance, px.
-const EDGE: f32 = 0.25;
-
-// Weight of a position (whole pixel and fraction) on an axis of \`n\` pixels: 1 inside, 0 from EDGE outside on.
-fn weight_on(at: i32, t: f32, n: i32) -> f32 {
-    // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
-    let beyond = max(f32(-at) - t, f32(at - (n - 1)) + t);
-    return clamp(1.0 - beyond / EDGE, 0.0, 1.0);
-}
-
-// Floor of a displacement as a whole number; a wild one must not overflow, and lands outside any image.
-fn whole_floor(u: f32) -> i32 {
-    return i32(clamp(floor(u), -1e6, 1e6));
-}
+#import types
+#import index
+#import q4
+#import place
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -885,230 +634,209 @@ fn main(
     }
 }
 `,
-  },
-  residual: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'read', 'read', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, BEFORE: 1, TAPS: 4, QUANTITIES: 15, FAR: -1000000000 },
-    source: `// Residual and right-hand side of the elements that are rectangles of pixels, in one pass (THEORY 2):
+  'prefilter': `// B-spline coefficients along one axis: the recursive prefilter of an image continued through its outermost
+// pixels, s(-k) = 2 s(0) - s(k). Twin: src/backend/cpu/prefilter.rs, which runs over the whole length; here a
+// tile runs in from HALO pixels beyond its own, where the largest pole leaves 2e-9.
+// A workgroup filters LINES lines over LENGTH pixels in its memory; thread = line. Along y a line is a column.
+
+struct Prefilter {
+    // Pixels along the axis and lines across it, all and those of this dispatch.
+    n: i32,
+    lines: i32,
+    // Distance of neighbours along the axis, and of lines.
+    step: i32,
+    line_step: i32,
+    // First pixel and its end along the axis of this dispatch; first value of both bindings.
+    begin: i32,
+    end: i32,
+    source_first: i32,
+    target_first: i32,
+    poles: vec2<f32>,
+    n_poles: i32,
+    // Weights of the first samples in the first causal value, MOST per pole.
+    n_start: i32,
+    start: array<vec4<f32>, 16>,
+}
+
+@group(0) @binding(0) var<uniform> prefilter: Prefilter;
+@group(0) @binding(1) var<storage, read> source: array<f32>;
+@group(0) @binding(2) var<storage, read_write> filtered: array<f32>;
+
+const LINES: i32 = 32;
+const LENGTH: i32 = 64;
+// With two poles, and with one: that of the cubic spline fades sooner.
+const HALO: i32 = 24;
+const SHORT_HALO: i32 = 16;
+const MOST: i32 = 32;
+const ROOM: i32 = LENGTH + 2 * HALO;
+// One more than a row needs: neighbouring lines lie in different banks.
+const PITCH: i32 = ROOM + 1;
+
+var<workgroup> tile: array<f32, LINES * PITCH>;
+
+fn start_weight(pole: i32, k: i32) -> f32 {
+    let at = pole * MOST + k;
+    return prefilter.start[at >> 2][at & 3];
+}
+
+@compute @workgroup_size(32)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let along_rows = prefilter.step == 1;
+    let n_poles = select(0, prefilter.n_poles, prefilter.n >= 2); // a constant is its own coefficient
+    let halo = select(HALO, SHORT_HALO, n_poles == 1);
+    let line0 = i32(group.x) * LINES;
+    let core = prefilter.begin + i32(group.y) * LENGTH;
+    let stop = min(core + LENGTH, prefilter.end);
+    let begin = max(core - halo, 0);
+    let length = min(core + LENGTH + halo, prefilter.n) - begin;
+    let me = i32(thread);
+    let mine = along_rows || line0 + me < prefilter.lines;
+    let line = me * PITCH;
+    let source_line = prefilter.source_first + (line0 + me) * prefilter.line_step + begin * prefilter.step;
+    let filtered_line = prefilter.target_first + (line0 + me) * prefilter.line_step;
+    // Threads run along whatever lies side by side in memory: rows by way of the tile, columns directly.
+    if along_rows {
+        for (var k = 0; k < LINES; k++) {
+            let row = prefilter.source_first + (line0 + k) * prefilter.line_step + begin;
+            for (var x = me; x < length; x += LINES) {
+                if line0 + k < prefilter.lines {
+                    tile[k * PITCH + x] = source[row + x];
+                }
+            }
+        }
+    }
+    workgroupBarrier();
+    if mine {
+        for (var pole = 0; pole < n_poles; pole++) {
+            let z = prefilter.poles[pole];
+            let gain = (1.0 - z) * (1.0 - 1.0 / z);
+            let from_tile = along_rows || pole > 0;
+            // Continued through its end, the signal keeps its end value under a symmetric filter of gain 1; in
+            // the halo, any value that is nearly right will do.
+            var last: f32;
+            if from_tile {
+                last = tile[line + length - 1];
+            } else {
+                last = source[source_line + (length - 1) * prefilter.step];
+            }
+            var value = 0.0;
+            for (var k = 0; k < prefilter.n_start && begin == 0; k++) {
+                if from_tile {
+                    value += start_weight(pole, k) * tile[line + k];
+                } else {
+                    value += start_weight(pole, k) * source[source_line + k * prefilter.step];
+                }
+            }
+            value *= gain;
+            if begin > 0 {
+                if from_tile {
+                    value = gain / (1.0 - z) * tile[line];
+                } else {
+                    value = gain / (1.0 - z) * source[source_line];
+                }
+            }
+            tile[line] = value;
+            if from_tile {
+                for (var k = 1; k < length; k++) {
+                    value = z * value + gain * tile[line + k];
+                    tile[line + k] = value;
+                }
+            } else {
+                for (var k = 1; k < length; k++) {
+                    value = z * value + gain * source[source_line + k * prefilter.step];
+                    tile[line + k] = value;
+                }
+            }
+            // The way back, and out on the last one: what is beyond the core is not wanted then.
+            value = last;
+            let out = pole == n_poles - 1;
+            tile[line + length - 1] = value;
+            if out && !along_rows {
+                if begin + length <= stop {
+                    filtered[filtered_line + (begin + length - 1) * prefilter.step] = value;
+                }
+                for (var k = length - 2; k >= core - begin; k--) {
+                    value = z * (value - tile[line + k]);
+                    if begin + k < stop {
+                        filtered[filtered_line + (begin + k) * prefilter.step] = value;
+                    }
+                }
+            } else {
+                for (var k = length - 2; k >= select(0, core - begin, out); k--) {
+                    value = z * (value - tile[line + k]);
+                    tile[line + k] = value;
+                }
+            }
+        }
+        if n_poles == 0 && !along_rows {
+            for (var k = core - begin; begin + k < stop; k++) {
+                filtered[filtered_line + (begin + k) * prefilter.step] = source[source_line + k * prefilter.step];
+            }
+        }
+    }
+    workgroupBarrier();
+    if along_rows {
+        for (var k = 0; k < LINES; k++) {
+            let row = prefilter.target_first + (line0 + k) * prefilter.line_step;
+            for (var x = core + me; x < stop; x += LINES) {
+                if line0 + k < prefilter.lines {
+                    filtered[row + x] = tile[k * PITCH + x - begin];
+                }
+            }
+        }
+    }
+}
+`,
+  'prolong': `// The field on the nodes of a level from that of the next coarser one, whose pixels are twice as large.
+// Twin: \`start_finer\` in src/backend/cpu/mod.rs. Thread = node.
+#import types
+#import index
+
+struct Place {
+    nodes: vec4<u32>,
+    weights: vec4<f32>,
+}
+
+@group(0) @binding(0) var<storage, read> places: array<Place>;
+@group(0) @binding(1) var<storage, read> coarse: array<Displacement>;
+@group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let node = group_number(group, groups) * 256u + thread;
+    if node >= arrayLength(&displacement) {
+        return;
+    }
+    let place = places[node];
+    let a = coarse[place.nodes.x];
+    let b = coarse[place.nodes.y];
+    let c = coarse[place.nodes.z];
+    let d = coarse[place.nodes.w];
+    // The weights add up to one: relative to the first node no digit is lost.
+    var u = a.rest;
+    u += place.weights.y * (vec2<f32>(b.whole - a.whole) + (b.rest - a.rest));
+    u += place.weights.z * (vec2<f32>(c.whole - a.whole) + (c.rest - a.rest));
+    u += place.weights.w * (vec2<f32>(d.whole - a.whole) + (d.rest - a.rest));
+    u = clamp(2.0 * u, vec2<f32>(-1e6), vec2<f32>(1e6));
+    let floors = floor(u);
+    displacement[node] = Displacement(2 * a.whole + vec2<i32>(floors), u - floors);
+}
+`,
+  'residual': `// Residual and right-hand side of the elements that are rectangles of pixels, in one pass (THEORY 2):
 // b_i = sum (psi_i . grad f)(f - gain g(X + u) - offset). Twin: src/backend/cpu/residual.rs.
 // Thread = pixel column of an element, LANES of them side by side; a workgroup holds 64 / LANES elements. A
 // thread goes down its column with the taps in registers; the weights in xi come once, at the end.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-// The displacement inside an element. Twin: \`Corners\` in src/backend/cpu/residual.rs.
-
-// Displacement of the corners: whole pixels plus the rest, within 0..1 at the element's centre.
-struct Corners {
-    whole: vec2<i32>,
-    x: vec4<f32>,
-    y: vec4<f32>,
-}
-
-fn corners_of(nodes: vec4<u32>) -> Corners {
-    let a = displacement[nodes.x];
-    let b = displacement[nodes.y];
-    let c = displacement[nodes.z];
-    let d = displacement[nodes.w];
-    let ub = vec2<f32>(b.whole - a.whole) + b.rest;
-    let uc = vec2<f32>(c.whole - a.whole) + c.rest;
-    let ud = vec2<f32>(d.whole - a.whole) + d.rest;
-    let floors = floor(0.25 * ((a.rest + ub) + (uc + ud)));
-    return Corners(
-        a.whole + vec2<i32>(floors),
-        vec4<f32>(a.rest.x, ub.x, uc.x, ud.x) - floors.x,
-        vec4<f32>(a.rest.y, ub.y, uc.y, ud.y) - floors.y,
-    );
-}
-
-// Displacement (less the whole offset) at a point of the element.
-fn along(corner: vec4<f32>, xi: f32, eta: f32) -> f32 {
-    let left = corner.x + eta * (corner.w - corner.x);
-    let right = corner.y + eta * (corner.z - corner.y);
-    return left + xi * (right - left);
-}
-
-fn shape_functions(xi: f32, eta: f32) -> vec4<f32> {
-    return vec4<f32>((1.0 - xi) * (1.0 - eta), xi * (1.0 - eta), xi * eta, (1.0 - xi) * eta);
-}
-// Where pixels land in the deformed image, and how much they count there. Twin: src/backend/cpu/sample.rs.
-
-// A pixel that lands beyond the outermost pixel centres fades out over this distance, px.
-const EDGE: f32 = 0.25;
-
-// Weight of a position (whole pixel and fraction) on an axis of \`n\` pixels: 1 inside, 0 from EDGE outside on.
-fn weight_on(at: i32, t: f32, n: i32) -> f32 {
-    // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
-    let beyond = max(f32(-at) - t, f32(at - (n - 1)) + t);
-    return clamp(1.0 - beyond / EDGE, 0.0, 1.0);
-}
-
-// Floor of a displacement as a whole number; a wild one must not overflow, and lands outside any image.
-fn whole_floor(u: f32) -> i32 {
-    return i32(clamp(floor(u), -1e6, 1e6));
-}
-// Cubic B-spline. Twin: \`Cubic\` in src/backend/spline.rs.
-// Interpolation from 4 x 4 coefficients, kept in registers: going down a column, three of four rows stay.
-const BEFORE: i32 = 1; // taps start this far before the floor
-const TAPS: i32 = 4;
-
-struct Taps {
-    r0: vec4<f32>,
-    r1: vec4<f32>,
-    r2: vec4<f32>,
-    r3: vec4<f32>,
-}
-
-fn tap_row(at: i32) -> vec4<f32> {
-    return vec4<f32>(deformed[at], deformed[at + 1], deformed[at + 2], deformed[at + 3]);
-}
-
-fn taps_at(at: i32, stride: i32) -> Taps {
-    return Taps(tap_row(at), tap_row(at + stride), tap_row(at + 2 * stride), tap_row(at + 3 * stride));
-}
-
-// The taps one row below \`taps\`; the new row begins at \`at\`.
-fn taps_below(taps: Taps, at: i32) -> Taps {
-    return Taps(taps.r1, taps.r2, taps.r3, tap_row(at));
-}
-
-fn interpolate(taps: Taps, tx: f32, ty: f32) -> f32 {
-    let wx = spline_weights(tx);
-    let rows = vec4<f32>(dot(wx, taps.r0), dot(wx, taps.r1), dot(wx, taps.r2), dot(wx, taps.r3));
-    return dot(spline_weights(ty), rows);
-}
-
-fn spline_weights(t: f32) -> vec4<f32> {
-    let s = 1.0 - t;
-    let t2 = t * t;
-    let s2 = s * s;
-    return vec4<f32>(
-        s2 * s * (1.0 / 6.0),
-        t2 * (t * 0.5 - 1.0) + 2.0 / 3.0,
-        s2 * (s * 0.5 - 1.0) + 2.0 / 3.0,
-        t2 * t * (1.0 / 6.0),
-    );
-}
-// The end of both residual kernels: the sums of LANES threads become those of their element. The kernel declares
-// \`run\` and \`sums\`.
-
-override LANES: u32 = 16u;
-
-// Eight of the right-hand side by corner and component, then n, rr, g, gg, fg, and what is lost of f and of its square.
-const QUANTITIES: u32 = 15u;
-var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
-
-fn keep(thread: u32, of_grey: vec4<f32>, fg: f32, lost: vec2<f32>) {
-    partial[512u + thread] = of_grey.x;
-    partial[576u + thread] = of_grey.y;
-    partial[640u + thread] = of_grey.z;
-    partial[704u + thread] = of_grey.w;
-    partial[768u + thread] = fg;
-    partial[832u + thread] = lost.x;
-    partial[896u + thread] = lost.y;
-}
-
-fn add_up(element: u32, slot: u32, lane: u32) {
-    for (var k = lane; k < QUANTITIES; k += LANES) {
-        var sum = 0.0;
-        for (var i = 0u; i < LANES; i++) {
-            sum += partial[64u * k + slot * LANES + i];
-        }
-        let at = element * SUMS + k;
-        if run.accumulate != 0u {
-            sum += sums[at];
-        }
-        sums[at] = sum;
-    }
-}
-// Light that changes over the specimen: gain and offset at the corners of an element. Twin: \`Light\` in
-// src/backend/cpu/residual.rs. The kernel declares \`transfer\`.
-
-// Where in \`transfer\` the light of the nodes begins; 0: there is none, and a compiler leaves all of this out.
-override LIGHT: u32 = 0u;
-
-struct Light {
-    gain: vec4<f32>,
-    offset: vec4<f32>,
-}
-
-fn light_of(nodes: vec4<u32>) -> Light {
-    let a = transfer[LIGHT + nodes.x];
-    let b = transfer[LIGHT + nodes.y];
-    let c = transfer[LIGHT + nodes.z];
-    let d = transfer[LIGHT + nodes.w];
-    return Light(vec4<f32>(a.x, b.x, c.x, d.x), vec4<f32>(a.y, b.y, c.y, d.y));
-}
-
-// A grey level of the deformed image, brought to the light of the reference.
-fn brought(light: Light, xi: f32, eta: f32, grey: f32) -> f32 {
-    return along(light.gain, xi, eta) * grey + along(light.offset, xi, eta);
-}
+#import types
+#import index
+#import q4
+#import place
+#import spline
+#import sums
+#import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
 @group(0) @binding(1) var<storage, read> reference: array<f32>;
@@ -1230,15 +958,283 @@ fn main(
     }
 }
 `,
-  },
-  tally: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'write', 'write', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, TALLIES: 11, ROOM: 12 },
-    source: `// After a residual pass: which elements are left out, and the sums of groups of elements of one zone. Before
-// it, where each element has a gain and offset of its own: fits them. Twins: \`run\` in src/backend/cpu/mod.rs
-// and \`fitted\` in src/backend/cpu/residual.rs.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
+  'residual_map': `// What goes back to the host at the end of a frame: how each element matched (the residual map), and the field,
+// packed. Twins: \`PixelSums\` and \`ElementMatch\` in src/backend/sums.rs. Thread = element and node of one number.
+#import types
+#import index
+
+struct Report {
+    n_elements: u32,
+    n_nodes: u32,
+    unused: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> report: Report;
+@group(0) @binding(1) var<storage, read> whole: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> sums: array<f32>;
+@group(0) @binding(3) var<storage, read> displacement: array<Displacement>;
+// Per element two words: root mean square of the residual; share of pixels counted and correlation coefficient.
+// Then per node three: whole pixels as two 16-bit numbers, the rest.
+@group(0) @binding(4) var<storage, read_write> packed: array<u32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups) * 256u + thread;
+    if number < report.n_elements {
+        let at = number * SUMS;
+        let all = whole[number];
+        let n = sums[at + N];
+        var rms = 0.0;
+        var share = 0.0;
+        var correlation = 0.0;
+        if n > 0.0 && sums[at + OUT] != EXCLUDED {
+            rms = sqrt(max(sums[at + RR] / n, 0.0));
+            // One in 32767 at least: none would mean that the element is left out.
+            share = max(n / all.x, 1.0 / 32767.0);
+            let mean_f = (all.y - sums[at + F_LOST]) / n;
+            let mean_g = sums[at + G] / n;
+            let variance_f = (all.z - sums[at + FF_LOST]) / n - mean_f * mean_f;
+            let variance_g = sums[at + GG] / n - mean_g * mean_g;
+            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
+                correlation = (sums[at + FG] / n - mean_f * mean_g) / sqrt(variance_f * variance_g);
+            }
+        }
+        packed[2u * number] = bitcast<u32>(rms);
+        packed[2u * number + 1u] = pack2x16snorm(vec2<f32>(share, correlation));
+    }
+    if number < report.n_nodes {
+        let at = 2u * report.n_elements + 3u * number;
+        let u = displacement[number];
+        let whole_px = clamp(u.whole, vec2<i32>(-32768), vec2<i32>(32767));
+        packed[at] = (u32(whole_px.x) & 0xffffu) | (u32(whole_px.y) << 16u);
+        packed[at + 1u] = bitcast<u32>(u.rest.x);
+        packed[at + 2u] = bitcast<u32>(u.rest.y);
+    }
+}
+`,
+  'shared/cg': `// What both halves of an iteration of the conjugate gradients share.
+#import index
+#import reduce
+
+struct Cg {
+    n_nodes: u32,
+    // Number of the iteration, from 0.
+    iteration: u32,
+    // Partial sums per dot product: one per workgroup.
+    n_partial: u32,
+    // Node and block that this dispatch begins with, and the node it ends before.
+    first_node: u32,
+    last_node: u32,
+    first_block: u32,
+    unused0: u32,
+    unused1: u32,
+}
+
+// Sum of one row of \`products\`, by every workgroup on its own: cheaper than a dispatch for it.
+fn total(row: u32, thread: u32) -> f32 {
+    var mine = 0.0;
+    for (var k = thread; k < cg.n_partial; k += 256u) {
+        mine += products[row * cg.n_partial + k];
+    }
+    return sum_of_group(mine, thread);
+}
+`,
+  'shared/cubic': `// Cubic B-spline. Twin: \`Cubic\` in src/backend/spline.rs.
+#import taps4
+
+fn spline_weights(t: f32) -> vec4<f32> {
+    let s = 1.0 - t;
+    let t2 = t * t;
+    let s2 = s * s;
+    return vec4<f32>(
+        s2 * s * (1.0 / 6.0),
+        t2 * (t * 0.5 - 1.0) + 2.0 / 3.0,
+        s2 * (s * 0.5 - 1.0) + 2.0 / 3.0,
+        t2 * t * (1.0 / 6.0),
+    );
+}
+`,
+  'shared/index': `// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
+fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return group.y * groups.x + group.x;
+}
+`,
+  'shared/light': `// Light that changes over the specimen: gain and offset at the corners of an element. Twin: \`Light\` in
+// src/backend/cpu/residual.rs. The kernel declares \`transfer\`.
+#import q4
+
+// Where in \`transfer\` the light of the nodes begins; 0: there is none, and a compiler leaves all of this out.
+override LIGHT: u32 = 0u;
+
+struct Light {
+    gain: vec4<f32>,
+    offset: vec4<f32>,
+}
+
+fn light_of(nodes: vec4<u32>) -> Light {
+    let a = transfer[LIGHT + nodes.x];
+    let b = transfer[LIGHT + nodes.y];
+    let c = transfer[LIGHT + nodes.z];
+    let d = transfer[LIGHT + nodes.w];
+    return Light(vec4<f32>(a.x, b.x, c.x, d.x), vec4<f32>(a.y, b.y, c.y, d.y));
+}
+
+// A grey level of the deformed image, brought to the light of the reference.
+fn brought(light: Light, xi: f32, eta: f32, grey: f32) -> f32 {
+    return along(light.gain, xi, eta) * grey + along(light.offset, xi, eta);
+}
+`,
+  'shared/place': `// Where pixels land in the deformed image, and how much they count there. Twin: src/backend/cpu/sample.rs.
+
+// A pixel that lands beyond the outermost pixel centres fades out over this distance, px.
+const EDGE: f32 = 0.25;
+
+// Weight of a position (whole pixel and fraction) on an axis of \`n\` pixels: 1 inside, 0 from EDGE outside on.
+fn weight_on(at: i32, t: f32, n: i32) -> f32 {
+    // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
+    let beyond = max(f32(-at) - t, f32(at - (n - 1)) + t);
+    return clamp(1.0 - beyond / EDGE, 0.0, 1.0);
+}
+
+// Floor of a displacement as a whole number; a wild one must not overflow, and lands outside any image.
+fn whole_floor(u: f32) -> i32 {
+    return i32(clamp(floor(u), -1e6, 1e6));
+}
+`,
+  'shared/q4': `// The displacement inside an element. Twin: \`Corners\` in src/backend/cpu/residual.rs.
+#import types
+
+// Displacement of the corners: whole pixels plus the rest, within 0..1 at the element's centre.
+struct Corners {
+    whole: vec2<i32>,
+    x: vec4<f32>,
+    y: vec4<f32>,
+}
+
+fn corners_of(nodes: vec4<u32>) -> Corners {
+    let a = displacement[nodes.x];
+    let b = displacement[nodes.y];
+    let c = displacement[nodes.z];
+    let d = displacement[nodes.w];
+    let ub = vec2<f32>(b.whole - a.whole) + b.rest;
+    let uc = vec2<f32>(c.whole - a.whole) + c.rest;
+    let ud = vec2<f32>(d.whole - a.whole) + d.rest;
+    let floors = floor(0.25 * ((a.rest + ub) + (uc + ud)));
+    return Corners(
+        a.whole + vec2<i32>(floors),
+        vec4<f32>(a.rest.x, ub.x, uc.x, ud.x) - floors.x,
+        vec4<f32>(a.rest.y, ub.y, uc.y, ud.y) - floors.y,
+    );
+}
+
+// Displacement (less the whole offset) at a point of the element.
+fn along(corner: vec4<f32>, xi: f32, eta: f32) -> f32 {
+    let left = corner.x + eta * (corner.w - corner.x);
+    let right = corner.y + eta * (corner.z - corner.y);
+    return left + xi * (right - left);
+}
+
+fn shape_functions(xi: f32, eta: f32) -> vec4<f32> {
+    return vec4<f32>((1.0 - xi) * (1.0 - eta), xi * (1.0 - eta), xi * eta, (1.0 - xi) * eta);
+}
+`,
+  'shared/reduce': `// Sums over the 256 threads of a workgroup, in a fixed order: by sixteen threads, then of their sums by every thread.
+// A tree would need nine barriers, which cost software devices more than all else.
+var<workgroup> terms: array<f32, 256>;
+var<workgroup> parts: array<f32, 16>;
+
+fn sum_of_group(term: f32, thread: u32) -> f32 {
+    terms[thread] = term; // the sum before has been read: its second barrier is behind all threads
+    workgroupBarrier();
+    if thread < 16u {
+        // Neighbouring threads read neighbouring values.
+        var sum = 0.0;
+        for (var k = 0u; k < 16u; k++) {
+            sum += terms[thread + 16u * k];
+        }
+        parts[thread] = sum;
+    }
+    workgroupBarrier();
+    var all = 0.0;
+    for (var k = 0u; k < 16u; k++) {
+        all += parts[k];
+    }
+    return all;
+}
+`,
+  'shared/sums': `// The end of both residual kernels: the sums of LANES threads become those of their element. The kernel declares
+// \`run\` and \`sums\`.
+
+override LANES: u32 = 16u;
+
+// Eight of the right-hand side by corner and component, then n, rr, g, gg, fg, and what is lost of f and of its square.
+const QUANTITIES: u32 = 15u;
+var<workgroup> partial: array<f32, 960>; // QUANTITIES * 64
+
+fn keep(thread: u32, of_grey: vec4<f32>, fg: f32, lost: vec2<f32>) {
+    partial[512u + thread] = of_grey.x;
+    partial[576u + thread] = of_grey.y;
+    partial[640u + thread] = of_grey.z;
+    partial[704u + thread] = of_grey.w;
+    partial[768u + thread] = fg;
+    partial[832u + thread] = lost.x;
+    partial[896u + thread] = lost.y;
+}
+
+fn add_up(element: u32, slot: u32, lane: u32) {
+    for (var k = lane; k < QUANTITIES; k += LANES) {
+        var sum = 0.0;
+        for (var i = 0u; i < LANES; i++) {
+            sum += partial[64u * k + slot * LANES + i];
+        }
+        let at = element * SUMS + k;
+        if run.accumulate != 0u {
+            sum += sums[at];
+        }
+        sums[at] = sum;
+    }
+}
+`,
+  'shared/tallies': `// Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
+// that have their own.
+const TALLIES: u32 = 11u;
+const ROOM: u32 = 12u; // of a group in memory
+`,
+  'shared/taps4': `// Interpolation from 4 x 4 coefficients, kept in registers: going down a column, three of four rows stay.
+const BEFORE: i32 = 1; // taps start this far before the floor
+const TAPS: i32 = 4;
+
+struct Taps {
+    r0: vec4<f32>,
+    r1: vec4<f32>,
+    r2: vec4<f32>,
+    r3: vec4<f32>,
+}
+
+fn tap_row(at: i32) -> vec4<f32> {
+    return vec4<f32>(deformed[at], deformed[at + 1], deformed[at + 2], deformed[at + 3]);
+}
+
+fn taps_at(at: i32, stride: i32) -> Taps {
+    return Taps(tap_row(at), tap_row(at + stride), tap_row(at + 2 * stride), tap_row(at + 3 * stride));
+}
+
+// The taps one row below \`taps\`; the new row begins at \`at\`.
+fn taps_below(taps: Taps, at: i32) -> Taps {
+    return Taps(taps.r1, taps.r2, taps.r3, tap_row(at));
+}
+
+fn interpolate(taps: Taps, tx: f32, ty: f32) -> f32 {
+    let wx = spline_weights(tx);
+    let rows = vec4<f32>(dot(wx, taps.r0), dot(wx, taps.r1), dot(wx, taps.r2), dot(wx, taps.r3));
+    return dot(spline_weights(ty), rows);
+}
+`,
+  'shared/types': `// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
 
 // An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
 // xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
@@ -1301,14 +1297,215 @@ const F_LOST: u32 = 13u;
 const FF_LOST: u32 = 14u;
 const OUT: u32 = 15u;
 const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
+`,
+  'summary': `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
+// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
+#import tallies
+
+struct Summary {
+    n_zones: u32,
+    // Partial results of the largest correction; none after an evaluation without a step.
+    n_worst: u32,
+    // What has a gain and offset: nothing, zones, elements.
+    brightness: u32,
+    // Whether this is the first evaluation of a field.
+    first: u32,
 }
-// Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
-// that have their own.
-const TALLIES: u32 = 11u;
-const ROOM: u32 = 12u; // of a group in memory
+
+// Groups of elements of a zone, and how many elements they hold.
+struct ZoneGroups {
+    first: u32,
+    count: u32,
+    n_elements: u32,
+    unused: u32,
+}
+
+// Sums over a zone and what follows from them.
+struct Zone {
+    n: f32,
+    n_all: f32,
+    f: f32,
+    ff: f32,
+    g: f32,
+    gg: f32,
+    fg: f32,
+    rr: f32,
+    gain: f32,
+    offset: f32,
+    // Correlation coefficient at the first evaluation.
+    first: f32,
+    unused: f32,
+}
+
+// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
+// and its node.
+struct Worst {
+    bits: u32,
+    node: u32,
+}
+
+struct Step {
+    worst: Worst,
+    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
+    correlation: f32,
+    gained: f32,
+    counted: f32,
+    lossy: f32,
+    unused: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> summary: Summary;
+@group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
+@group(0) @binding(2) var<storage, read> group_sums: array<f32>;
+@group(0) @binding(3) var<storage, read> worst: array<Worst>;
+@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
+@group(0) @binding(6) var<storage, read_write> step: Step;
+// What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
+@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
+
+// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
+const SHARED: f32 = 0.5;
+// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
+const COUPLED: f32 = 0.9;
+const OFF: u32 = 0u;
+const ZONE: u32 = 1u;
+const ELEMENT: u32 = 2u;
+
+var<workgroup> partial: array<f32, 704>; // TALLIES * 64
+var<workgroup> total: array<f32, TALLIES>;
+var<workgroup> worst_bits: array<u32, 64>;
+var<workgroup> worst_node: array<u32, 64>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) thread: u32) {
+    var correlation = 1.0;
+    var gained = 2.0;
+    var counted = 0.0;
+    var lossy = 0.0;
+    for (var z = 0u; z < summary.n_zones; z++) {
+        let groups = zone_groups[z];
+        var mine: array<f32, TALLIES>;
+        for (var k = thread; k < groups.count; k += 64u) {
+            for (var i = 0u; i < TALLIES; i++) {
+                mine[i] += group_sums[(groups.first + k) * ROOM + i];
+            }
+        }
+        for (var i = 0u; i < TALLIES; i++) {
+            partial[64u * i + thread] = mine[i];
+        }
+        workgroupBarrier();
+        if thread < TALLIES {
+            var sum = 0.0;
+            for (var i = 0u; i < 64u; i++) {
+                sum += partial[64u * thread + i];
+            }
+            total[thread] = sum;
+        }
+        workgroupBarrier();
+        if thread == 0u {
+            let n = total[0];
+            let many = max(n, 1.0);
+            let mean_f = total[2] / many;
+            let mean_g = total[4] / many;
+            let variance_f = total[3] / many - mean_f * mean_f;
+            let variance_g = total[5] / many - mean_g * mean_g;
+            let covariance = total[6] / many - mean_f * mean_g;
+            var of_zone = 0.0;
+            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
+                of_zone = clamp(covariance / sqrt(variance_f * variance_g), -1.0, 1.0);
+            }
+            if summary.first != 0u {
+                zones[z].first = of_zone;
+            }
+            correlation = min(correlation, of_zone);
+            gained = min(gained, of_zone - zones[z].first);
+            counted += n;
+            lossy += total[8];
+            zones[z].n = n;
+            zones[z].n_all = total[1];
+            zones[z].f = total[2];
+            zones[z].ff = total[3];
+            zones[z].g = total[4];
+            zones[z].gg = total[5];
+            zones[z].fg = total[6];
+            zones[z].rr = total[7];
+            change[z] = vec2<f32>(0.0);
+            // Kept where the sums say nothing: no sensible change of light turns dark into bright.
+            if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
+                // Both images are noisy: the line closest to the pairs in both directions.
+                // By the ratio of the two: squares of grey levels of any size stay finite.
+                let half = 0.5 * (variance_f - variance_g) / covariance;
+                let root = sqrt(half * half + 1.0);
+                var gain = 0.0;
+                // In quotients, as above.
+                if (covariance / variance_f) * (covariance / variance_g) < SHARED {
+                    // Mostly misfit: the ratio of the contrasts.
+                    gain = sqrt(variance_f / variance_g);
+                } else if half > 0.0 {
+                    gain = half + root;
+                } else {
+                    gain = 1.0 / (root - half);
+                }
+                // Not where the sums are beyond what f32 holds.
+                if gain > 0.0 && gain < 1e30 {
+                    let before = transfer[z];
+                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
+                    if of_zone >= COUPLED && before.x > 0.0 {
+                        let of_f = (after.x - before.x) / before.x;
+                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
+                    }
+                    transfer[z] = after;
+                }
+            }
+            if summary.brightness == ELEMENT {
+                zones[z].gain = total[9] / f32(groups.n_elements);
+                zones[z].offset = total[10] / f32(groups.n_elements);
+            } else {
+                zones[z].gain = transfer[z].x;
+                zones[z].offset = transfer[z].y;
+            }
+        }
+        workgroupBarrier();
+    }
+    if thread == 0u {
+        step.correlation = correlation;
+        step.gained = gained;
+        step.counted = counted;
+        step.lossy = lossy;
+    }
+}
+
+@compute @workgroup_size(64)
+fn largest(@builtin(local_invocation_index) thread: u32) {
+    var bits = 0u;
+    var node = 0u;
+    for (var k = thread; k < summary.n_worst; k += 64u) {
+        if worst[k].bits > bits {
+            bits = worst[k].bits;
+            node = worst[k].node;
+        }
+    }
+    worst_bits[thread] = bits;
+    worst_node[thread] = node;
+    workgroupBarrier();
+    if thread == 0u {
+        for (var i = 1u; i < 64u; i++) {
+            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
+                bits = worst_bits[i];
+                node = worst_node[i];
+            }
+        }
+        step.worst = Worst(bits, node);
+    }
+}
+`,
+  'tally': `// After a residual pass: which elements are left out, and the sums of groups of elements of one zone. Before
+// it, where each element has a gain and offset of its own: fits them. Twins: \`run\` in src/backend/cpu/mod.rs
+// and \`fitted\` in src/backend/cpu/residual.rs.
+#import types
+#import index
+#import tallies
 
 struct Tally {
     n_elements: u32,
@@ -1434,1157 +1631,41 @@ fn main(
     }
 }
 `,
-  },
-  gather: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// The right-hand side of every node from its elements, in element order, and the start of the conjugate
-// gradients. Twins: \`Pattern::gather\` in src/linalg/blocks.rs, src/linalg/conjugate_gradients.rs.
-// Thread = node.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
+  'unpack': `// Grey levels of 8-bit, 16-bit or float pixels, less the series' offset. Twin: src/backend/pyramid.rs.
+// Thread = pixel.
 
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-// Sums over the 256 threads of a workgroup, in a fixed order: by sixteen threads, then of their sums by every thread.
-// A tree would need nine barriers, which cost software devices more than all else.
-var<workgroup> terms: array<f32, 256>;
-var<workgroup> parts: array<f32, 16>;
-
-fn sum_of_group(term: f32, thread: u32) -> f32 {
-    terms[thread] = term; // the sum before has been read: its second barrier is behind all threads
-    workgroupBarrier();
-    if thread < 16u {
-        // Neighbouring threads read neighbouring values.
-        var sum = 0.0;
-        for (var k = 0u; k < 16u; k++) {
-            sum += terms[thread + 16u * k];
-        }
-        parts[thread] = sum;
-    }
-    workgroupBarrier();
-    var all = 0.0;
-    for (var k = 0u; k < 16u; k++) {
-        all += parts[k];
-    }
-    return all;
-}
-
-struct Gather {
-    n_nodes: u32,
-    unused0: u32,
-    unused1: u32,
-    unused2: u32,
-}
-
-@group(0) @binding(0) var<uniform> gather: Gather;
-// Where each node's elements begin; then 4 element + corner of each, element by element.
-@group(0) @binding(1) var<storage, read> incidence: array<u32>;
-@group(0) @binding(2) var<storage, read> sums: array<f32>;
-// Inverse nodal blocks xx, xy, yy; zero for a node that is held.
-@group(0) @binding(3) var<storage, read> jacobi: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> residual: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> preconditioned: array<vec2<f32>>;
-@group(0) @binding(6) var<storage, read_write> solution: array<vec2<f32>>;
-@group(0) @binding(7) var<storage, read_write> products: array<f32>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = group_number(group, groups);
-    let node = number * 256u + thread;
-    var product = 0.0;
-    if node < gather.n_nodes {
-        var b = vec2<f32>(0.0);
-        for (var k = incidence[node]; k < incidence[node + 1u]; k++) {
-            let place = incidence[k];
-            let at = (place >> 2u) * SUMS + 2u * (place & 3u);
-            b += vec2<f32>(sums[at], sums[at + 1u]);
-        }
-        let d = jacobi[node];
-        let z = vec2<f32>(d.x * b.x + d.y * b.y, d.y * b.x + d.z * b.y);
-        residual[node] = b;
-        preconditioned[node] = z;
-        solution[node] = vec2<f32>(0.0);
-        product = dot(b, z);
-    }
-    let sum = sum_of_group(product, thread);
-    if thread == 0u && number * 256u < gather.n_nodes {
-        products[number] = sum;
-    }
-}
-`,
-  },
-  cg_product: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'read', 'write', 'write', 'write'],
-    constants: {  },
-    source: `// Conjugate gradients, first half of an iteration: p = z + beta p, q = A p, p . q. The product needs p of the
-// neighbours, so each thread makes those anew from the old one. Twin: src/linalg/conjugate_gradients.rs.
-// Thread = node.
-// What both halves of an iteration of the conjugate gradients share.
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-// Sums over the 256 threads of a workgroup, in a fixed order: by sixteen threads, then of their sums by every thread.
-// A tree would need nine barriers, which cost software devices more than all else.
-var<workgroup> terms: array<f32, 256>;
-var<workgroup> parts: array<f32, 16>;
-
-fn sum_of_group(term: f32, thread: u32) -> f32 {
-    terms[thread] = term; // the sum before has been read: its second barrier is behind all threads
-    workgroupBarrier();
-    if thread < 16u {
-        // Neighbouring threads read neighbouring values.
-        var sum = 0.0;
-        for (var k = 0u; k < 16u; k++) {
-            sum += terms[thread + 16u * k];
-        }
-        parts[thread] = sum;
-    }
-    workgroupBarrier();
-    var all = 0.0;
-    for (var k = 0u; k < 16u; k++) {
-        all += parts[k];
-    }
-    return all;
-}
-
-struct Cg {
-    n_nodes: u32,
-    // Number of the iteration, from 0.
-    iteration: u32,
-    // Partial sums per dot product: one per workgroup.
-    n_partial: u32,
-    // Node and block that this dispatch begins with, and the node it ends before.
-    first_node: u32,
-    last_node: u32,
-    first_block: u32,
-    unused0: u32,
-    unused1: u32,
-}
-
-// Sum of one row of \`products\`, by every workgroup on its own: cheaper than a dispatch for it.
-fn total(row: u32, thread: u32) -> f32 {
-    var mine = 0.0;
-    for (var k = thread; k < cg.n_partial; k += 256u) {
-        mine += products[row * cg.n_partial + k];
-    }
-    return sum_of_group(mine, thread);
-}
-
-@group(0) @binding(0) var<uniform> cg: Cg;
-// Where each node's row of blocks begins; then their columns.
-@group(0) @binding(1) var<storage, read> pattern: array<u32>;
-@group(0) @binding(2) var<storage, read> blocks: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> preconditioned: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read> old_direction: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> direction: array<vec2<f32>>;
-@group(0) @binding(6) var<storage, read_write> image: array<vec2<f32>>;
-// Partial sums: of r . z before each iteration and after the last in even rows, of p . q in odd ones.
-@group(0) @binding(7) var<storage, read_write> products: array<f32>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    var beta = 0.0;
-    if cg.iteration > 0u {
-        let before = total(2u * cg.iteration - 2u, thread);
-        let now = total(2u * cg.iteration, thread);
-        if before > 0.0 {
-            beta = now / before;
-        }
-    }
-    let number = group_number(group, groups) + cg.first_node / 256u;
-    let node = number * 256u + thread;
-    var product = 0.0;
-    if node < cg.last_node {
-        let p = preconditioned[node] + beta * old_direction[node];
-        var q = vec2<f32>(0.0);
-        for (var k = pattern[node]; k < pattern[node + 1u]; k++) {
-            let other = pattern[k];
-            let v = preconditioned[other] + beta * old_direction[other];
-            let block = blocks[k - (cg.n_nodes + 1u) - cg.first_block];
-            q += vec2<f32>(block.x * v.x + block.y * v.y, block.z * v.x + block.w * v.y);
-        }
-        direction[node] = p;
-        image[node] = q;
-        product = dot(p, q);
-    }
-    let sum = sum_of_group(product, thread);
-    if thread == 0u && number * 256u < cg.last_node {
-        products[(2u * cg.iteration + 1u) * cg.n_partial + number] = sum;
-    }
-}
-`,
-  },
-  cg_update: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
-    constants: {  },
-    source: `// Conjugate gradients, second half of an iteration: x += alpha p, r -= alpha q, z = D r, r . z.
-// Twin: src/linalg/conjugate_gradients.rs. Thread = node.
-// What both halves of an iteration of the conjugate gradients share.
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-// Sums over the 256 threads of a workgroup, in a fixed order: by sixteen threads, then of their sums by every thread.
-// A tree would need nine barriers, which cost software devices more than all else.
-var<workgroup> terms: array<f32, 256>;
-var<workgroup> parts: array<f32, 16>;
-
-fn sum_of_group(term: f32, thread: u32) -> f32 {
-    terms[thread] = term; // the sum before has been read: its second barrier is behind all threads
-    workgroupBarrier();
-    if thread < 16u {
-        // Neighbouring threads read neighbouring values.
-        var sum = 0.0;
-        for (var k = 0u; k < 16u; k++) {
-            sum += terms[thread + 16u * k];
-        }
-        parts[thread] = sum;
-    }
-    workgroupBarrier();
-    var all = 0.0;
-    for (var k = 0u; k < 16u; k++) {
-        all += parts[k];
-    }
-    return all;
-}
-
-struct Cg {
-    n_nodes: u32,
-    // Number of the iteration, from 0.
-    iteration: u32,
-    // Partial sums per dot product: one per workgroup.
-    n_partial: u32,
-    // Node and block that this dispatch begins with, and the node it ends before.
-    first_node: u32,
-    last_node: u32,
-    first_block: u32,
-    unused0: u32,
-    unused1: u32,
-}
-
-// Sum of one row of \`products\`, by every workgroup on its own: cheaper than a dispatch for it.
-fn total(row: u32, thread: u32) -> f32 {
-    var mine = 0.0;
-    for (var k = thread; k < cg.n_partial; k += 256u) {
-        mine += products[row * cg.n_partial + k];
-    }
-    return sum_of_group(mine, thread);
-}
-
-@group(0) @binding(0) var<uniform> cg: Cg;
-// Inverse nodal blocks xx, xy, yy; zero for a node that is held.
-@group(0) @binding(1) var<storage, read> jacobi: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> direction: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read> image: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read_write> solution: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> residual: array<vec2<f32>>;
-@group(0) @binding(6) var<storage, read_write> preconditioned: array<vec2<f32>>;
-// Partial sums: of r . z before each iteration and after the last in even rows, of p . q in odd ones.
-@group(0) @binding(7) var<storage, read_write> products: array<f32>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let rz = total(2u * cg.iteration, thread);
-    let pq = total(2u * cg.iteration + 1u, thread);
-    // Not positive definite along p, or solved: what is reached so far stands.
-    var alpha = 0.0;
-    if pq > 0.0 {
-        alpha = rz / pq;
-    }
-    let number = group_number(group, groups);
-    let node = number * 256u + thread;
-    var product = 0.0;
-    if node < cg.n_nodes {
-        let r = residual[node] - alpha * image[node];
-        let d = jacobi[node];
-        let z = vec2<f32>(d.x * r.x + d.y * r.y, d.y * r.x + d.z * r.y);
-        solution[node] += alpha * direction[node];
-        residual[node] = r;
-        preconditioned[node] = z;
-        product = dot(r, z);
-    }
-    let sum = sum_of_group(product, thread);
-    if thread == 0u && number * 256u < cg.n_nodes {
-        products[(2u * cg.iteration + 2u) * cg.n_partial + number] = sum;
-    }
-}
-`,
-  },
-  correct: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// The field plus the correction, turned and damped by \`(cos, sin)\`, and the largest component of the correction. Thread = node.
-// The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-
-struct Correct {
-    n_nodes: u32,
-    // Damping times cosine and sine of the angle that the correction is turned by.
-    cos: f32,
-    sin: f32,
-    coupled: u32,
-}
-
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
-@group(0) @binding(0) var<uniform> correct: Correct;
-@group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
-@group(0) @binding(3) var<storage, read_write> worst: array<Worst>;
-// Displacements by a gain and by an offset of the zone.
-@group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> node_zone: array<u32>;
-@group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
-
-var<workgroup> bits: array<u32, 256>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = group_number(group, groups);
-    let node = number * 256u + thread;
-    bits[thread] = 0u;
-    if node < correct.n_nodes {
-        var du = solution[node];
-        if correct.coupled != 0u {
-            let of_zone = change[node_zone[node]];
-            let by = responses[node];
-            du -= of_zone.x * by.xy + of_zone.y * by.zw;
-        }
-        let u = displacement[node];
-        let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
-        let moved = u.rest + turned;
-        let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
-        displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));
-        displacement[node].rest = moved - floors;
-        // As bits, what is no number is larger than any that is.
-        let size = bitcast<vec2<u32>>(abs(du));
-        bits[thread] = max(size.x, size.y);
-    }
-    workgroupBarrier();
-    if thread == 0u && number * 256u < correct.n_nodes {
-        var largest = bits[0];
-        var at = 0u;
-        for (var i = 1u; i < 256u; i++) {
-            if bits[i] > largest {
-                largest = bits[i];
-                at = i;
-            }
-        }
-        worst[number] = Worst(largest, number * 256u + at);
-    }
-}
-`,
-  },
-  summary: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
-    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
-    source: `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
-// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
-// Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
-// that have their own.
-const TALLIES: u32 = 11u;
-const ROOM: u32 = 12u; // of a group in memory
-
-struct Summary {
-    n_zones: u32,
-    // Partial results of the largest correction; none after an evaluation without a step.
-    n_worst: u32,
-    // What has a gain and offset: nothing, zones, elements.
-    brightness: u32,
-    // Whether this is the first evaluation of a field.
+struct Unpack {
+    width: u32,
+    rows: u32,
+    stride: u32,
+    // Bytes of a pixel.
+    depth: u32,
+    // Pixels before the first in \`pixels\`, and values before the first in \`grey\`.
+    skip: u32,
     first: u32,
-}
-
-// Groups of elements of a zone, and how many elements they hold.
-struct ZoneGroups {
-    first: u32,
-    count: u32,
-    n_elements: u32,
-    unused: u32,
-}
-
-// Sums over a zone and what follows from them.
-struct Zone {
-    n: f32,
-    n_all: f32,
-    f: f32,
-    ff: f32,
-    g: f32,
-    gg: f32,
-    fg: f32,
-    rr: f32,
-    gain: f32,
     offset: f32,
-    // Correlation coefficient at the first evaluation.
-    first: f32,
-    unused: f32,
-}
-
-// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
-// and its node.
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
-struct Step {
-    worst: Worst,
-    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
-    correlation: f32,
-    gained: f32,
-    counted: f32,
-    lossy: f32,
-    unused: vec2<u32>,
-}
-
-@group(0) @binding(0) var<uniform> summary: Summary;
-@group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
-@group(0) @binding(2) var<storage, read> group_sums: array<f32>;
-@group(0) @binding(3) var<storage, read> worst: array<Worst>;
-@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
-@group(0) @binding(6) var<storage, read_write> step: Step;
-// What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
-@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
-
-// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
-const SHARED: f32 = 0.5;
-// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
-const COUPLED: f32 = 0.9;
-const OFF: u32 = 0u;
-const ZONE: u32 = 1u;
-const ELEMENT: u32 = 2u;
-
-var<workgroup> partial: array<f32, 704>; // TALLIES * 64
-var<workgroup> total: array<f32, TALLIES>;
-var<workgroup> worst_bits: array<u32, 64>;
-var<workgroup> worst_node: array<u32, 64>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(local_invocation_index) thread: u32) {
-    var correlation = 1.0;
-    var gained = 2.0;
-    var counted = 0.0;
-    var lossy = 0.0;
-    for (var z = 0u; z < summary.n_zones; z++) {
-        let groups = zone_groups[z];
-        var mine: array<f32, TALLIES>;
-        for (var k = thread; k < groups.count; k += 64u) {
-            for (var i = 0u; i < TALLIES; i++) {
-                mine[i] += group_sums[(groups.first + k) * ROOM + i];
-            }
-        }
-        for (var i = 0u; i < TALLIES; i++) {
-            partial[64u * i + thread] = mine[i];
-        }
-        workgroupBarrier();
-        if thread < TALLIES {
-            var sum = 0.0;
-            for (var i = 0u; i < 64u; i++) {
-                sum += partial[64u * thread + i];
-            }
-            total[thread] = sum;
-        }
-        workgroupBarrier();
-        if thread == 0u {
-            let n = total[0];
-            let many = max(n, 1.0);
-            let mean_f = total[2] / many;
-            let mean_g = total[4] / many;
-            let variance_f = total[3] / many - mean_f * mean_f;
-            let variance_g = total[5] / many - mean_g * mean_g;
-            let covariance = total[6] / many - mean_f * mean_g;
-            var of_zone = 0.0;
-            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
-                of_zone = clamp(covariance / sqrt(variance_f * variance_g), -1.0, 1.0);
-            }
-            if summary.first != 0u {
-                zones[z].first = of_zone;
-            }
-            correlation = min(correlation, of_zone);
-            gained = min(gained, of_zone - zones[z].first);
-            counted += n;
-            lossy += total[8];
-            zones[z].n = n;
-            zones[z].n_all = total[1];
-            zones[z].f = total[2];
-            zones[z].ff = total[3];
-            zones[z].g = total[4];
-            zones[z].gg = total[5];
-            zones[z].fg = total[6];
-            zones[z].rr = total[7];
-            change[z] = vec2<f32>(0.0);
-            // Kept where the sums say nothing: no sensible change of light turns dark into bright.
-            if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
-                // Both images are noisy: the line closest to the pairs in both directions.
-                // By the ratio of the two: squares of grey levels of any size stay finite.
-                let half = 0.5 * (variance_f - variance_g) / covariance;
-                let root = sqrt(half * half + 1.0);
-                var gain = 0.0;
-                // In quotients, as above.
-                if (covariance / variance_f) * (covariance / variance_g) < SHARED {
-                    // Mostly misfit: the ratio of the contrasts.
-                    gain = sqrt(variance_f / variance_g);
-                } else if half > 0.0 {
-                    gain = half + root;
-                } else {
-                    gain = 1.0 / (root - half);
-                }
-                // Not where the sums are beyond what f32 holds.
-                if gain > 0.0 && gain < 1e30 {
-                    let before = transfer[z];
-                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
-                    if of_zone >= COUPLED && before.x > 0.0 {
-                        let of_f = (after.x - before.x) / before.x;
-                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
-                    }
-                    transfer[z] = after;
-                }
-            }
-            if summary.brightness == ELEMENT {
-                zones[z].gain = total[9] / f32(groups.n_elements);
-                zones[z].offset = total[10] / f32(groups.n_elements);
-            } else {
-                zones[z].gain = transfer[z].x;
-                zones[z].offset = transfer[z].y;
-            }
-        }
-        workgroupBarrier();
-    }
-    if thread == 0u {
-        step.correlation = correlation;
-        step.gained = gained;
-        step.counted = counted;
-        step.lossy = lossy;
-    }
-}
-
-@compute @workgroup_size(64)
-fn largest(@builtin(local_invocation_index) thread: u32) {
-    var bits = 0u;
-    var node = 0u;
-    for (var k = thread; k < summary.n_worst; k += 64u) {
-        if worst[k].bits > bits {
-            bits = worst[k].bits;
-            node = worst[k].node;
-        }
-    }
-    worst_bits[thread] = bits;
-    worst_node[thread] = node;
-    workgroupBarrier();
-    if thread == 0u {
-        for (var i = 1u; i < 64u; i++) {
-            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
-                bits = worst_bits[i];
-                node = worst_node[i];
-            }
-        }
-        step.worst = Worst(bits, node);
-    }
-}
-`,
-  },
-  largest: {
-    entry: 'largest',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
-    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
-    source: `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
-// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
-// Sums of a group of elements: n, n_all, f, f^2, g, g^2, f g, r^2, lossy elements, gains and offsets of elements
-// that have their own.
-const TALLIES: u32 = 11u;
-const ROOM: u32 = 12u; // of a group in memory
-
-struct Summary {
-    n_zones: u32,
-    // Partial results of the largest correction; none after an evaluation without a step.
-    n_worst: u32,
-    // What has a gain and offset: nothing, zones, elements.
-    brightness: u32,
-    // Whether this is the first evaluation of a field.
-    first: u32,
-}
-
-// Groups of elements of a zone, and how many elements they hold.
-struct ZoneGroups {
-    first: u32,
-    count: u32,
-    n_elements: u32,
     unused: u32,
 }
 
-// Sums over a zone and what follows from them.
-struct Zone {
-    n: f32,
-    n_all: f32,
-    f: f32,
-    ff: f32,
-    g: f32,
-    gg: f32,
-    fg: f32,
-    rr: f32,
-    gain: f32,
-    offset: f32,
-    // Correlation coefficient at the first evaluation.
-    first: f32,
-    unused: f32,
-}
-
-// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
-// and its node.
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
-struct Step {
-    worst: Worst,
-    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
-    correlation: f32,
-    gained: f32,
-    counted: f32,
-    lossy: f32,
-    unused: vec2<u32>,
-}
-
-@group(0) @binding(0) var<uniform> summary: Summary;
-@group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
-@group(0) @binding(2) var<storage, read> group_sums: array<f32>;
-@group(0) @binding(3) var<storage, read> worst: array<Worst>;
-@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
-@group(0) @binding(6) var<storage, read_write> step: Step;
-// What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
-@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
-
-// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
-const SHARED: f32 = 0.5;
-// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
-const COUPLED: f32 = 0.9;
-const OFF: u32 = 0u;
-const ZONE: u32 = 1u;
-const ELEMENT: u32 = 2u;
-
-var<workgroup> partial: array<f32, 704>; // TALLIES * 64
-var<workgroup> total: array<f32, TALLIES>;
-var<workgroup> worst_bits: array<u32, 64>;
-var<workgroup> worst_node: array<u32, 64>;
+@group(0) @binding(0) var<uniform> unpack: Unpack;
+@group(0) @binding(1) var<storage, read> pixels: array<u32>;
+@group(0) @binding(2) var<storage, read_write> grey: array<f32>;
 
 @compute @workgroup_size(64)
-fn main(@builtin(local_invocation_index) thread: u32) {
-    var correlation = 1.0;
-    var gained = 2.0;
-    var counted = 0.0;
-    var lossy = 0.0;
-    for (var z = 0u; z < summary.n_zones; z++) {
-        let groups = zone_groups[z];
-        var mine: array<f32, TALLIES>;
-        for (var k = thread; k < groups.count; k += 64u) {
-            for (var i = 0u; i < TALLIES; i++) {
-                mine[i] += group_sums[(groups.first + k) * ROOM + i];
-            }
-        }
-        for (var i = 0u; i < TALLIES; i++) {
-            partial[64u * i + thread] = mine[i];
-        }
-        workgroupBarrier();
-        if thread < TALLIES {
-            var sum = 0.0;
-            for (var i = 0u; i < 64u; i++) {
-                sum += partial[64u * thread + i];
-            }
-            total[thread] = sum;
-        }
-        workgroupBarrier();
-        if thread == 0u {
-            let n = total[0];
-            let many = max(n, 1.0);
-            let mean_f = total[2] / many;
-            let mean_g = total[4] / many;
-            let variance_f = total[3] / many - mean_f * mean_f;
-            let variance_g = total[5] / many - mean_g * mean_g;
-            let covariance = total[6] / many - mean_f * mean_g;
-            var of_zone = 0.0;
-            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
-                of_zone = clamp(covariance / sqrt(variance_f * variance_g), -1.0, 1.0);
-            }
-            if summary.first != 0u {
-                zones[z].first = of_zone;
-            }
-            correlation = min(correlation, of_zone);
-            gained = min(gained, of_zone - zones[z].first);
-            counted += n;
-            lossy += total[8];
-            zones[z].n = n;
-            zones[z].n_all = total[1];
-            zones[z].f = total[2];
-            zones[z].ff = total[3];
-            zones[z].g = total[4];
-            zones[z].gg = total[5];
-            zones[z].fg = total[6];
-            zones[z].rr = total[7];
-            change[z] = vec2<f32>(0.0);
-            // Kept where the sums say nothing: no sensible change of light turns dark into bright.
-            if summary.brightness == ZONE && n >= 2.0 && variance_g > 0.0 && covariance > 0.0 {
-                // Both images are noisy: the line closest to the pairs in both directions.
-                // By the ratio of the two: squares of grey levels of any size stay finite.
-                let half = 0.5 * (variance_f - variance_g) / covariance;
-                let root = sqrt(half * half + 1.0);
-                var gain = 0.0;
-                // In quotients, as above.
-                if (covariance / variance_f) * (covariance / variance_g) < SHARED {
-                    // Mostly misfit: the ratio of the contrasts.
-                    gain = sqrt(variance_f / variance_g);
-                } else if half > 0.0 {
-                    gain = half + root;
-                } else {
-                    gain = 1.0 / (root - half);
-                }
-                // Not where the sums are beyond what f32 holds.
-                if gain > 0.0 && gain < 1e30 {
-                    let before = transfer[z];
-                    let after = vec2<f32>(gain, (total[2] - gain * total[4]) / n);
-                    if of_zone >= COUPLED && before.x > 0.0 {
-                        let of_f = (after.x - before.x) / before.x;
-                        change[z] = vec2<f32>(of_f, after.y - before.y - of_f * before.y);
-                    }
-                    transfer[z] = after;
-                }
-            }
-            if summary.brightness == ELEMENT {
-                zones[z].gain = total[9] / f32(groups.n_elements);
-                zones[z].offset = total[10] / f32(groups.n_elements);
-            } else {
-                zones[z].gain = transfer[z].x;
-                zones[z].offset = transfer[z].y;
-            }
-        }
-        workgroupBarrier();
-    }
-    if thread == 0u {
-        step.correlation = correlation;
-        step.gained = gained;
-        step.counted = counted;
-        step.lossy = lossy;
-    }
-}
-
-@compute @workgroup_size(64)
-fn largest(@builtin(local_invocation_index) thread: u32) {
-    var bits = 0u;
-    var node = 0u;
-    for (var k = thread; k < summary.n_worst; k += 64u) {
-        if worst[k].bits > bits {
-            bits = worst[k].bits;
-            node = worst[k].node;
-        }
-    }
-    worst_bits[thread] = bits;
-    worst_node[thread] = node;
-    workgroupBarrier();
-    if thread == 0u {
-        for (var i = 1u; i < 64u; i++) {
-            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
-                bits = worst_bits[i];
-                node = worst_node[i];
-            }
-        }
-        step.worst = Worst(bits, node);
-    }
-}
-`,
-  },
-  prolong: {
-    entry: 'main',
-    bindings: ['read', 'read', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// The field on the nodes of a level from that of the next coarser one, whose pixels are twice as large.
-// Twin: \`start_finer\` in src/backend/cpu/mod.rs. Thread = node.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-
-struct Place {
-    nodes: vec4<u32>,
-    weights: vec4<f32>,
-}
-
-@group(0) @binding(0) var<storage, read> places: array<Place>;
-@group(0) @binding(1) var<storage, read> coarse: array<Displacement>;
-@group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let node = group_number(group, groups) * 256u + thread;
-    if node >= arrayLength(&displacement) {
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= unpack.width || id.y >= unpack.rows {
         return;
     }
-    let place = places[node];
-    let a = coarse[place.nodes.x];
-    let b = coarse[place.nodes.y];
-    let c = coarse[place.nodes.z];
-    let d = coarse[place.nodes.w];
-    // The weights add up to one: relative to the first node no digit is lost.
-    var u = a.rest;
-    u += place.weights.y * (vec2<f32>(b.whole - a.whole) + (b.rest - a.rest));
-    u += place.weights.z * (vec2<f32>(c.whole - a.whole) + (c.rest - a.rest));
-    u += place.weights.w * (vec2<f32>(d.whole - a.whole) + (d.rest - a.rest));
-    u = clamp(2.0 * u, vec2<f32>(-1e6), vec2<f32>(1e6));
-    let floors = floor(u);
-    displacement[node] = Displacement(2 * a.whole + vec2<i32>(floors), u - floors);
+    let at = unpack.skip + id.y * unpack.width + id.x;
+    // A word holds four pixels, two or one; without a branch, and without a division.
+    let shift = 2u - (unpack.depth >> 1u);
+    let bits = 8u * unpack.depth;
+    let word = pixels[at >> shift];
+    let part = (word >> (bits * (at & ((1u << shift) - 1u)))) & (0xffffffffu >> (32u - bits));
+    let value = select(f32(part), bitcast<f32>(word), unpack.depth == 4u);
+    grey[unpack.first + id.y * unpack.stride + id.x] = value - unpack.offset;
 }
 `,
-  },
-  residual_map: {
-    entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
-    source: `// What goes back to the host at the end of a frame: how each element matched (the residual map), and the field,
-// packed. Twins: \`PixelSums\` and \`ElementMatch\` in src/backend/sums.rs. Thread = element and node of one number.
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
-
-// An element, its nodes and its pixels: \`size.x\` columns and \`size.y\` rows from \`corner\` on, column k at
-// xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.
-struct Element {
-    nodes: vec4<u32>,
-    corner: vec2<i32>,
-    size: vec2<u32>,
-    local: vec4<f32>,
-    first_run: u32,
-    n_runs: u32,
-    zone: u32,
-    unused: u32,
-}
-
-// A nodal displacement: whole pixels and the rest, never their sum (an f32 of 3000 px steps by 2.4e-4 px).
-struct Displacement {
-    whole: vec2<i32>,
-    rest: vec2<f32>,
-}
-
-// Which part of an evaluation a dispatch does. Images larger than a storage binding are seen in windows of
-// rows: an element belongs to the window that its first row lies in, a pixel to that of the floor of where it
-// lands. Numbers of pixels are those of the level.
-struct Pass {
-    image: vec2<i32>,
-    stride: i32,
-    n_elements: u32,
-    // Image row that the reference binding begins with, and the first rows of the elements done.
-    reference_first: i32,
-    elements_from: i32,
-    elements_to: i32,
-    // Row of the plane, border included, that the deformed binding begins with, and the floors done.
-    deformed_first: i32,
-    floors_from: i32,
-    floors_to: i32,
-    // Whether each element has a gain and offset of its own, and whether to add to the sums there are.
-    own_transfer: u32,
-    accumulate: u32,
-    // Elements with runs: their number and where runs and local coordinates begin in \`shape\`.
-    n_listed: u32,
-    runs_at: u32,
-    points_at: u32,
-    // For the normal matrix: count pixels by their weight in the deformed image.
-    weighted: u32,
-}
-
-// Columns and rows of border around a plane.
-const BORDER: i32 = 4;
-
-// Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
-const SUMS: u32 = 16u;
-const N: u32 = 8u;
-const RR: u32 = 9u;
-const G: u32 = 10u;
-const GG: u32 = 11u;
-const FG: u32 = 12u;
-const F_LOST: u32 = 13u;
-const FF_LOST: u32 = 14u;
-const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
-// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
-fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.y * groups.x + group.x;
-}
-
-struct Report {
-    n_elements: u32,
-    n_nodes: u32,
-    unused: vec2<u32>,
-}
-
-@group(0) @binding(0) var<uniform> report: Report;
-@group(0) @binding(1) var<storage, read> whole: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> sums: array<f32>;
-@group(0) @binding(3) var<storage, read> displacement: array<Displacement>;
-// Per element two words: root mean square of the residual; share of pixels counted and correlation coefficient.
-// Then per node three: whole pixels as two 16-bit numbers, the rest.
-@group(0) @binding(4) var<storage, read_write> packed: array<u32>;
-
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
-    let number = group_number(group, groups) * 256u + thread;
-    if number < report.n_elements {
-        let at = number * SUMS;
-        let all = whole[number];
-        let n = sums[at + N];
-        var rms = 0.0;
-        var share = 0.0;
-        var correlation = 0.0;
-        if n > 0.0 && sums[at + OUT] != EXCLUDED {
-            rms = sqrt(max(sums[at + RR] / n, 0.0));
-            // One in 32767 at least: none would mean that the element is left out.
-            share = max(n / all.x, 1.0 / 32767.0);
-            let mean_f = (all.y - sums[at + F_LOST]) / n;
-            let mean_g = sums[at + G] / n;
-            let variance_f = (all.z - sums[at + FF_LOST]) / n - mean_f * mean_f;
-            let variance_g = sums[at + GG] / n - mean_g * mean_g;
-            if n >= 2.0 && variance_f > 0.0 && variance_g > 0.0 {
-                correlation = (sums[at + FG] / n - mean_f * mean_g) / sqrt(variance_f * variance_g);
-            }
-        }
-        packed[2u * number] = bitcast<u32>(rms);
-        packed[2u * number + 1u] = pack2x16snorm(vec2<f32>(share, correlation));
-    }
-    if number < report.n_nodes {
-        let at = 2u * report.n_elements + 3u * number;
-        let u = displacement[number];
-        let whole_px = clamp(u.whole, vec2<i32>(-32768), vec2<i32>(32767));
-        packed[at] = (u32(whole_px.x) & 0xffffu) | (u32(whole_px.y) << 16u);
-        packed[at + 1u] = bitcast<u32>(u.rest.x);
-        packed[at + 2u] = bitcast<u32>(u.rest.y);
-    }
-}
-`,
-  },
 };
 
 // Size of each struct; offset and kind of its fields.

@@ -57,10 +57,10 @@ fn the_page_has_the_shaders_as_the_crate_puts_them_together() {
 
 fn shaders() -> String {
     let mut text = format!(
-        "// The shaders of `shaders/` as the crate puts them together, what each kernel binds, its constants, and where the fields of its\n\
-         // structs lie. Written, and compared, by tests/correlation/web.rs: {BLESS}\n'use strict';\n\nconst SHADERS = {{\n"
+        "// The files of `shaders/` (a page that is opened as a file cannot read others), what each kernel binds, its constants, and where the\n\
+         // fields of its structs lie. Written, and compared, by tests/correlation/web.rs: {BLESS}\n'use strict';\n\nconst SHADERS = {{\n"
     );
-    let mut layouts = BTreeMap::new();
+    let (mut layouts, mut files) = (BTreeMap::new(), BTreeMap::new());
     for kernel in KERNELS.into_iter().filter(|kernel| !ELSEWHERE.contains(kernel)) {
         let source = source(kernel, Interpolation::Cubic);
         let module = naga::front::wgsl::parse_str(&source).unwrap();
@@ -76,11 +76,16 @@ fn shaders() -> String {
                 Binding::Write => "'write'",
             })
             .collect();
-        let template = source.replace('\\', "\\\\").replace('`', "\\`").replace("${", "\\${");
+        add_file(kernel.file(), &mut files);
         writeln!(text, "  {}: {{", kernel.name()).unwrap();
-        writeln!(text, "    entry: '{}',\n    bindings: [{}],", kernel.entry(), bindings.join(", ")).unwrap();
-        writeln!(text, "    constants: {{ {} }},", constants(&module).join(", ")).unwrap();
-        writeln!(text, "    source: `{template}`,\n  }},").unwrap();
+        writeln!(text, "    file: '{}',\n    entry: '{}',", kernel.file(), kernel.entry()).unwrap();
+        writeln!(text, "    bindings: [{}],", bindings.join(", ")).unwrap();
+        writeln!(text, "    constants: {{ {} }},\n  }},", constants(&module).join(", ")).unwrap();
+    }
+    text.push_str("};\n\nconst FILES = {\n");
+    for (name, source) in files {
+        let template = source.replace('\\', "\\\\").replace('`', "\\`").replace("${", "\\${");
+        writeln!(text, "  '{name}': `{template}`,").unwrap();
     }
     text.push_str("};\n\n// Size of each struct; offset and kind of its fields.\nconst LAYOUTS = {\n");
     for (name, layout) in layouts {
@@ -94,6 +99,19 @@ fn shaders() -> String {
     )
     .unwrap();
     text
+}
+
+/// A file of `shaders/`, and those that it imports.
+fn add_file(name: &str, files: &mut BTreeMap<String, String>) {
+    if !files.contains_key(name) {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("shaders").join(format!("{name}.wgsl"));
+        let source = std::fs::read_to_string(path).unwrap();
+        files.insert(name.to_owned(), source.clone());
+        for import in source.lines().filter_map(|line| line.strip_prefix("#import ")) {
+            let import = if import == "spline" { Interpolation::Cubic.name() } else { import };
+            add_file(&format!("shared/{import}"), files);
+        }
+    }
 }
 
 /// Whole numbers that the source gives a name.
