@@ -149,7 +149,7 @@ impl Tracker {
                 let text = format!("frame {number} comes after frame {}: the numbers of frames must rise", state.0);
                 return Err(raise("OptionError", text));
             }
-            let start = state.1.predict(number);
+            let start = state.1.predict(number, correlator.prepared.correlator.mesh());
             let (found, strains) = correlator.correlate_from(image, start.as_ref()).map_err(raised)?;
             state.1.note(number, &found);
             state.0 = number;

@@ -348,7 +348,7 @@ impl ReferenceChain {
 
     /// Correlates a frame with the reference of `stage`, or with the one that was given.
     fn attempt(&self, stage: Option<&Stage>, number: usize, frame: Uploaded) -> Result<Attempt, CorrelationError> {
-        let start = self.history.predict(number);
+        let start = self.history.predict(number, self.original.mesh());
         let Some(stage) = stage else {
             let correlation = self.original.correlate_uploaded(frame, start.as_ref())?;
             let key = self.key_of_original(number, &correlation);

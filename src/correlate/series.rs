@@ -5,8 +5,10 @@ use super::correlation::Correlation;
 use super::error::CorrelationError;
 use super::start::Start;
 use crate::backend::GreyTransfer;
-use crate::field::{StartFrom, Status};
+use crate::field::{RigidMotion, StartFrom, Status};
 use crate::imaging::Image;
+use crate::mesh::Mesh;
+use crate::units::Px;
 use std::sync::Arc;
 
 /// The last converged frames of a series, from which the next one is predicted.
@@ -37,21 +39,36 @@ impl History {
         &self.fields
     }
 
-    /// Linear extrapolation of the last two converged fields to frame `number`, or the last one.
-    pub fn predict(&self, number: usize) -> Option<Start> {
+    /// What the fields of the last two converged frames say of frame `number`, or that of the last one. `mesh` is that of the fields.
+    ///
+    /// Each zone goes on to turn as a whole, and all else is extrapolated linearly: a rotation by w that went on along straight lines would
+    /// put points at the distance r off by w^2 r.
+    pub fn predict(&self, number: usize, mesh: &Mesh<Px>) -> Option<Start> {
         if self.start == StartFrom::Independent {
             return None;
         }
         let (last_number, last) = self.fields.first()?;
-        let displacement = match self.fields.get(1) {
-            None => last.clone(),
-            Some((before_number, before)) => {
-                let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
-                let extrapolate =
-                    |(a, b): (&[f64; 2], &[f64; 2])| std::array::from_fn(|c| a[c] + ahead * (a[c] - b[c]));
-                last.iter().zip(before).map(extrapolate).collect()
+        let mut displacement = last.clone();
+        if let Some((before_number, before)) = self.fields.get(1) {
+            let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
+            for zone in 0..mesh.zones().len() {
+                let nodes = mesh.zone_nodes(zone);
+                let steps = nodes.clone().map(|node| {
+                    let at = |k: usize| mesh.nodes()[node][k] + before[node][k];
+                    ([at(0), at(1)], [0, 1].map(|k| last[node][k] - before[node][k]))
+                });
+                let Some(motion) = RigidMotion::fit(steps.clone()) else { continue };
+                let turn = RigidMotion { translation: [0.0; 2], rotation_rad: ahead * motion.rotation_rad, ..motion };
+                for (node, (x, step)) in nodes.zip(steps) {
+                    // From the middle of the zone after the step: where the point is, and what of its step is no rigid motion.
+                    let rigid = motion.displacement(x);
+                    let rest = [0, 1].map(|k| step[k] - rigid[k]);
+                    let place = [0, 1].map(|k| x[k] + step[k] - motion.translation[k] + ahead * rest[k]);
+                    let turned = turn.displacement(place);
+                    (0..2).for_each(|k| displacement[node][k] += ahead * (motion.translation[k] + rest[k]) + turned[k]);
+                }
             }
-        };
+        }
         Some(Start { displacement, transfer: self.transfer.clone() })
     }
 
@@ -95,7 +112,7 @@ impl<'a> Tracker<'a> {
     /// When the image has another size than the reference, or the device fails. A frame that does not
     /// converge is a result, not an error.
     pub fn correlate(&mut self, number: usize, image: Arc<Image>) -> Result<Correlation, CorrelationError> {
-        let start = self.history.predict(number);
+        let start = self.history.predict(number, self.correlator.mesh());
         let correlation = self.correlator.correlate_uploaded(self.correlator.upload(image)?, start.as_ref())?;
         self.history.note(number, &correlation);
         Ok(correlation)

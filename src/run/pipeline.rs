@@ -320,12 +320,14 @@ impl<'a> Worker<'a> {
     ) -> std::result::Result<Correlated, Failure> {
         match self {
             Self::Tracking { history, .. } => {
-                let start = history.predict(number);
+                let mut tracked = false;
                 let (result, correlator) = engine.correlate(number, &image, uploaded, |_, correlator, frame| {
+                    let start = history.predict(number, correlator.mesh());
+                    tracked = start.is_some();
                     Ok(correlator.correlate_uploaded(frame, start.as_ref())?)
                 })?;
                 history.note(number, &result);
-                let (tracked, refused) = (start.is_some(), Vec::new());
+                let refused = Vec::new();
                 Ok(Correlated { result, correlator, tracked, renewed: false, refused })
             }
             Self::Chain(chain) => chain.correlate(engine, number, &image, (file, sha256), uploaded),
