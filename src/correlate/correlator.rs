@@ -44,6 +44,8 @@ pub(super) const COARSE: Limits<'_> = Limits {
     max_iterations: 12,
     wild_elements: WILD_ELEMENTS,
     turn: Turn::NONE,
+    late_light: false,
+    near_px: f64::INFINITY,
     own: false,
     regulariser: None,
 };
@@ -273,14 +275,14 @@ impl<B: Backend> Correlator<B> {
             if (nodes, zones) != (mesh_nodes, mesh_zones) {
                 return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
             }
-            let attempt = self.follow_prediction(frame, displacement, transfer)?;
-            if attempt.measurement.status == Status::Converged {
-                return self.told(frame, attempt, Some(displacement));
+            if let Some(found) = self.at_prediction(frame, displacement, transfer)? {
+                return self.told(frame, found, Some(displacement));
             }
-            let mut best = attempt;
-            if best.worst_zone() > MATCHED && self.tries_again() {
+            let moved = self.moved_rigidly(frame, displacement, transfer)?;
+            let mut best = self.from_prediction(frame, &moved, transfer)?;
+            if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.tries_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
-                let again = self.second_try(frame, displacement, transfer, StartUsed::Predicted, 0)?;
+                let again = self.second_try(frame, &moved, transfer, StartUsed::Predicted, 0)?;
                 best = better(best, again);
             }
             if best.measurement.status != Status::Converged {
@@ -299,6 +301,8 @@ impl<B: Backend> Correlator<B> {
             max_iterations: self.options.max_iterations,
             wild_elements: WILD_ELEMENTS,
             turn,
+            late_light: false,
+            near_px: f64::INFINITY,
             own: false,
             regulariser: None,
         }
@@ -309,28 +313,39 @@ impl<B: Backend> Correlator<B> {
         if self.is_regularised { Turn::NONE } else { Turn::of(&level.mesh, displacement) }
     }
 
-    fn follow_prediction(
+    /// What is found by iterating from a prediction that is near; none where it is not, or does not end well.
+    fn at_prediction(
+        &self,
+        frame: &mut B::Frame,
+        displacement: &[[f64; 2]],
+        transfer: &[GreyTransfer],
+    ) -> Result<Option<Correlation>, CorrelationError> {
+        let finest = &self.levels[0];
+        let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
+        let limits = Limits { near_px: PREDICTION_OFF_PX, ..self.limits(self.turn(finest, displacement)) };
+        let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
+        if outcome.first_correction_px >= PREDICTION_OFF_PX || outcome.first_correlation <= MATCHED {
+            return Ok(None);
+        }
+        let found = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
+        Ok((found.measurement.status == Status::Converged).then_some(found))
+    }
+
+    /// Down the pyramid from a prediction.
+    fn from_prediction(
         &self,
         frame: &mut B::Frame,
         displacement: &[[f64; 2]],
         transfer: &[GreyTransfer],
     ) -> Result<Correlation, CorrelationError> {
-        let finest = &self.levels[0];
-        let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
-        let limits = self.limits(self.turn(finest, displacement));
-        let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
-        let near = outcome.first_correction_px < PREDICTION_OFF_PX && outcome.first_correlation > MATCHED;
-        if near {
-            let result = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
-            if result.measurement.status == Status::Converged {
-                return Ok(result);
-            }
-        }
-        let mut coarse = displacement.to_vec();
-        for pair in self.levels.windows(2) {
-            coarse = pair[1].taken_from_finer(&pair[0].mesh, &coarse);
-        }
-        self.down_the_pyramid(frame, coarse, transfer.to_vec(), StartUsed::PredictedCoarse)
+        let coarsest = self.on_coarsest(displacement);
+        self.down_the_pyramid(frame, coarsest, transfer.to_vec(), StartUsed::PredictedCoarse)
+    }
+
+    /// A displacement of the finest level's nodes on those of the coarsest.
+    pub(super) fn on_coarsest(&self, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let pairs = self.levels.windows(2);
+        pairs.fold(displacement.to_vec(), |coarse, pair| pair[1].taken_from_finer(&pair[0].mesh, &coarse))
     }
 
     /// Iterates from the coarsest level to the finest, from `displacement` on the coarsest.

@@ -7,7 +7,7 @@ use super::features::Features;
 use super::level::Level;
 use super::search::{Motion, motions};
 use super::wide_search::wide_motions;
-use crate::backend::{Backend, GreyTransfer};
+use crate::backend::{Backend, GreyTransfer, PixelSums};
 use crate::field::Status;
 
 /// With this correlation coefficient a zone is found: no other candidates are tried.
@@ -18,6 +18,12 @@ const LOST: f64 = 0.6;
 pub(super) const LEAST_INSIDE: f64 = 0.25;
 /// for this much at most, so that others are looked for: few pixels match somewhere by chance.
 const FEW_INSIDE: f64 = LOST - 0.01;
+
+/// How well a zone matches: its correlation coefficient, if enough of it is inside the image.
+pub(super) fn score(sums: &PixelSums) -> f64 {
+    let is_inside = sums.n >= LEAST_INSIDE * sums.n_all;
+    if is_inside { sums.correlation() } else { sums.correlation().min(FEW_INSIDE) }
+}
 
 /// The best motion of a zone so far.
 #[derive(Debug, Clone)]
@@ -124,8 +130,7 @@ impl<B: Backend> Correlator<B> {
             let mut field = self.backend.start(&level.prepared, frame, &displacement, &transfer)?;
             let observed = self.backend.observe(&level.prepared, frame, &mut field)?;
             for ((best, motion), (sums, transfer)) in best.iter_mut().zip(tried).zip(observed) {
-                let is_inside = sums.n >= LEAST_INSIDE * sums.n_all;
-                let score = if is_inside { sums.correlation() } else { sums.correlation().min(FEW_INSIDE) };
+                let score = score(&sums);
                 if score > best.score {
                     *best = Tried { score, motion, transfer };
                 }

@@ -5,7 +5,7 @@ use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
 use super::faces::{Followed, followed};
 use super::gradient_noise::OfElement;
-use super::iterate::{Outcome, iterate};
+use super::iterate::{Limits, Outcome, iterate};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
 use super::marks::{Pair, mark_pulled_along};
@@ -67,7 +67,7 @@ impl<B: Backend> Correlator<B> {
             light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
             self.backend.light(prepared, frame, field, light.nodes())
         };
-        let limits = self.limits(outcome.turn);
+        let limits = Limits { late_light: true, ..self.limits(outcome.turn) };
         let mut more = iterate(&self.backend, &self.levels[0], frame, field, limits, &self.kernel, follow)?;
         more.iterations += outcome.iterations;
         if outcome.status == Status::Converged && more.status != Status::Converged {

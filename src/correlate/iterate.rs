@@ -2,9 +2,10 @@
 
 use super::level::Level;
 use super::own::Own;
+use super::pace::Pace;
 use super::regularisation::Regulariser;
-use crate::backend::{Backend, BackendError, KernelOptions};
-use crate::field::{RigidMotion, Status};
+use crate::backend::{Backend, BackendError, COUPLED, KernelOptions};
+use crate::field::{Brightness, RigidMotion, Status};
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -20,6 +21,10 @@ pub(super) struct Limits<'a> {
     pub wild_elements: f64,
     /// How far the field is turned.
     pub turn: Turn,
+    /// Whether fields of light follow the displacement one iteration late.
+    pub late_light: bool,
+    /// A first correction of more than this, px, ends it: the start is to be looked for elsewhere.
+    pub near_px: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
     pub own: bool,
     /// What holds the displacement of the frame's own solver in place of what the level has.
@@ -98,8 +103,6 @@ const ROUGH_PX: f64 = 0.25;
 /// than this while the pixels counted have changed by this share of an element.
 const SLOW_RATE: f64 = 0.25;
 const RENEW_SHARE: f64 = 0.1;
-/// A correction that falls by less than this has stalled.
-const STALLED: f64 = 0.8;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
 /// limit this many times in a row: long enough for the half step of an overshoot to have its effect.
 const TOO_SLOW: [usize; 2] = [12, 8];
@@ -111,16 +114,15 @@ pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
     Ok(())
 }
 
+/// The last correction may be this many tolerances, but not so many px unless the tolerance is, if those that it would be followed by add up
+/// to less than one. The residual, which belongs to the field before it, is then still that of the result: it differs by the square of the correction.
+const LAST: f64 = 10.0;
+const LAST_PX: f64 = 0.01;
 /// Corrections below this, px, may be round-off, whose rate means nothing: the smallest elements under noise reach it.
 const ROUND_OFF_PX: f64 = 5e-6;
 
-/// Iterates `field` on `level` until the correction, and the error it leaves, are below the tolerance. After each step
+/// Iterates `field` on `level` until the error that the last correction leaves is below the tolerance. After each step
 /// that another one follows comes `between`: what else is to follow the field.
-///
-/// The grey transfer is fitted at the field before the correction (which is made for it, THEORY 2), and fields of light
-/// follow one iteration late, so that the corrections c may fall unevenly: what repeats is two of them together, by the rate
-/// `q = c(k) / c(k-2)`. What is still to come is then about
-/// `(c(k-1) + c(k)) q / (1 - q)`; of corrections that fall evenly that is the sum of their geometric series.
 pub(super) fn iterate<B: Backend>(
     backend: &B,
     level: &Level<B>,
@@ -142,15 +144,11 @@ pub(super) fn iterate<B: Backend>(
         own: None,
         turn: limits.turn,
     };
-    // The last two corrections, the latest first.
-    let (mut before, mut stalls, mut late) = ([f64::INFINITY; 2], 0, 0);
+    let (mut pace, mut late) = (Pace::default(), 0);
     // Pixels counted and elements lost when the own solver was made.
     let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
-        // A correction that comes back with the other sign each time is an overshoot somewhere: one half step
-        // settles it. More of them would only slow down what approaches from one side.
-        let damping = if stalls == 3 { 0.5 } else { 1.0 };
-        let scale = [damping * limits.turn.cos, damping * limits.turn.sin];
+        let scale = [pace.factor() * limits.turn.cos, pace.factor() * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
         let mut step = backend.step(&level.prepared, frame, field, solver, scale)?;
         let moved = (step.counted - made_at.0).abs() > RENEW_SHARE * size * size;
@@ -158,7 +156,7 @@ pub(super) fn iterate<B: Backend>(
             None => {
                 (step.lost > 0 && (iteration > 1 || step.correction_px < ROUGH_PX)) || (limits.own && iteration == 1)
             }
-            Some(_) => step.lost != made_at.1 || (moved && step.correction_px > SLOW_RATE * before[0]),
+            Some(_) => step.lost != made_at.1 || (moved && step.correction_px > SLOW_RATE * pace.last()),
         };
         if renew {
             let own = Own::new(backend, level, frame, field, options, limits.regulariser)?;
@@ -173,18 +171,26 @@ pub(super) fn iterate<B: Backend>(
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
             outcome.first_correction_px = correction;
+            if correction >= limits.near_px {
+                break;
+            }
         }
         if !correction.is_finite() || correction > limits.wild_elements * size {
             outcome.status = Status::Diverged;
             break;
         }
-        let settled = correction < ROUND_OFF_PX || error_left(correction, before) < limits.tolerance_px;
-        if correction < limits.tolerance_px && settled {
+        let is_even = !(renew || limits.late_light)
+            && matches!(options.brightness, Brightness::Zone | Brightness::Off)
+            && step.correlation >= COUPLED;
+        let left = pace.left(correction, is_even);
+        let last_px = limits.tolerance_px.max(LAST_PX.min(LAST * limits.tolerance_px));
+        let is_small = correction < last_px && left < limits.tolerance_px;
+        if is_small || correction < limits.tolerance_px.min(ROUND_OFF_PX) {
             outcome.status = Status::Converged;
             break;
         }
         if let Some(&enough) = limits.enough_px.get(step.worst_node).filter(|enough| correction < **enough) {
-            let slow = iteration >= SLOW[0] && error_left(correction, before) < 3.0 * enough;
+            let slow = iteration >= SLOW[0] && left < 3.0 * enough;
             if slow || iteration >= SLOW[1] {
                 outcome.status = Status::Converged;
                 break;
@@ -192,51 +198,15 @@ pub(super) fn iterate<B: Backend>(
         }
         let target =
             limits.enough_px.get(step.worst_node).map_or(limits.tolerance_px, |px| px.max(limits.tolerance_px));
-        let arrives = iterations_left(correction, before[1], target) <= (limits.max_iterations - iteration) as f64;
+        let arrives = pace.iterations_left(correction, target) <= (limits.max_iterations - iteration) as f64;
         late = if arrives || iteration < TOO_SLOW[0] { 0 } else { late + 1 };
         if late == TOO_SLOW[1] {
             break;
         }
-        // After a half step the correction is that of the full one: counting starts anew.
-        stalls = if correction > STALLED * before[0] && damping == 1.0 { stalls + 1 } else { 0 };
-        before = [correction, before[0]];
+        pace.note(correction, renew);
         if iteration < limits.max_iterations {
             between(frame, field)?;
         }
     }
     Ok(outcome)
-}
-
-/// What the corrections still to come add up to, after `correction` and those before it, the latest first (infinite
-/// where there were none).
-fn error_left(correction: f64, [last, one_before]: [f64; 2]) -> f64 {
-    let earlier = if one_before.is_finite() { one_before } else { last };
-    if !earlier.is_finite() {
-        return correction; // the first: as if each were half of the one before
-    }
-    let rate = if earlier > 0.0 { (correction / earlier).min(0.99) } else { 0.0 };
-    (last + correction) * rate / (1.0 - rate)
-}
-
-/// Iterations until a correction that was `earlier` two iterations ago has fallen to `target`; infinite if it does not fall.
-fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
-    if correction <= target {
-        return 0.0;
-    }
-    if correction < earlier { 2.0 * (target / correction).ln() / (correction / earlier).ln() } else { f64::INFINITY }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::iterations_left;
-
-    #[test]
-    fn what_falls_by_a_tenth_each_time_needs_as_many_iterations_as_tenths() {
-        // Two iterations ago it was 1 / 0.9^2 of what it is: 44 more take it to a hundredth, ln 0.01 / ln 0.9 = 43.7.
-        let left = iterations_left(1e-2, 1e-2 / 0.81, 1e-4);
-        assert!((left - 43.7).abs() < 0.05, "{left}");
-        assert_eq!(iterations_left(1e-5, 1e-2, 1e-4), 0.0);
-        assert_eq!(iterations_left(1e-2, 1e-2, 1e-4), f64::INFINITY);
-        assert_eq!(iterations_left(2e-2, 1e-2, 1e-4), f64::INFINITY);
-    }
 }

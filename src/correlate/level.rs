@@ -3,6 +3,7 @@
 use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
+use crate::field::RigidMotion;
 use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
@@ -28,6 +29,11 @@ pub(super) struct Level<B: Backend> {
 /// mean of two fine ones, so its centre lies between theirs.
 fn finer(x: f64) -> f64 {
     2.0 * x + 0.5
+}
+
+/// A rigid motion of a level's points on the next finer one.
+pub(super) fn on_finer_level(motion: RigidMotion) -> RigidMotion {
+    RigidMotion { centre: motion.centre.map(finer), translation: motion.translation.map(|u| 2.0 * u), ..motion }
 }
 
 fn coarser(x: f64) -> f64 {

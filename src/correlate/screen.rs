@@ -198,6 +198,7 @@ impl<B: Backend> Correlator<B> {
             light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
             self.backend.light(prepared, frame, field, light.nodes())
         };
+        let limits = Limits { late_light: true, ..limits };
         Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, follow)?)
     }
 
@@ -324,6 +325,8 @@ impl<B: Backend> Correlator<B> {
             wild_elements: WILD_SMOOTH_ELEMENTS,
             // The penalty is not turned with the corrections.
             turn: Turn::NONE,
+            late_light: false,
+            near_px: f64::INFINITY,
         }
     }
 

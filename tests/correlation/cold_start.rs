@@ -2,8 +2,9 @@
 
 use crate::common::data;
 use crate::common::spots;
+use quadrille::backend::GreyTransfer;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::correlate::{Correlation, Correlator, Options, Tracker};
+use quadrille::correlate::{Correlation, Correlator, Options, Start, Tracker};
 use quadrille::field::Status;
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
@@ -227,4 +228,36 @@ fn a_grid_that_moves_in_small_steps_is_followed_and_its_period_told() {
 fn nothing_is_said_of_random_spots() {
     let (found, _) = of_spots(0.0, [12.0, 3.0], MIDDLE);
     assert_eq!(found.ambiguity, None);
+}
+
+/// Turns by 5 degrees more than was expected put the corners of a small zone 6 px off, on other speckles: node by node that took 75 to 150
+/// iterations in a quarter of the draws, or ended with a corner left out.
+#[test]
+fn a_zone_that_has_turned_further_than_expected_is_put_right_as_a_whole_first() {
+    let zone = [208.0, 208.0, 304.0, 304.0];
+    let middle = [0.5 * SIDE as f64; 2];
+    let mut most = 0;
+    for seed in 0..24 {
+        let spots = Spots::random(SIDE, 1.8, 100 + seed);
+        let reference = spots.image([SIDE; 2], 2.0, 2 * seed, |x| x);
+        let correlator = prepared(&reference, &[zone]);
+        let (degrees, shift) = (10.0 + seed as f64, [0.4, -0.3]);
+        let (motion, expected) = (moved(degrees, middle, shift), moved(degrees - 5.0, middle, [0.0; 2]));
+        let displacement =
+            correlator.mesh().nodes().iter().map(|&x| [0, 1].map(|c| expected(x)[c] - x[c])).collect::<Vec<_>>();
+        let start = Start { displacement, transfer: vec![GreyTransfer::NONE] };
+        let image = spots.image([SIDE; 2], 2.0, 2 * seed + 1, motion);
+        let found = correlator.correlate(image, Some(&start)).unwrap();
+        let [rms, share, worst] = error(&found, motion);
+        assert_eq!(found.measurement.status, Status::Converged, "draw {seed}");
+        assert_eq!(share, 1.0, "draw {seed}: nodes are missing");
+        // Of 98 numbers five sigma are not exceeded by chance; nor is a hundredth of the texture's contrast.
+        assert!(
+            worst < 5.0 && (found.zones[0].transfer.gain - 1.0).abs() < 0.05,
+            "draw {seed}: {rms} px, {worst} sigma"
+        );
+        most = most.max(found.iterations);
+    }
+    println!("{most} iterations at most");
+    assert!(most <= 8, "{most} iterations");
 }

@@ -7,7 +7,7 @@ use crate::common;
 use common::gpu::{device, device_with};
 use common::*;
 use quadrille::backend::gpu::{GpuBackend, GpuOptions};
-use quadrille::backend::{Backend, BackendError};
+use quadrille::backend::{Backend, BackendError, GreyTransfer};
 use quadrille::correlate::{
     Correlate, Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
 };
@@ -629,6 +629,23 @@ fn starts_that_are_wild_end_as_on_the_cpu() {
         on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap_err().to_string(),
     ];
     assert_eq!(cpu, gpu);
+}
+
+#[test]
+fn a_zone_that_has_turned_further_than_expected_is_put_right_as_on_the_cpu() {
+    let Some(gpu) = device() else { return };
+    let side = 192;
+    let [turned, expected] = [12.0, 7.0].map(|degrees| Rotation::new(degrees, side, side));
+    let pair = noisy_pair(&turned, &eight_bit(side, side));
+    let options = tight(Options::default());
+    let on_cpu = prepared(&pair[0], &inside(side, side, 48), options.clone());
+    let on_gpu = prepared_on(gpu, &pair[0], &inside(side, side, 48), options);
+    let displacement = on_cpu.mesh().nodes().iter().map(|&x| expected.displacement(x)).collect();
+    let start = Start { displacement, transfer: vec![GreyTransfer::NONE] };
+    let cpu = on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap();
+    let gpu = on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap();
+    assert_same("turned by 5 degrees more", &cpu, &gpu, 255.0);
+    assert!(gpu.iterations <= 8, "{} iterations", gpu.iterations);
 }
 
 // ---- Failing devices ---------------------------------------------------------------------------------
