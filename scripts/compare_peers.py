@@ -6,7 +6,8 @@
 
 Installs pyxel-dic and pyvale from PyPI into .venv-peers (once), builds quadrille unless its program is given, makes the images
 with `quadrille synth` (8 bit, exact field known), and prints a table. In every repetition all codes have their turn, so that
-another load of the machine hits them alike; a ratio is the median of those of the turns. Two times for each code:
+another load of the machine hits them alike; ratios are taken turn by turn. Figures are median (least to largest). Two
+times for each code:
 
 Fresh process (cold): from its start to its end, from two TIFF files in the page cache to the field in files. quadrille:
 `quadrille correlate --export csv`, with its store and its report; a second line is without the report, which draws maps and which
@@ -15,7 +16,8 @@ no other code writes. The others with the start of Python and their imports.
 Repeated (warm): from two arrays in memory to the field, nothing known of the motion, in a process that has done the same once
 before. The Python codes keep one process and have a repetition in every turn. quadrille from its module of Python, given
 --python WHEEL (from `make wheel`), likewise; else `quadrille bench`, which makes images of the same texture and field itself and
-in every turn prepares the reference twice and correlates the frame twice in one process: the second times count.
+in every turn prepares the reference twice and correlates the frame twice in one process: the second times count. The fresh process
+is then the command that the wheel installs, unless --program is given.
 
 pyxel-dic: mesh, integration points, matrix, MultiscaleInit and Correlate (global Q4, as quadrille); above 1024 px it has one turn
 only, since its time grows with the third power of the side. pyvale: calculate_2d with subsets of 17 px every 16 px, its Gaussian
@@ -55,7 +57,8 @@ import sys
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+SCRIPT = pathlib.Path(__file__).resolve()
+ROOT = SCRIPT.parent.parent
 VENV = ROOT / ".venv-peers"
 ELEMENT = 16
 RADIUS = 8
@@ -273,7 +276,7 @@ class Contest:
         self.environment = {**os.environ, **dict.fromkeys(names, str(arguments.threads))}
 
     def inner(self, what, code, out):
-        return [self.programs["python"], pathlib.Path(__file__).resolve(), "--inner", what, code, self.where, self.size, self.threads, out]
+        return [self.programs["python"], SCRIPT, "--inner", what, code, self.where, self.size, self.threads, out]
 
     def folder(self, code):
         return pathlib.Path(tempfile.mkdtemp(prefix=code, dir=self.scratch))
@@ -379,17 +382,15 @@ def contest(programs, where, size, arguments, folder):
     return list(results.values())
 
 
-def ratio(some, others):
-    """The median of the ratios of the turns."""
-    ratios = [a / b for a, b in zip(some, others)]
-    return statistics.median(ratios) if ratios else None
+def ratios(some, others):
+    """Turn by turn."""
+    return [a / b for a, b in zip(some, others)]
 
 
-def shown(value):
-    """A ratio, or seconds: their median, least and largest."""
-    if isinstance(value, list):
-        return f"{statistics.median(value):.4g} ({min(value):.4g} to {max(value):.4g})" if value else "-"
-    return "-" if value is None else f"{value:.3g}"
+def shown(values, digits=4):
+    """Median, least and largest."""
+    middle, least, most = (f"{f(values):.{digits}g}" for f in (statistics.median, min, max)) if values else "---"
+    return f"{middle} ({least} to {most})" if least != most else middle
 
 
 def main():
@@ -434,18 +435,19 @@ def main():
     print(f"{run['what']}, 8 bit, {ELEMENT} px elements or steps, {arguments.threads} threads, {run['date']}, {run['machine']}, "
           f"load {before:.1f} before and {after:.1f} after; " + ", ".join(map(" ".join, run["versions"].items())))
     if before > LOAD * os.cpu_count():
-        print(f"WARNING: the machine had other work to do (load {before:.1f}): only the ratios count")
-    print("| image | code | turns | fresh process (cold), s, median (min to max) | times quadrille | repeated (warm), s | "
+        print(f"WARNING: the machine had other work to do (load {before:.1f}): seconds are too long, and ratios as good as their ranges")
+    print("| image | code | turns | fresh process (cold), s | times quadrille | repeated (warm), s | "
           "times quadrille | cold / warm | rms at points / between, px | MiB |")
     print("|" + " --- |" * 10)
     reference = {r["size"]: r for r in results if r["code"] == "quadrille"}
     for r in results:
         for kind in ("cold", "warm"):
-            r[f"{kind}_ratio"] = ratio(r[kind], reference.get(r["size"], {kind: []})[kind])
-        r["cold_over_warm"] = ratio(r["cold"], r["warm"])
-        cells = [f"{r['size']}²", r["code"], len(r["cold"]), *map(shown, (r["cold"], r["cold_ratio"], r["warm"], r["warm_ratio"],
-                 r["cold_over_warm"])), f"{r['node_rms_px']:.4f} / {r['field_rms_px']:.4f}", f"{r['memory_mib']:.0f}"]
-        print("|", " | ".join(map(str, cells)), "|")
+            r[f"{kind}_ratios"] = ratios(r[kind], reference.get(r["size"], {kind: []})[kind])
+        r["cold_to_warm"] = ratios(r["cold"], r["warm"])
+        cells = [f"{r['size']}²", r["code"], str(len(r["cold"])), shown(r["cold"]), shown(r["cold_ratios"], 3), shown(r["warm"]),
+                 shown(r["warm_ratios"], 3), shown(r["cold_to_warm"], 3), f"{r['node_rms_px']:.4f} / {r['field_rms_px']:.4f}",
+                 f"{r['memory_mib']:.0f}"]
+        print("|", " | ".join(cells), "|")
     if arguments.json:
         arguments.json.write_text(json.dumps(run, indent=1) + "\n")
 
