@@ -5,14 +5,17 @@
 #
 #     scripts/drivers.sh [--long] [words for cargo test]
 #
-# --long: whole frames as well, not the kernels alone.
+# --long: whole frames as well, not the kernels alone; and every shader translated for Metal and OpenGL by the program naga, which is installed
+# into target/naga.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+long=no
 quick=(gpu_kernels:: a_series_on_the_gpu when_the_fresh_device a_device_that_computes devices_lists)
 kernels=(gpu_kernels::)
 if [ "${1:-}" = --long ]; then
     shift
+    long=yes
     quick+=(gpu_frames::)
     kernels+=(gpu_frames::)
 fi
@@ -21,6 +24,12 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 # The driver looks for a folder of its own, and complains without one.
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$folder}
+
+if [ "$long" = yes ]; then
+    version=$(cargo pkgid --locked naga)
+    [ -x target/naga/bin/naga ] || cargo install naga-cli --version "${version##*@}" --locked --root target/naga
+    QUADRILLE_NAGA="$PWD/target/naga/bin/naga" cargo test --locked "$@" --test correlation -- shaders::
+fi
 
 swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 if [ -e "$swiftshader" ]; then

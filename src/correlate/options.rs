@@ -16,7 +16,8 @@ pub struct Options {
     pub element_share: f64,
     /// Interpolation of the deformed image.
     pub interpolation: Interpolation,
-    /// Largest nodal correction at which a frame counts as converged, px.
+    /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as converged, px (docs/correlation.md,
+    /// 2.4).
     pub tolerance_px: f64,
     /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0 for the
     /// tolerance alone.

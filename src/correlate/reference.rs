@@ -114,7 +114,7 @@ impl Reference {
         self.moments.iter().map(|moments| gain * moments.n).collect()
     }
 
-    /// Correction below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
+    /// Error that is left below which a frame counts as converged, px: the tolerance of the options, or 1 % of the smallest
     /// standard uncertainty of a node if that is more, for the noise that the reference seems to have (at most the stated
     /// one; THEORY 10).
     pub fn tolerance_px(&self) -> f64 {

@@ -34,7 +34,7 @@ pub struct Summary {
     pub n_levels: usize,
     /// Solver of the normal equations on the finest level: `direct` or `iterative`.
     pub solver: Name,
-    /// Correction below which a frame counts as converged.
+    /// Error that is left, as the corrections tell, below which a frame counts as converged.
     pub tolerance_px: f64,
     /// The one in effect: a hundredth of the smallest standard uncertainty where that is more, absent where it is not.
     #[serde(default, skip_serializing_if = "Option::is_none")]

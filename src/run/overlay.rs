@@ -77,7 +77,7 @@ pub struct Overlay {
     pub element_size: Option<i64>,
     /// Interpolation between pixels.
     pub interpolation: Option<Interpolation>,
-    /// Largest correction at which a frame counts as converged, px.
+    /// Error of the iteration that may be left when a frame counts as converged, px.
     pub tolerance: Option<f64>,
     /// Iterations after which a frame is given up.
     pub max_iterations: Option<u32>,

@@ -110,7 +110,7 @@ fn the_summary_tells_of_the_run_and_of_every_frame() {
         assert_eq!((&frame["file"], &frame["status"]), (&json!(file), &json!("converged")));
         assert!((1..=20).contains(&frame["iterations"].as_u64().unwrap()), "{frame:#}");
         let number = |key: &str| frame[key].as_f64().unwrap();
-        assert!((0.0..1e-4).contains(&number("correction_px")), "{frame:#}");
+        assert!((0.0..1e-3).contains(&number("correction_px")), "{frame:#}"); // ten tolerances
         // Both images are rounded: 0.41 grey levels together; less than all of that after the spline.
         assert!((0.2..0.6).contains(&number("residual_grey")), "{frame:#}");
         let percent = 100.0 * number("residual_grey") / f64::from(high - low);
@@ -601,7 +601,7 @@ fn device_and_instruction_path_can_be_chosen_and_are_recorded() {
     assert!(desk.read("baseline/csv/000001.csv").contains("cpu (baseline)"));
     for (a, b) in desk.rows("baseline/csv/000001.csv").iter().zip(desk.rows("cpu/csv/000001.csv")) {
         for k in 0..2 {
-            // Rounding in f32 and the last correction, which is below the tolerance of 1e-4 px.
+            // Rounding in f32, and the error that the last correction leaves: below the tolerance of 1e-4 px.
             assert!((a.px.displacement[k] - b.px.displacement[k]).abs() < 1e-4, "{a:?} {b:?}");
         }
     }

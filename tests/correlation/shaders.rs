@@ -42,7 +42,7 @@ fn every_shader_is_valid_without_any_optional_capability() {
     }
 }
 
-/// What Vulkan and DirectX 12 are given: a driver gets no WGSL. Metal and OpenGL have other writers, which wgpu builds on their systems alone.
+/// What Vulkan and DirectX 12 are given: a driver gets no WGSL.
 #[test]
 fn every_shader_is_translated_for_vulkan_and_directx() {
     let validator = Command::new("spirv-val").arg("--version").output().is_ok();
@@ -69,6 +69,32 @@ fn every_shader_is_translated_for_vulkan_and_directx() {
         let written = written.unwrap_or_else(|error| panic!("{what}: HLSL: {error}"));
         assert!(written.entry_point_names.iter().all(Result::is_ok), "{what}: {:?}", written.entry_point_names);
         assert!(text.contains("numthreads"), "{what}: {text}");
+    }
+}
+
+/// What Metal is given, and OpenGL ES would be. wgpu builds their writers on their own systems alone; the program `naga` has them all
+/// (`cargo install naga-cli`; `scripts/drivers.sh --long` installs it), and QUADRILLE_NAGA names it.
+#[test]
+fn every_shader_is_translated_for_metal_and_opengl() {
+    let Some(naga) = std::env::var_os("QUADRILLE_NAGA") else {
+        println!("skipped: QUADRILLE_NAGA does not name the program naga (the crate naga-cli)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let [wgsl, metal, glsl] = ["kernel.wgsl", "kernel.metal", "kernel.comp"].map(|name| folder.path().join(name));
+    for (kernel, interpolation) in variants() {
+        std::fs::write(&wgsl, source(kernel, interpolation)).unwrap();
+        let mut commands = [Command::new(&naga), Command::new(&naga)];
+        commands[0].arg(&wgsl).arg(&metal);
+        commands[1].arg(&wgsl).arg(&glsl).args(["--profile", "es310", "--entry-point", kernel.entry()]);
+        for command in &mut commands {
+            let said = command.output().unwrap();
+            let text = String::from_utf8_lossy(&said.stderr);
+            assert!(said.status.success(), "{kernel:?}, {interpolation:?}, {command:?}: {text}");
+        }
+        let [metal, glsl] = [&metal, &glsl].map(|file| std::fs::read_to_string(file).unwrap());
+        assert!(metal.contains("kernel void"), "{kernel:?}, {interpolation:?}: {metal}");
+        assert!(glsl.contains("local_size_x"), "{kernel:?}, {interpolation:?}: {glsl}");
     }
 }
 

@@ -149,7 +149,7 @@ pub struct CorrelateArgs {
     /// Interpolation between pixels. Default cubic; quintic has ten times less bias at twice the cost.
     #[arg(long, value_name = "NAME", value_parser = interpolation)]
     pub interpolation: Option<Interpolation>,
-    /// Largest correction at which a frame counts as converged, px. Default 1e-4.
+    /// Error of the iteration that may be left when a frame counts as converged, px. Default 1e-4.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub tolerance: Option<f64>,
     /// Iterations after which a frame is given up. Default 50.

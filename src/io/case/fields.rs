@@ -63,7 +63,7 @@ pub struct CaseCorrelation {
     /// Sub-pixel interpolation of the deformed image.
     #[schemars(extend("default" = "cubic", "x-flag" = "--interpolation"))]
     pub interpolation: Option<Interpolation>,
-    /// Correction of the displacement below which a frame has converged, px, up to 1.
+    /// Error of the iteration that may be left when a frame counts as converged, px, up to 1.
     #[schemars(extend("default" = 1e-4, "x-flag" = "--tolerance"))]
     pub tolerance_px: Option<f64>,
     /// Largest number of iterations of a frame on the image itself, from 1 (coarser scales have limits of their own).
