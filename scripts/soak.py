@@ -157,7 +157,8 @@ def each_write(name: str, command: list[str], output: Path, library: Path, step:
         environment = {**os.environ, "LD_PRELOAD": str(library), "QUADRILLE_TEST_COUNT": str(work / "count"), **more}
         if at:
             environment["QUADRILLE_TEST_FULL_AT"] = str(at)
-        return run(*command, cwd=work, env=environment, timeout=300)
+        # A machine whose cores are busy with others may let it wait for minutes; what waits for ever is found all the same.
+        return run(*command, cwd=work, env=environment, timeout=1800)
 
     first = once(0, {}, False)
     if first.returncode not in (0, 1):
