@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Attacks everything that reads files of others, guided by coverage: every target for so many seconds (60), on the stable toolchain.
+# Attacks everything that reads files of others, guided by coverage: every target for so many seconds (60), as many at a time as there
+# are cores, on the stable toolchain.
 # Starts from fuzz/seeds and from what earlier runs found (out/fuzz); what ends a target is kept in out/fuzz/findings.
 #
 #     scripts/fuzz.sh [SECONDS] [TARGET...]
@@ -28,21 +29,33 @@ trap 'rm -rf "$TMPDIR"' EXIT
 words=out/fuzz/words.dict
 grep -o '`[][A-Za-z_0-9"-]*`' docs/case.md | tr -d '`[]"' | grep . | sort -u | sed 's/.*/"&"/' > "$words"
 
-failed=0
-for target in "${targets[@]}"; do
+attack() { # TARGET: for so many seconds
+    local target=$1 log=out/fuzz/$1.log dictionary=() runs edges found line ended=0
     mkdir -p "out/fuzz/$target" "fuzz/seeds/$target"
-    log=out/fuzz/$target.log
-    dictionary=()
     case $target in cases | joints) dictionary=(-dict="$words") ;; esac
-    # Every run keeps its log: the sum of the executions is the record.
-    "$programs/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 "${dictionary[@]}" \
-        -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
-        > "$log" 2>&1 || failed=1
+    # Nobody else writes into the folder of its inputs: it need not be looked at every second.
+    "$programs/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=1024 -malloc_limit_mb=512 -max_len=8192 -reload=0 \
+        "${dictionary[@]}" -artifact_prefix="out/fuzz/findings/$target-" -print_final_stats=1 "out/fuzz/$target" "fuzz/seeds/$target" \
+        > "$log" 2>&1 || ended=1
+    # Every run keeps its line: the sum of the executions is the record.
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
     edges=$(grep -o 'cov: [0-9]*' "$log" | tail -1)
     found=$(grep -c 'Test unit written' "$log" || true)
     line="$target: ${runs:-0} executions in $seconds s, ${edges:-cov: 0} edges, $found findings"
     echo "$line"
     echo "$(date -u +%FT%TZ) $line" >> out/fuzz/log.txt
+    return $ended
+}
+
+# One on each core.
+failed=0
+for target in "${targets[@]}"; do
+    while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do
+        wait -n || failed=1
+    done
+    attack "$target" &
+done
+while [ -n "$(jobs -p)" ]; do
+    wait -n || failed=1
 done
 exit $failed

@@ -201,13 +201,7 @@ pub fn read_image(path: &Path, page: usize) -> Result<Loaded, ReadError> {
 /// # Errors
 /// As [`read_image`].
 pub fn read_accepted(path: &Path, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
-    let mut file = PagedFile::open(path)?;
-    let mut loaded = file.read(page, accepted)?;
-    if loaded.pages > 1 {
-        let (pages, all) = (loaded.pages, "--pages all takes each as a frame");
-        loaded.notes.push(format!("{pages} pages: page {page} is read; --page chooses another, {all}"));
-    }
-    Ok(loaded)
+    PagedFile::open(path)?.read_one(page, accepted)
 }
 
 /// An image file in memory, from which pages are decoded one by one without reading it again.
@@ -268,6 +262,16 @@ impl PagedFile {
             .map_err(|reason| ReadError::GreyLevels { path: self.path.clone(), reason })?;
         let sha256 = self.sha256.get_or_insert_with(|| sha256(&self.bytes)).clone();
         Ok(Loaded { image, notes: raw.notes, sha256, pages, white: raw.white, taken: raw.taken })
+    }
+
+    /// As [`PagedFile::read`], where no other page is wanted: the notes say how many there are.
+    pub(super) fn read_one(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
+        let mut loaded = self.read(page, accepted)?;
+        if loaded.pages > 1 {
+            let (pages, all) = (loaded.pages, "--pages all takes each as a frame");
+            loaded.notes.push(format!("{pages} pages: page {page} is read; --page chooses another, {all}"));
+        }
+        Ok(loaded)
     }
 
     fn page_list(&mut self) -> Result<Option<tiff_pages::PageList>, ImageFault> {

@@ -8,7 +8,7 @@ mod units;
 
 pub use asked::read_as_asked;
 pub use error::LoadError;
-pub use times::FrameTimes;
+pub use times::{FrameTimes, parse_frame_times};
 
 use error::STRESS;
 use raw::{RawTable, Wanted};
@@ -143,7 +143,7 @@ pub fn read_record(path: &Path, time: &str, times: &FrameTimes) -> Result<LoadTa
 /// # Errors
 /// A file that cannot be read, without such a column, or with another number of rows.
 pub fn read_frame_times(path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
-    times::parse_frame_times(&text_of(path)?, path, n_frames)
+    parse_frame_times(&text_of(path)?, path, n_frames)
 }
 
 /// The load file with the content `text`; `path` stands in messages.

@@ -1,6 +1,6 @@
 //! Masks: images whose white pixels say where to measure.
 
-use super::images::{Accepted, ReadError, read_accepted};
+use super::images::{Accepted, Loaded, PagedFile, ReadError, read_accepted};
 use crate::imaging::Levels;
 use crate::mesh::Mask;
 use std::path::{Path, PathBuf};
@@ -82,7 +82,26 @@ pub enum MaskError {
 /// A file that is no image, has another size, is black everywhere, or is mostly grey.
 pub fn read_mask(path: &Path, width: usize, height: usize) -> Result<LoadedMask, MaskError> {
     // Another size is seen in the header, before anything is unpacked.
-    let loaded = match read_accepted(path, 0, Accepted::ANY.of_size(width, height)) {
+    mask_of(read_accepted(path, 0, Accepted::ANY.of_size(width, height)), path, width, height)
+}
+
+/// The mask with the content `bytes`; `path` stands in messages. See [`read_mask`].
+///
+/// # Errors
+/// Those of [`read_mask`], but for a file that cannot be read.
+pub fn parse_mask(bytes: Vec<u8>, path: &Path, width: usize, height: usize) -> Result<LoadedMask, MaskError> {
+    let read = |mut file: PagedFile| file.read_one(0, Accepted::ANY.of_size(width, height));
+    mask_of(PagedFile::of(path.to_owned(), bytes).and_then(read), path, width, height)
+}
+
+/// The mask that the image is.
+fn mask_of(
+    loaded: Result<Loaded, ReadError>,
+    path: &Path,
+    width: usize,
+    height: usize,
+) -> Result<LoadedMask, MaskError> {
+    let loaded = match loaded {
         Err(ReadError::OtherSize { path, width: mask_width, height: mask_height, .. }) => {
             return Err(MaskError::Size {
                 path,

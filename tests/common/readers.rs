@@ -5,12 +5,13 @@ use quadrille::field::{Measurement, Status, StrainDefinition, StrainField};
 use quadrille::io::case::{CaseDocument, parse_case, write_case};
 use quadrille::io::csv::read_displacements;
 use quadrille::io::images::{Accepted, PagedFile};
-use quadrille::io::joint::{MeshInput, read_boundary, read_identify, read_joint_mesh, read_measurement, read_table};
-use quadrille::io::load::{FrameTimes, parse_load, parse_record, read_frame_times};
-use quadrille::io::mask::read_mask;
+use quadrille::io::joint::{
+    MeshInput, parse_boundary, parse_identify, parse_joint_mesh, parse_measurement, parse_table,
+};
+use quadrille::io::load::{FrameTimes, parse_frame_times, parse_load, parse_record};
+use quadrille::io::mask::parse_mask;
 use quadrille::io::mesh_file::parse_mesh;
 use quadrille::io::npz::read_npz;
-use quadrille::io::run_case::parse_run_case;
 use quadrille::io::store::{Store, StoreHeader, StoreWriter};
 use quadrille::mechanics::{Joint, JointMesh, JointParts};
 use quadrille::mesh::{Mesh, Roi, Zone};
@@ -43,15 +44,6 @@ fn in_folder<T>(of: impl FnOnce(&Path) -> T) -> T {
     FOLDER.with(|folder| of(folder.path()))
 }
 
-/// Calls `read` with a file that holds `data`.
-fn with_file<T>(data: &[u8], name: &str, read: impl FnOnce(&Path) -> T) -> T {
-    in_folder(|folder| {
-        let path = folder.join(name);
-        fs::write(&path, data).expect("a temporary file");
-        read(&path)
-    })
-}
-
 /// Images of every format, all pages.
 pub fn images(data: &[u8]) {
     let Ok(mut file) = PagedFile::of("image".into(), data.to_vec()) else { return };
@@ -67,14 +59,14 @@ pub fn images(data: &[u8]) {
 
 /// Images as masks of a reference of 16 x 16 px.
 pub fn masks(data: &[u8]) {
-    if let Ok(loaded) = with_file(data, "mask.png", |path| read_mask(path, 16, 16)) {
+    if let Ok(loaded) = parse_mask(data.to_vec(), "mask".as_ref(), 16, 16) {
         assert!(loaded.share > 0.0 && loaded.share <= 1.0);
     }
 }
 
 /// Mesh files (Gmsh with groups, VTU, JSON of a joint), laid over an image and made a joint of.
 pub fn meshes(data: &[u8]) {
-    if let Ok(file) = with_file(data, "mesh.json", read_joint_mesh)
+    if let Ok(file) = parse_joint_mesh(data, "mesh".as_ref())
         && file.elements.len() < 500
         && file.nodes.len() < 2000
     {
@@ -113,19 +105,19 @@ pub fn meshes(data: &[u8]) {
 pub fn cases(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let path = Path::new("case.toml");
-    if let Ok(case) = parse_case(text, path) {
+    // Read once for all: `parse_case` and `parse_run_case` do no more than this.
+    let Ok(document) = CaseDocument::parse(text, path) else { return };
+    if let Ok(case) = document.clone().correlation() {
         // What is accepted can be written down and read again.
         let written = write_case(&case);
         let again = parse_case(&written, path).unwrap_or_else(|error| panic!("{error}\n{written}"));
         assert_eq!(again.zones.len(), case.zones.len());
     }
-    if let Ok(case) = parse_run_case(text, path) {
+    if let Ok(case) = document.clone().run() {
         assert!(case.thickness_mm.is_finite());
         CaseDocument::parse(&case.joint_case("run", true), path).unwrap_or_else(|error| panic!("{error}"));
     }
-    if let Ok(document) = CaseDocument::parse(text, path) {
-        let _ = document.joint();
-    }
+    let _ = document.joint();
 }
 
 /// The files beside the case of [`joints`].
@@ -155,9 +147,7 @@ pub fn joints(data: &[u8]) {
                 fs::write(folder.join(name), text).expect("a temporary file");
             }
         }
-        let path = folder.join("case.toml");
-        fs::write(&path, text).expect("a temporary file");
-        read_identify(&path)
+        parse_identify(text, &folder.join("case.toml"))
     });
     let Ok(quadrille::io::joint::IdentifyInput::One(input)) = read else { return };
     let small = match &input.mesh {
@@ -178,11 +168,11 @@ pub fn tables(data: &[u8]) {
         1 => drop(parse_record(&String::from_utf8_lossy(data), path, "time", &FrameTimes::every(0.5, 0.0, 5))),
         2 => drop(read_displacements(data)),
         3 => drop(read_npz(Cursor::new(data))),
-        4 => drop(with_file(data, "t.csv", read_table)),
-        5 => drop(with_file(data, "t.csv", read_boundary)),
-        6 => drop(with_file(data, "t.csv", |path| read_measurement(path, Some(0.002)))),
-        7 => drop(with_file(data, "t.csv", |path| read_measurement(path, None))),
-        _ => drop(with_file(data, "t.csv", |path| read_frame_times(path, 3))),
+        4 => drop(parse_table(data, path)),
+        5 => drop(parse_boundary(data, path)),
+        6 => drop(parse_measurement(data, path, Some(0.002))),
+        7 => drop(parse_measurement(data, path, None)),
+        _ => drop(parse_frame_times(&String::from_utf8_lossy(data), path, 3)),
     }
 }
 
@@ -236,18 +226,42 @@ pub fn whole_store(path: &Path) -> Vec<PathBuf> {
     files
 }
 
+/// A whole store, and what is in it.
+struct Whole {
+    store: Store,
+    /// The files, what they hold, and the frame that they are of.
+    files: Vec<(PathBuf, Vec<u8>, Option<usize>)>,
+}
+
+impl Whole {
+    fn in_folder(folder: &Path) -> Self {
+        let path = folder.join("fields.zarr");
+        let files = whole_store(&path);
+        let store = Store::open(path).expect("a store");
+        let is_of = |number: usize, file: &PathBuf| {
+            store.status_file(number) == *file || store.field_files(number).contains(file)
+        };
+        let about = |file: PathBuf| {
+            let frame = (1..=store.n_frames()).find(|&number| is_of(number, &file));
+            let content = fs::read(&file).expect("a file of the store");
+            (file, content, frame)
+        };
+        Self { files: files.into_iter().map(about).collect(), store }
+    }
+}
+
 /// A store of which one file is another: the first byte says which, the second whether the rest is its content or pairs of a place
 /// and a byte that is put there.
 pub fn store(data: &[u8]) {
     let [which, kind, rest @ ..] = data else { return };
     thread_local! {
-        static WHOLE: Vec<(PathBuf, Vec<u8>)> = in_folder(|folder| {
-            let files = whole_store(&folder.join("fields.zarr"));
-            files.into_iter().map(|file| (file.clone(), fs::read(file).expect("a file of the store"))).collect()
-        });
+        static WHOLE: Whole = in_folder(Whole::in_folder);
     }
+    let read = |store: &Store, number| {
+        let _ = (store.check(number), store.noise(number), store.without_field(number));
+    };
     WHOLE.with(|whole| {
-        let (file, content) = &whole[usize::from(*which) % whole.len()];
+        let (file, content, frame) = &whole.files[usize::from(*which) % whole.files.len()];
         let changed = if kind % 2 == 0 {
             rest.to_vec()
         } else {
@@ -262,10 +276,14 @@ pub fn store(data: &[u8]) {
             changed
         };
         fs::write(file, changed).expect("a file of the store");
-        if let Ok(store) = in_folder(|folder| Store::open(folder.join("fields.zarr"))) {
-            let _ = (store.normal_matrices(), store.gradient_noise());
-            for number in 1..=store.n_frames().min(3) {
-                let _ = (store.check(number), store.noise(number), store.without_field(number));
+        match frame {
+            // Nobody has looked into the files of a frame when the store is open.
+            Some(number) => read(&whole.store, *number),
+            None => {
+                if let Ok(store) = Store::open(whole.store.path()) {
+                    let _ = (store.normal_matrices(), store.gradient_noise());
+                    (1..=store.n_frames().min(3)).for_each(|number| read(&store, number));
+                }
             }
         }
         fs::write(file, content).expect("a file of the store");

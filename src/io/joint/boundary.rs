@@ -24,8 +24,15 @@ const HEADER: &str = "instant,node,x_mm,y_mm,ux_mm,uy_mm";
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_boundary(path: &Path) -> Result<BoundaryTable, JointFileError> {
-    let bytes = bytes_of(path)?;
-    let text = String::from_utf8_lossy(&bytes);
+    parse_boundary(&bytes_of(path)?, path)
+}
+
+/// The table with the content `bytes`; `path` stands in messages. See [`read_boundary`].
+///
+/// # Errors
+/// Those of [`read_boundary`], but for a file that cannot be read.
+pub fn parse_boundary(bytes: &[u8], path: &Path) -> Result<BoundaryTable, JointFileError> {
+    let text = String::from_utf8_lossy(bytes);
     let owned = || path.to_owned();
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: owned() }) };

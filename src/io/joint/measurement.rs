@@ -22,11 +22,22 @@ pub struct MeasurementTable {
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_measurement(path: &Path, mm_per_px: Option<f64>) -> Result<MeasurementTable, JointFileError> {
+    parse_measurement(&bytes_of(path)?, path, mm_per_px)
+}
+
+/// The table with the content `bytes`; `path` stands in messages. See [`read_measurement`].
+///
+/// # Errors
+/// Those of [`read_measurement`], but for a file that cannot be read.
+pub fn parse_measurement(
+    bytes: &[u8],
+    path: &Path,
+    mm_per_px: Option<f64>,
+) -> Result<MeasurementTable, JointFileError> {
     if let Some(value) = mm_per_px.filter(|value| !(value.is_finite() && *value > 0.0)) {
         return Err(JointFileError::BadScale { value });
     }
-    let bytes = bytes_of(path)?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = String::from_utf8_lossy(bytes);
     let owned = || path.to_owned();
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: owned() }) };

@@ -71,10 +71,17 @@ struct MeshJson {
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
-    let bytes = bytes_of(path)?;
+    parse_joint_mesh(&bytes_of(path)?, path)
+}
+
+/// The mesh with the content `bytes`; `path` stands in messages. See [`read_joint_mesh`].
+///
+/// # Errors
+/// Those of [`read_joint_mesh`], but for a file that cannot be read.
+pub fn parse_joint_mesh(bytes: &[u8], path: &Path) -> Result<JointMeshFile, JointFileError> {
     if bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{') {
         let json = |error: serde_json::Error| JointFileError::Json { path: path.to_owned(), reason: error.to_string() };
-        let mut mesh: MeshJson = serde_json::from_slice(&bytes).map_err(json)?;
+        let mut mesh: MeshJson = serde_json::from_slice(bytes).map_err(json)?;
         mesh.lower_face.append(&mut mesh.upper_face);
         let lists = mesh.dirichlet_nodes.iter().chain(&mesh.selected_nodes);
         let listed = mesh.lower_face.iter().chain(lists.flatten()).chain(mesh.node_groups.values().flatten());
@@ -98,7 +105,7 @@ pub fn read_joint_mesh(path: &Path) -> Result<JointMeshFile, JointFileError> {
             mm_per_px: None,
         });
     }
-    let MeshFile { zones, curves, .. } = parse_mesh(&bytes, path)?;
+    let MeshFile { zones, curves, .. } = parse_mesh(bytes, path)?;
     let mut mesh = JointMeshFile { path: path.to_owned(), by_position: true, ..JointMeshFile::default() };
     let mut number: HashMap<[u64; 2], u32> = HashMap::new();
     // Adding zero makes -0 the same place as 0.

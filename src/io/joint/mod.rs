@@ -20,18 +20,18 @@ mod several;
 mod table;
 
 pub use super::case::{CaseBoundary, CaseFit, CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodes};
-pub use boundary::{BoundaryTable, read_boundary};
+pub use boundary::{BoundaryTable, parse_boundary, read_boundary};
 pub(in crate::io) use case::LAW;
 pub use case::{JointCase, read_joint_case};
 pub use correlated::{JointRun, RunMatrix};
 pub use curve::read_curves;
 pub use drives::{DrivesInput, History};
 pub use force::{ForceInput, read_force};
-pub use measurement::{MeasurementTable, read_measurement};
-pub use mesh::{JointMeshFile, counter_clockwise, read_joint_mesh};
+pub use measurement::{MeasurementTable, parse_measurement, read_measurement};
+pub use mesh::{JointMeshFile, counter_clockwise, parse_joint_mesh, read_joint_mesh};
 pub use run::read_joint_run;
-pub use several::{IdentifyInput, TestInput, TestsInput, read_identify};
-pub use table::{read_table, write_table};
+pub use several::{IdentifyInput, TestInput, TestsInput, parse_identify, read_identify};
+pub use table::{parse_table, read_table, write_table};
 
 use super::case::{CaseError, CasePlace};
 use super::load::LoadError;
@@ -104,7 +104,11 @@ pub enum BoundaryInput {
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_joint(path: &Path) -> Result<JointInput, JointFileError> {
-    let mut case = read_joint_case(path)?;
+    joint_of(read_joint_case(path)?)
+}
+
+/// The joint of a case: every file that it names is read.
+fn joint_of(mut case: JointCase) -> Result<JointInput, JointFileError> {
     let base = case.base.clone();
     read_curves(&mut case.substrate, &base)?;
     let case = case;

@@ -1,6 +1,6 @@
 //! Several tests of one adhesive, as a case with `[[test]]` names them.
 
-use super::{CaseFit, CaseJointOutput, JointFileError, JointInput, read_joint};
+use super::{CaseFit, CaseJointOutput, JointFileError, JointInput, joint_of};
 use crate::io::case::{CaseCohesive, CaseDocument, CaseError, CaseTest, CaseText, Reader, read_document};
 use std::path::{Path, PathBuf};
 
@@ -53,9 +53,21 @@ pub enum IdentifyInput {
 /// # Errors
 /// See [`JointFileError`].
 pub fn read_identify(path: &Path) -> Result<IdentifyInput, JointFileError> {
-    let document = read_document(path)?;
+    identify_of(read_document(path)?)
+}
+
+/// The case file with the content `text`, and every file that it names; `path` gives its folder and stands in messages. See
+/// [`read_identify`].
+///
+/// # Errors
+/// Those of [`read_identify`], but for a case file that cannot be read.
+pub fn parse_identify(text: &str, path: &Path) -> Result<IdentifyInput, JointFileError> {
+    identify_of(CaseDocument::parse(text, path)?)
+}
+
+fn identify_of(document: CaseDocument) -> Result<IdentifyInput, JointFileError> {
     match document.case.tests.is_empty() {
-        true => read_joint(path).map(IdentifyInput::One),
+        true => joint_of(document.joint()?).map(IdentifyInput::One),
         false => read_tests(document).map(IdentifyInput::Several),
     }
 }
@@ -113,7 +125,7 @@ fn read_one(path: &Path) -> Result<(PathBuf, JointInput), JointFileError> {
     if document.case.interface.is_some() {
         return Err(JointFileError::NotMeasuredYet { path });
     }
-    let input = read_joint(&path)?;
+    let input = joint_of(document.joint()?)?;
     Ok((path, input))
 }
 

@@ -41,8 +41,15 @@ pub fn write_table<W: Write>(
 /// # Errors
 /// A file that cannot be read, a row with another number of values than of columns, or one that is no number.
 pub fn read_table(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFileError> {
-    let bytes = bytes_of(path)?;
-    let text = String::from_utf8_lossy(&bytes);
+    parse_table(&bytes_of(path)?, path)
+}
+
+/// The table with the content `bytes`; `path` stands in messages. See [`read_table`].
+///
+/// # Errors
+/// Those of [`read_table`], but for a file that cannot be read.
+pub fn parse_table(bytes: &[u8], path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), JointFileError> {
+    let text = String::from_utf8_lossy(bytes);
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let Some((_, header)) = lines.next() else { return Err(JointFileError::Empty { path: path.to_owned() }) };
     // Names may hold commas, in quotes; numbers do not.

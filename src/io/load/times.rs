@@ -36,8 +36,11 @@ impl FrameTimes {
     }
 }
 
-/// See [`read_frame_times`](super::read_frame_times).
-pub(super) fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
+/// The file of times with the content `text`; `path` stands in messages. See [`read_frame_times`](super::read_frame_times).
+///
+/// # Errors
+/// Those of [`read_frame_times`](super::read_frame_times), but for a file that cannot be read.
+pub fn parse_frame_times(text: &str, path: &Path, n_frames: usize) -> Result<FrameTimes, LoadError> {
     const NAMES: [&str; 3] = ["time", "timestamp", "t"];
     // Beside the times a camera may write names and settings.
     let table = match RawTable::parse(text, path, Wanted::Only(&NAMES)) {
