@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs quadrille, pyxel-dic, pyvale and OpenCorr on the same images, by turns in one run.
+"""Runs quadrille, pyxel-dic, pyvale and OpenCorr on the same images, alternately in one run.
 
     scripts/compare_peers.py [--sizes 512,1024,2048] [--threads 2] [--repeat 5] [--series N] [--program FILE] [--python WHEEL]
                              [--opencorr PROGRAM] [--json FILE]
@@ -259,7 +259,7 @@ def score(code, where, size, threads, out):
 
 INNER = {function.__name__: function for function in (fresh, repeated, score)}
 
-# --- all codes by turns ---------------------------------------------------------------------------------
+# --- all codes alternately ---------------------------------------------------------------------------------
 
 
 class Failed(Exception):
