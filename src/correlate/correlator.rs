@@ -279,7 +279,8 @@ impl<B: Backend> Correlator<B> {
                 return self.told(frame, found, Some(displacement));
             }
             let moved = self.moved_rigidly(frame, displacement, transfer)?;
-            let mut best = self.from_prediction(frame, &moved, transfer)?;
+            let (coarse, known) = (self.on_coarsest(&moved), transfer.clone());
+            let mut best = self.down_the_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
             if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.tries_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
                 let again = self.second_try(frame, &moved, transfer, StartUsed::Predicted, 0)?;
@@ -329,17 +330,6 @@ impl<B: Backend> Correlator<B> {
         }
         let found = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
         Ok((found.measurement.status == Status::Converged).then_some(found))
-    }
-
-    /// Down the pyramid from a prediction.
-    fn from_prediction(
-        &self,
-        frame: &mut B::Frame,
-        displacement: &[[f64; 2]],
-        transfer: &[GreyTransfer],
-    ) -> Result<Correlation, CorrelationError> {
-        let coarsest = self.on_coarsest(displacement);
-        self.down_the_pyramid(frame, coarsest, transfer.to_vec(), StartUsed::PredictedCoarse)
     }
 
     /// A displacement of the finest level's nodes on those of the coarsest.

@@ -120,7 +120,7 @@ impl Pace {
         self.ratio = if anew { f64::NAN } else { ratio };
         self.stalls = if ratio > STALLED { self.stalls + 1 } else { 0 };
         let factor = match self.steps {
-            _ if !is_even || ratio < SLOW[0] || ratio > SLOW[1] => None,
+            _ if !is_even || !(SLOW[0]..=SLOW[1]).contains(&ratio) => None,
             Steps::TooLong => Some(1.0 / (1.0 + ratio)),
             Steps::TooShort => Some(1.0 / (1.0 - ratio)).filter(|factor| factor * ratio * correction < LONGEST_PX),
             Steps::AsTheyAre => None,
