@@ -41,7 +41,11 @@ struct Home {
 
 const HOMES: [Home; 28] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
-    Home { what: "the crate nalgebra", named_by: |s, at| s.names_crate(at, "nalgebra"), places: &["mechanics/"] },
+    Home {
+        what: "the crate nalgebra",
+        named_by: |s, at| s.names_crate(at, "nalgebra"),
+        places: &["mechanics/", "correlate/rigid.rs"],
+    },
     Home {
         what: "the crate rustfft",
         named_by: |s, at| s.names_crate(at, "rustfft"),
