@@ -163,7 +163,7 @@ mod tests {
     fn pixels_of(zones: &[Zone]) -> Vec<usize> {
         let laid = PixelMesh::on_zones(zones, 16, 0.5, SIZE).unwrap();
         laid.pixels
-            .elements
+            .elements()
             .iter()
             .map(|element| {
                 let mut n = 0;
@@ -180,7 +180,7 @@ mod tests {
             let to = moved(&laid.mesh, |[x, y]| [x + 7.0, y - 3.0]);
             let carried = laid.mesh.carried(&laid.zone_pixels, &to, &[true; 9], SIZE).unwrap();
             let mut before = Vec::new();
-            for element in &laid.pixels.elements {
+            for element in laid.pixels.elements() {
                 let mut n = 0;
                 laid.pixels.for_each(element, |_, _, _, _| n += 1);
                 before.push(n);

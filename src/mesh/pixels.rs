@@ -58,14 +58,10 @@ pub struct Run {
 /// included, and that belong to the zone.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PixelMap {
-    /// Per element.
-    pub elements: Vec<ElementPixels>,
-    /// Runs of the elements that are no rectangle of pixels.
-    pub runs: Vec<Run>,
-    /// Local coordinate xi of the pixels of the runs; padded, so that whole vectors can be read.
-    pub xi: Vec<f32>,
-    /// Local coordinate eta of the same.
-    pub eta: Vec<f32>,
+    elements: Vec<ElementPixels>,
+    runs: Vec<Run>,
+    xi: Vec<f32>,
+    eta: Vec<f32>,
 }
 
 /// Longest vector that kernels read local coordinates with.
@@ -165,6 +161,26 @@ impl PixelMap {
             n_runs: n_runs as u32,
             ..ElementPixels::NONE
         });
+    }
+
+    /// Of each element.
+    pub fn elements(&self) -> &[ElementPixels] {
+        &self.elements
+    }
+
+    /// Runs of the elements that are no rectangle of pixels.
+    pub fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// Local coordinates xi of the pixels of the runs; padded, so that whole vectors can be read from each.
+    pub fn xi(&self) -> &[f32] {
+        &self.xi
+    }
+
+    /// Local coordinates eta of the same.
+    pub fn eta(&self) -> &[f32] {
+        &self.eta
     }
 
     /// The runs of an element; none when its pixels are a rectangle.

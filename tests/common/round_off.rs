@@ -348,7 +348,7 @@ impl Evaluation {
             };
             [sum(&slope, &value), sum(&value, &slope)]
         });
-        let widest = task.mesh.pixels.elements.iter().map(|e| e.nx).max().unwrap_or(0);
+        let widest = task.mesh.pixels.elements().iter().map(|e| e.nx).max().unwrap_or(0);
         let lanes = if widest <= 4 {
             4
         } else if widest <= 8 {
@@ -416,7 +416,7 @@ impl Evaluator<'_> {
     /// Additions one after the other in an element, for so many threads beside each other.
     fn path(&self, element: usize, lanes: usize) -> f64 {
         let pixels = &self.task.mesh.pixels;
-        let of = &pixels.elements[element];
+        let of = &pixels.elements()[element];
         let chunks = |n: usize| n.div_ceil(lanes);
         let rows = if of.n_runs > 0 {
             pixels.runs_of(of).iter().map(|run| chunks(run.n as usize)).sum::<usize>()
@@ -438,7 +438,7 @@ impl Evaluator<'_> {
             // To store the rest, to bring the corners together, to go along three edges, xi and eta.
             HALF * 14.0 * largest
         });
-        laid.pixels.for_each(&laid.pixels.elements[element], |x, y, xi, eta| {
+        laid.pixels.for_each(&laid.pixels.elements()[element], |x, y, xi, eta| {
             let (x, y, xi, eta) = (x as usize, y as usize, f64::from(xi), f64::from(eta));
             let psi = shape_functions(xi, eta);
             let to = [0, 1].map(|c| [x, y][c] as f64 + (0..4).map(|a| psi[a] * u[a][c]).sum::<f64>());

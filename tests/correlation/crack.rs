@@ -136,7 +136,7 @@ fn every_pixel_beside_the_guard_belongs_to_one_element_on_its_own_side() {
         for guard in [0.0, 3.0] {
             let laid = laid(roi, &path, guard, size);
             let mut owners = vec![0; size[0] * size[1]];
-            for (element, of) in laid.pixels.elements.iter().enumerate() {
+            for (element, of) in laid.pixels.elements().iter().enumerate() {
                 let corners = laid.mesh.corners(element);
                 let middle = [0, 1].map(|c| corners.iter().map(|p| 0.25 * p[c]).sum::<f64>());
                 laid.pixels.for_each(of, |x, y, xi, eta| {

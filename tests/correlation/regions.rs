@@ -81,7 +81,7 @@ fn every_pixel_of_a_distorted_mesh_belongs_to_one_element_and_knows_its_place() 
         let zone = free_zone(free_mesh(INSIDE, 16.0, 3.5, halved));
         let laid = PixelMesh::on_zones(&[zone], 16, ELEMENT_SHARE, SIZE).unwrap();
         let mut owners = vec![0; SIZE[0] * SIZE[1]];
-        for (element, pixels) in laid.pixels.elements.iter().enumerate() {
+        for (element, pixels) in laid.pixels.elements().iter().enumerate() {
             laid.pixels.for_each(pixels, |x, y, xi, eta| {
                 owners[y as usize * SIZE[0] + x as usize] += 1;
                 let place = (element, f64::from(xi), f64::from(eta));
@@ -316,7 +316,7 @@ fn elements_keep_their_share_of_a_region_or_are_left_out() {
         let laid = PixelMesh::on_zones(std::slice::from_ref(&zone), 16, share, SIZE).unwrap();
         let pixels: u32 = laid
             .pixels
-            .elements
+            .elements()
             .iter()
             .map(|e| {
                 let mut n = 0;

@@ -367,7 +367,7 @@ impl Backend for CpuBackend {
             let grey = frame.grey.level(level);
             plane::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
         }?;
-        let elements = mesh.pixels.elements.clone();
+        let elements = mesh.pixels.elements().to_vec();
         let narrow = elements.iter().all(|e| e.nx <= 8);
         let with_transfer = options.brightness != Brightness::Off;
         let reference = Reference { f, fx, fy, elements, map: mesh.pixels.clone() };

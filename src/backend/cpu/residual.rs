@@ -588,7 +588,7 @@ fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         let lanes = (run.n as usize - column).min(L);
         let [x, y] = [run.x + column as i32, run.y];
         let local = run.at as usize + column;
-        let (xi, eta) = (load::<L>(&map.xi, local), load::<L>(&map.eta, local));
+        let (xi, eta) = (load::<L>(map.xi(), local), load::<L>(map.eta(), local));
         let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
         let to = [x + corners.whole[0], y + corners.whole[1]];
         let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
@@ -629,7 +629,7 @@ fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
         let (g, counted) = (load::<L>(&scratch.g, part * L), load::<L>(&scratch.counted, part * L));
         let local = run.at as usize + column;
-        let (xi, eta) = (load::<L>(&map.xi, local), load::<L>(&map.eta, local));
+        let (xi, eta) = (load::<L>(map.xi(), local), load::<L>(map.eta(), local));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
             let r = counted[i] * difference;

@@ -90,7 +90,7 @@ impl GpuLevel {
         let reference = Reference::new(gpu, frame, level)?;
         let PixelMesh { mesh, pixels, .. } = mesh;
         let elements: Vec<Element> = (0..mesh.n_elements())
-            .map(|e| element(&pixels.elements[e], mesh.elements()[e], mesh.element_zone()[e]))
+            .map(|e| element(&pixels.elements()[e], mesh.elements()[e], mesh.element_zone()[e]))
             .collect();
         let widest = elements.iter().map(|e| e.size[0]).max().unwrap_or(0);
         let listed: Vec<u32> = (0..).zip(&elements).filter(|(_, e)| e.n_runs > 0).map(|(at, _)| at).collect();
@@ -398,10 +398,10 @@ fn element(pixels: &ElementPixels, nodes: [u32; 4], zone: u32) -> Element {
 fn shape_of(listed: &[u32], pixels: &PixelMap) -> (Vec<u32>, ShapePlaces) {
     let mut shape = listed.to_vec();
     let runs_at = shape.len() as u32;
-    shape.extend(pixels.runs.iter().flat_map(|run| [run.x as u32, run.y as u32, run.n, run.at]));
+    shape.extend(pixels.runs().iter().flat_map(|run| [run.x as u32, run.y as u32, run.n, run.at]));
     let points_at = shape.len() as u32;
-    if !pixels.runs.is_empty() {
-        shape.extend(pixels.xi.iter().zip(&pixels.eta).flat_map(|(xi, eta)| [xi.to_bits(), eta.to_bits()]));
+    if !pixels.runs().is_empty() {
+        shape.extend(pixels.xi().iter().zip(pixels.eta()).flat_map(|(xi, eta)| [xi.to_bits(), eta.to_bits()]));
     }
     shape.push(0); // never empty
     (shape, ShapePlaces { runs_at, points_at })
