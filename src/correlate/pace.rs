@@ -107,7 +107,8 @@ impl Pace {
                 self.before = [f64::INFINITY; 2];
                 return;
             }
-            if correction >= expected || anew {
+            // A correction that was found anew says nothing of the step before it.
+            if correction >= expected && !anew {
                 self.steps = match self.steps {
                     Steps::TooLong => Steps::TooShort,
                     _ => Steps::AsTheyAre,
@@ -148,7 +149,7 @@ fn iterations_left(correction: f64, earlier: f64, target: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Pace, iterations_left};
+    use super::{Pace, Steps, iterations_left};
 
     /// The corrections of a field of modes that fall by these rates, the error left, and how many steps were made, until the error left is
     /// said to be below the tolerance.
@@ -175,6 +176,23 @@ mod tests {
         assert_eq!(iterations_left(1e-5, 1e-2, 1e-4), 0.0);
         assert_eq!(iterations_left(1e-2, 1e-2, 1e-4), f64::INFINITY);
         assert_eq!(iterations_left(2e-2, 1e-2, 1e-4), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_step_of_another_length_is_judged_by_what_comes_after_it_unless_that_was_found_anew() {
+        // Corrections that fall evenly by a half: the third brings a step of 1 / 1.5 of its length.
+        let after_a_changed_step = |correction: f64, anew: bool| {
+            let mut pace = Pace::default();
+            [1.0, 0.5, 0.25].into_iter().for_each(|c| pace.note(c, false));
+            assert_eq!(pace.factor(), 1.0 / 1.5);
+            pace.note(0.125, false); // made with it
+            pace.note(correction, anew);
+            pace.steps
+        };
+        // The next would have been 0.25 * 0.5^2 with steps as they were.
+        assert_eq!(after_a_changed_step(0.05, false), Steps::TooLong);
+        assert_eq!(after_a_changed_step(0.07, false), Steps::TooShort);
+        assert_eq!(after_a_changed_step(0.07, true), Steps::TooLong);
     }
 
     #[test]

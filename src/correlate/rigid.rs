@@ -6,7 +6,10 @@ use super::find::score;
 use super::level::{Level, on_finer_level};
 use crate::backend::{Backend, GreyTransfer};
 use crate::field::RigidMotion;
-use nalgebra::{Matrix3, Vector3};
+use crate::mesh::Mesh;
+use crate::units::Px;
+use nalgebra::{Cholesky, Matrix3, U3, Vector3};
+use std::ops::Range;
 
 /// Steps at most,
 const STEPS: usize = 12;
@@ -32,6 +35,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Vec<[f64; 2]>, CorrelationError> {
         let start = self.on_coarsest(displacement);
         let level = &self.levels[self.levels.len() - 1];
+        let system = RigidSystem::new(level);
         let zones = 0..level.mesh.zones().len();
         let mut best: Vec<Option<Best>> = zones.clone().map(|_| None).collect();
         let (mut now, mut transfer) = (start.clone(), transfer.to_vec());
@@ -47,7 +51,7 @@ impl<B: Backend> Correlator<B> {
                     best[zone] = Some(Best { score, displacement: now[nodes.clone()].to_vec() });
                     transfer[zone] = of_zone;
                 }
-                let Some(step) = level.rigid_step(zone, &now, &rhs) else { continue };
+                let Some(step) = system.step(zone, &level.mesh, &now, &rhs) else { continue };
                 for node in nodes {
                     let x = level.mesh.nodes()[node];
                     let moved = step.displacement([x[0] + now[node][0], x[1] + now[node][1]]);
@@ -79,25 +83,45 @@ impl<B: Backend> Correlator<B> {
     }
 }
 
-impl<B: Backend> Level<B> {
-    /// The rigid motion of the deformed zone that its right-hand sides ask for at `displacement`; none where its texture says nothing.
-    fn rigid_step(&self, zone: usize, displacement: &[[f64; 2]], rhs: &[[f64; 2]]) -> Option<RigidMotion> {
-        let nodes = self.mesh.zone_nodes(zone);
-        let points = || nodes.clone().map(|node| (self.mesh.nodes()[node], displacement[node]));
-        let RigidMotion { centre, translation, rotation_rad } = RigidMotion::fit(points())?;
-        let motions: [Vec<[f64; 2]>; 3] = std::array::from_fn(|k| {
-            let mut motion = vec![[0.0; 2]; self.mesh.n_nodes()];
-            for node in nodes.clone().filter(|&node| self.keep[node]) {
-                let x = self.mesh.nodes()[node];
-                motion[node] = [[1.0, 0.0], [0.0, 1.0], [centre[1] - x[1], x[0] - centre[0]]][k];
+/// The three unknowns of each zone: a unit of translation along each axis, and of rotation about the centre of its nodes.
+struct RigidSystem {
+    /// Of all nodes, each with its zone; at rest those that are not measured.
+    motions: [Vec<[f64; 2]>; 3],
+    /// The normal matrix of each zone for its three motions; none where its texture says nothing.
+    factors: Vec<Option<Cholesky<f64, U3>>>,
+}
+
+impl RigidSystem {
+    /// Zones share no node: one product of the matrix of `level` with each motion serves all of them.
+    fn new<B: Backend>(level: &Level<B>) -> Self {
+        let mesh = &level.mesh;
+        let mut motions = [(); 3].map(|()| vec![[0.0; 2]; mesh.n_nodes()]);
+        for zone in 0..mesh.zones().len() {
+            let nodes = mesh.zone_nodes(zone);
+            let Some(RigidMotion { centre, .. }) = RigidMotion::fit(nodes.clone().map(|k| (mesh.nodes()[k], [0.0; 2])))
+            else {
+                continue;
+            };
+            for node in nodes.filter(|&node| level.keep[node]) {
+                let x = mesh.nodes()[node];
+                let unit = [[1.0, 0.0], [0.0, 1.0], [centre[1] - x[1], x[0] - centre[0]]];
+                motions.iter_mut().zip(unit).for_each(|(motion, unit)| motion[node] = unit);
             }
-            motion
-        });
-        let forces = motions.each_ref().map(|motion| self.solver.data().multiply(motion));
-        let dot = |a: &[[f64; 2]], b: &[[f64; 2]]| nodes.clone().map(|k| a[k][0] * b[k][0] + a[k][1] * b[k][1]).sum();
-        let matrix: Matrix3<f64> = Matrix3::from_fn(|i, j| dot(&motions[i], &forces[j]));
-        let wanted = Vector3::from_fn(|i, _| dot(&motions[i], rhs));
-        let step = matrix.cholesky()?.solve(&wanted);
+        }
+        let forces = motions.each_ref().map(|motion| level.solver.data().multiply(motion));
+        let factors = (0..mesh.zones().len())
+            .map(|zone| Matrix3::from_fn(|i, j| dot(&motions[i], &forces[j], mesh.zone_nodes(zone))).cholesky())
+            .collect();
+        Self { motions, factors }
+    }
+
+    /// The rigid motion of a deformed zone of `mesh` that the right-hand sides ask for at `displacement`.
+    fn step(&self, zone: usize, mesh: &Mesh<Px>, displacement: &[[f64; 2]], rhs: &[[f64; 2]]) -> Option<RigidMotion> {
+        let nodes = mesh.zone_nodes(zone);
+        let factor = self.factors[zone].as_ref()?;
+        let step = factor.solve(&Vector3::from_fn(|i, _| dot(&self.motions[i], rhs, nodes.clone())));
+        let RigidMotion { centre, translation, rotation_rad } =
+            RigidMotion::fit(nodes.map(|node| (mesh.nodes()[node], displacement[node])))?;
         // The gradients of the reference are turned with the zone.
         let (sin, cos) = rotation_rad.sin_cos();
         let motion = RigidMotion {
@@ -107,4 +131,9 @@ impl<B: Backend> Level<B> {
         };
         step.iter().all(|v| v.is_finite()).then_some(motion)
     }
+}
+
+/// The product of two vectors over some nodes.
+fn dot(a: &[[f64; 2]], b: &[[f64; 2]], nodes: Range<usize>) -> f64 {
+    nodes.map(|k| a[k][0] * b[k][0] + a[k][1] * b[k][1]).sum()
 }
