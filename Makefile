@@ -20,8 +20,9 @@ wheel: ## Build the wheel of Python, try it in a fresh environment, run its test
 windows: ## Cross-compile quadrille.exe and let it correlate a pair under wine (where it is there)
 	scripts/windows.sh --profile $(or $(PROFILE),release)
 
+# PROGRAM names one that is built.
 demo: ## From 20 images of a virtual test to the law of its adhesive; results in out/demo
-	$(CARGO) run --profile $(or $(PROFILE),release) --locked -- demo --output out/demo
+	$(or $(PROGRAM),$(CARGO) run --profile $(or $(PROFILE),release) --locked --) demo --output out/demo
 
 paper: ## Tables and figures of Fedele et al. (2009) done again; in out/paper
 	$(CARGO) run --release --locked -- paper --overwrite --output out/paper
@@ -54,7 +55,7 @@ fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each;
 
 miri: ## Look for undefined behaviour: passes over a few pixels, meshes and factors in the interpreter Miri (a nightly toolchain)
 	scripts/prepare.sh --miri
-	MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-ignore-leaks" $(CARGO) +nightly miri test --locked --no-default-features --test miri
+	scripts/miri.sh
 
 soak: ## Long and hostile runs: every write that fails, 100 000 frames with kills, memory that ends (an hour or two); in out/soak
 	$(CARGO) build --release --locked

@@ -117,10 +117,11 @@ if [ "${1:-}" = --deny ]; then
     say "cargo-deny: missing (see above)"
     exit 1
 fi
-# The interpreter of what the compiler makes (make miri), with the nightly toolchain that it belongs to.
+# The interpreter of what the compiler makes (make miri), with the nightly toolchain that it belongs to: of one day, since other days' may lack it.
 if [ "${1:-}" = --miri ]; then
-    cargo +nightly miri --version >/dev/null 2>&1 && say "Miri: there" && exit
-    if command -v rustup >/dev/null && rustup toolchain install nightly --profile minimal -c miri -c rust-src --no-self-update; then
+    nightly=$(sed -n 's/^nightly=//p' scripts/miri.sh)
+    cargo "+$nightly" miri --version >/dev/null 2>&1 && say "Miri: there" && exit
+    if command -v rustup >/dev/null && rustup toolchain install "$nightly" --profile minimal -c miri -c rust-src --no-self-update; then
         say "Miri: there"
         exit
     fi
