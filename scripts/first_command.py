@@ -4,8 +4,8 @@
     scripts/first_command.py FOLDER [--output FOLDER] [--quadrille PROGRAM] [--only NAME,NAME]
 
 A set is the images of one format in one subfolder of FOLDER. The reference is the first file, unless the name of another says
-that it is. Printed is a table: how the frames ended, the share of the image that is a zone, the share of its nodes that have a
-result, and the largest error over the frames, for sets of which something is known. Needs nothing but the standard library."""
+that it is. Printed is a table: how the frames ended, the iterations they took together and the most of one, the share of the image that is a zone,
+the share of its nodes that have a result, and the largest error over the frames, for sets of which something is known. Needs nothing but the standard library."""
 
 import argparse
 import csv
@@ -179,20 +179,26 @@ KNOWN = {
 }
 
 
+HEADS = ("images", "frames", "iterations, most", "zone", "nodes measured, least", "largest error")
+
+
 def tried(program, name, reference, images, output, patience):
     folder = output / re.sub(r"\W+", "-", name)
+    empty = [""] * (len(HEADS) - 2)
     words = [str(program), "correlate", "--overwrite", "--output", str(folder)]
     words += ["--reference", str(reference)] if reference else []
     try:
         ran = subprocess.run([*words, *map(str, images)], capture_output=True, text=True, timeout=patience)
     except subprocess.TimeoutExpired:
-        return [name, f"longer than {patience} s", "", "", ""]
+        return [name, f"longer than {patience} s", *empty]
     (output / f"{folder.name}.txt").write_text(ran.stderr)
     if ran.returncode == 2:
         said = ran.stderr.strip().splitlines()[-1].removeprefix("quadrille: ")
-        return [name, f"refused: {said[:90]}", "", "", ""]
+        return [name, f"refused: {said[:90]}", *empty]
     summary = json.load(open(folder / "summary.json"))
     states = ", ".join(f"{n} {state.replace('_', ' ')}" for state, n in sorted(summary["counts"].items()))
+    iterations = [frame["iterations"] or 0 for frame in summary["frames"]]
+    taken = f"{sum(iterations)}, {max(iterations)}" if iterations else ""
     zone = re.search(r"zones? found: ([\d %,]+?) of the image", ran.stderr)
     with_table = [frame for frame in summary["frames"] if (folder / f"csv/{frame['number']:06}.csv").is_file()]
     shares = [frame["nodes_measured"] / summary["n_nodes"] for frame in with_table]
@@ -203,7 +209,7 @@ def tried(program, name, reference, images, output, patience):
         if not math.isnan(error):
             errors.append((error, what, frame["number"]))
     worst = max(errors, default=None)
-    return [name, states, zone.group(1) if zone else "?", share, f"{worst[0]:.3f} px, {worst[1]}, frame {worst[2]}" if worst else "not known"]
+    return [name, states, taken, zone.group(1) if zone else "?", share, f"{worst[0]:.3f} px, {worst[1]}, frame {worst[2]}" if worst else "not known"]
 
 
 def main():
@@ -219,12 +225,12 @@ def main():
         return 2
     arguments.output.mkdir(parents=True, exist_ok=True)
     only = [name for name in arguments.only.split(",") if name]
-    rows = [("images", "frames", "zone", "nodes measured, least", "largest error")]
+    rows = [HEADS]
     for name, reference, images in sets_in(arguments.data.resolve()):
         if not only or any(name.startswith(one) for one in only):
             rows.append(tried(arguments.quadrille.resolve(), name, reference, images, arguments.output.resolve(), arguments.patience))
             print(f"{name}: {rows[-1][1]}", file=sys.stderr)
-    widths = [max(len(row[k]) for row in rows) for k in range(5)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADS))]
     for k, row in enumerate(rows):
         print("| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths)) + " |")
         if k == 0:
