@@ -398,6 +398,12 @@ fn decode(bytes: &[u8], format: ImageFormat, accepted: Accepted) -> Result<Raw, 
     if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
         return Err(ImageFault::Truncated("its end marker is missing".into()));
     }
+    // The decoder takes the palette to end with a whole colour (png 0.18.1 panics).
+    if format == ImageFormat::Png
+        && let Some(n) = png_palette(bytes).filter(|n| !n.is_multiple_of(3))
+    {
+        return Err(ImageFault::Corrupt(format!("its palette of {n} bytes ends within a colour")));
+    }
     // The decoder's own limit of 512 MiB is too low for large sensors; `check_size` sets ours.
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     reader.no_limits();
@@ -446,6 +452,23 @@ fn problem(error: image::ImageError) -> ImageFault {
         }
         image::ImageError::Unsupported(reason) => ImageFault::Unsupported(reason.to_string()),
         other => ImageFault::Corrupt(other.to_string()),
+    }
+}
+
+/// Bytes of the palette of a PNG file, which stands before its pixels; none without one.
+fn png_palette(bytes: &[u8]) -> Option<usize> {
+    const SIGNATURE: usize = 8;
+    const CHECKSUM: usize = 4;
+    let mut rest = bytes.get(SIGNATURE..)?;
+    loop {
+        let (length, after) = rest.split_first_chunk()?;
+        let (kind, after) = after.split_first_chunk()?;
+        let length = u32::from_be_bytes(*length) as usize;
+        match kind {
+            b"PLTE" => return Some(length),
+            b"IDAT" => return None,
+            _ => rest = after.get(length.checked_add(CHECKSUM)?..)?,
+        }
     }
 }
 

@@ -683,6 +683,16 @@ fn absurd_sizes_are_refused_before_anything_is_allocated() {
 }
 
 #[test]
+fn a_png_palette_that_ends_within_a_colour_is_refused() {
+    let bytes = bytes_of(&levels());
+    let palette = [7; 3 * 256];
+    for n in [1, 2, 535, 767] {
+        let error = read_page("palette.png", &png_file(8, 3, &palette[..n], &bytes), 0).unwrap_err();
+        assert!(matches!(error, ReadError::Corrupt { .. }) && error.to_string().contains("palette"), "{n}: {error}");
+    }
+}
+
+#[test]
 fn damaged_and_foreign_tiff_pages_are_told_apart() {
     let bytes = bytes_of(&levels());
     let page = || Page::new(8, 1, bytes.clone());
