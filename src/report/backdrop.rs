@@ -151,7 +151,7 @@ fn resized(pixels: &[F32], from: [u32; 2], to: [u32; 2], by: ResizeAlg) -> Vec<f
 pub(super) fn png(pixels: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Speckles hardly compress, and a user waits for it.
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Level(2), Filter::Adaptive)
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Level(1), Filter::Adaptive)
         .write_image(pixels, width, height, colour)
         .expect("memory takes any picture");
     bytes
