@@ -222,7 +222,8 @@ fn inputs_of(plan: &Plan) -> Result<String> {
             hashes.insert(&frame.path, hash);
         }
     }
-    let images: Vec<String> = files.iter().map(|frame| format!("{frame} {}", hashes[frame.path.as_path()])).collect();
+    let images: Vec<String> =
+        files.iter().filter_map(|frame| Some(format!("{frame} {}", hashes.get(frame.path.as_path())?))).collect();
     let options = crate::io::case::write_case(&plan.resolved());
     let about = format!("{} {:?} {}", env!("CARGO_PKG_VERSION"), plan.device, plan.isa.name());
     Ok(sha256(format!("{about}\n{options}\n{}", images.join("\n")).as_bytes()))

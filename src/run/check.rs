@@ -53,6 +53,7 @@ pub struct CheckedZone {
 ///
 /// # Errors
 /// What the run would be refused for before its first frame.
+#[expect(clippy::indexing_slicing, reason = "numbers of nodes and zones of one mesh")]
 pub fn check(plan: &Plan, pool: &ThreadPool) -> Result<Checked> {
     let mut plan = plan.clone();
     plan.drawn.cracks.retain(|crack| crack.path != CrackPath::Auto);

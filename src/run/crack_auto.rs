@@ -64,7 +64,7 @@ fn find(plan: &mut Plan, there: Option<&Store>, reference: &Arc<Image>, zones: &
     let device = plan.device(reference.width() * reference.height())?;
     let (mut notes, mut looked_at, mut last) = (Vec::new(), Vec::new(), CrackSearch::default());
     for number in numbers(plan.deformed.len()) {
-        let frame = &plan.deformed[number - 1];
+        let Some(frame) = plan.deformed.get(number - 1) else { continue };
         let image = match frame.read(plan.accepted.of_size(reference.width(), reference.height())) {
             Ok(loaded) => Arc::new(loaded.image),
             Err(error) => {

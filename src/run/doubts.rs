@@ -1,5 +1,10 @@
 //! What a whole series says of its files: copies, frames that are missing or out of order, a reference that is none.
 
+#![cfg_attr(
+    not(test),
+    expect(clippy::indexing_slicing, reason = "places in lists that are made here, of the frames of one summary")
+)]
+
 use super::text::ranges;
 use crate::field::Status;
 use crate::io::series::natural_order;

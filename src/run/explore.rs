@@ -154,7 +154,7 @@ impl Explored<'_> {
         let header = self.store.header();
         let frame = |&(number, status): &Listed| ViewFrame {
             number,
-            file: name(&header.frames[number - 1]),
+            file: header.frames.get(number - 1).map(|file| name(file)).unwrap_or_default(),
             status,
             packed: shown.remove(&number),
         };
@@ -212,8 +212,8 @@ fn thinned(numbers: &[usize], room: usize) -> Vec<usize> {
     match room {
         _ if room >= n => numbers.to_vec(),
         0 => Vec::new(),
-        1 => numbers[n - 1..].to_vec(),
-        _ => (0..room).map(|k| numbers[k * (n - 1) / (room - 1)]).collect(),
+        1 => numbers.last().copied().into_iter().collect(),
+        _ => (0..room).filter_map(|k| numbers.get(k * (n - 1) / (room - 1)).copied()).collect(),
     }
 }
 
@@ -254,10 +254,9 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
         ("eyy", strain[1], Variable::StrainNode, 1, None, Palette::BlueRed),
         ("exy", strain[2], Variable::StrainNode, 2, None, Palette::BlueRed),
     ];
-    let of_window = |k: usize| ["wxx", "wyy", "wxy"][k];
-    let sigma_of_window = |k: usize| ["swxx", "swyy", "swxy"][k];
-    for (k, name) in strain.into_iter().enumerate() {
-        rows.push((of_window(k), name, Variable::StrainWindow, k, Some(sigma_of_window(k)), Palette::BlueRed));
+    let of_window = || strain.into_iter().zip([("wxx", "swxx"), ("wyy", "swyy"), ("wxy", "swxy")]).enumerate();
+    for (k, (name, (strain, sigma))) in of_window() {
+        rows.push((strain, name, Variable::StrainWindow, k, Some(sigma), Palette::BlueRed));
     }
     rows.extend([
         ("residual", "residual", Variable::Residual, 0, None, Palette::Plasma),
@@ -267,8 +266,8 @@ fn sources(store: &Store, has_model: bool) -> Vec<(Layer, Source)> {
         ("ex", "model error of u_x", Variable::ModelError, 0, None, Palette::Viridis),
         ("ey", "model error of u_y", Variable::ModelError, 1, None, Palette::Viridis),
     ]);
-    for (k, name) in strain.into_iter().enumerate() {
-        rows.push((sigma_of_window(k), name, Variable::SigmaStrainWindow, k, None, Palette::Viridis));
+    for (k, (name, (_, sigma))) in of_window() {
+        rows.push((sigma, name, Variable::SigmaStrainWindow, k, None, Palette::Viridis));
     }
     rows.push(("mark", "what is the matter", Variable::Mark, 0, None, Palette::Plasma));
     rows.retain(|row| store.has(row.2));
@@ -305,7 +304,8 @@ fn numbers_of(store: &Store, number: usize, sources: &[(Layer, Source)], model: 
             Source::Model(component) => {
                 let off = model.and_then(|model| model.get(&number));
                 let none = || vec![f64::NAN; store.mesh().n_nodes()];
-                lists.push(off.map_or_else(none, |off| off.iter().map(|off| off[component]).collect()));
+                let of_node = |&[x, y]: &[f64; 2]| if component == 0 { x } else { y };
+                lists.push(off.map_or_else(none, |off| off.iter().map(of_node).collect()));
                 continue;
             }
         };
@@ -341,14 +341,17 @@ fn of_load(path: &PathBuf, listed: &[Listed]) -> Option<Vec<Column>> {
     let names: Vec<String> = table.headers().ok()?.iter().map(str::to_owned).collect();
     let begins =
         |name: &str| ["time", "load", "force", "stress"].iter().any(|word| name.to_lowercase().starts_with(word));
-    let places: Vec<usize> = (0..names.len()).filter(|&k| begins(&names[k])).collect();
-    let mut columns: Vec<Column> =
-        places.iter().map(|&k| Column { label: names[k].clone(), values: vec![f64::NAN; listed.len()] }).collect();
+    let column = |label| Column { label, values: vec![f64::NAN; listed.len()] };
+    let (places, mut columns): (Vec<usize>, Vec<Column>) =
+        names.into_iter().enumerate().filter(|(_, name)| begins(name)).map(|(k, name)| (k, column(name))).unzip();
     for row in table.records().filter_map(std::result::Result::ok) {
         let number = row.get(0).and_then(|text| text.parse::<usize>().ok())?;
         let Ok(at) = listed.binary_search_by_key(&number, |&(number, _)| number) else { continue };
         for (column, &k) in columns.iter_mut().zip(&places) {
-            column.values[at] = row.get(k).and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);
+            let value = row.get(k).and_then(|text| text.parse().ok());
+            if let Some((place, value)) = column.values.get_mut(at).zip(value) {
+                *place = value;
+            }
         }
     }
     Some(columns)

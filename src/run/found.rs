@@ -219,7 +219,9 @@ pub(super) fn draw(plan: &Plan, image: &Image, prepared: &Reference, folder: &Pa
         _ => 0.0,
     };
     let mut measured = vec![true; mesh.n_nodes()];
-    prepared.dropped().iter().for_each(|fault| measured[fault.node] = false);
+    for fault in prepared.dropped() {
+        measured.get_mut(fault.node).into_iter().for_each(|measured| *measured = false);
+    }
     let options = MeshOptions {
         notes: notes.to_vec(),
         pixel_size: plan.pixel_size,

@@ -74,6 +74,7 @@ impl FitOfRun {
 }
 
 /// The inverse of a covariance, found of the correlation: parameters may be of very different size.
+#[expect(clippy::indexing_slicing, reason = "a square matrix, whose rows were counted")]
 fn inverse(covariance: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let n = covariance.len();
     let std: Vec<f64> = (0..n).map(|k| covariance[k].get(k).copied().unwrap_or(0.0).sqrt()).collect();
@@ -130,12 +131,12 @@ pub(super) fn off_at(
         return None;
     }
     let (sin, cos) = joint.removed.get(at).map_or(0.0, |motion| motion.rotation_rad).sin_cos();
-    let of_node = |node: usize| {
-        let measured = measured_mm(field, pixel_size, joint, at, node)?;
-        let [x, y] = [0, 1].map(|c| computed[node][c] - measured[c]);
+    let of_node = |(node, [x, y]): (usize, &[f64; 2])| {
+        let [measured_x, measured_y] = measured_mm(field, pixel_size, joint, at, node)?;
+        let [x, y] = [x - measured_x, y - measured_y];
         Some(pixel_size.to_px(Vector::<Mm>::new([cos * x - sin * y, sin * x + cos * y])).components())
     };
-    Some((0..n_nodes).map(|node| of_node(node).unwrap_or([f64::NAN; 2])).collect())
+    Some(computed.iter().take(n_nodes).enumerate().map(|node| of_node(node).unwrap_or([f64::NAN; 2])).collect())
 }
 
 #[cfg(test)]

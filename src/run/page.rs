@@ -78,9 +78,8 @@ pub(super) fn page(
     let hashes = header.reference.iter().zip(&header.reference_sha256).map(|(file, hash)| (short(file), hash.clone()));
     provenance.extend(hashes);
     for number in 1..=store.n_frames() {
-        if let Some(hash) = store.frame_sha256(number) {
-            provenance.push((short(&header.frames[number - 1]), hash.to_owned()));
-        }
+        let of_frame = header.frames.get(number - 1).zip(store.frame_sha256(number));
+        provenance.extend(of_frame.map(|(file, hash)| (short(file), hash.to_owned())));
     }
     let mut notes = case.notes.clone();
     notes.extend(joint.doubts.iter().cloned());

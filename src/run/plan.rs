@@ -443,7 +443,8 @@ impl Images {
         let reference: Vec<Frame> =
             reference.into_iter().map(|path| Frame { is_page: is_page(&path), path, page: first_page }).collect();
         if frames.is_empty() {
-            return Err(format!("{}: there is no deformed image beside the reference", reference[0]).into());
+            let name = reference.first().map(Frame::to_string).unwrap_or_default();
+            return Err(format!("{name}: there is no deformed image beside the reference").into());
         }
         Ok(Self { reference, deformed: frames, grows: false, left_out })
     }

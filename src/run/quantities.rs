@@ -12,6 +12,7 @@ use crate::io::quantities::{QUANTITY_TABLES, QuantitySummary, QuantityTables};
 use crate::io::store::Store;
 use crate::mesh::Mesh;
 use crate::units::{PixelSize, Px};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::Path;
@@ -88,8 +89,9 @@ pub(crate) fn resolve(
         quantities.cracks.push((name, line));
     }
     fn once<T>(what: &str, list: &[(String, T)]) -> Result<()> {
-        let twice = (0..list.len()).find(|&k| list[..k].iter().any(|(name, _)| *name == list[k].0));
-        twice.map_or(Ok(()), |k| Err(format!("two {what} are named '{}'; names must differ", list[k].0).into()))
+        let mut seen = BTreeSet::new();
+        let twice = list.iter().find(|(name, _)| !seen.insert(name));
+        twice.map_or(Ok(()), |(name, _)| Err(format!("two {what} are named '{name}'; names must differ").into()))
     }
     once("points", &quantities.points)?;
     once("lines", &quantities.lines)?;

@@ -26,10 +26,11 @@ pub(super) fn fields(folder: &Path, joint: &Joint, n: usize) -> Result<Fields> {
     let [Some(x), Some(y)] = at else { return Err(format!("{}: no columns ux_mm and uy_mm", path.display()).into()) };
     let mut fields: Fields = vec![Vec::new(); n_instants];
     for row in rows {
-        let (instant, node) = (row[0] as usize, row[1] as usize);
+        let cell = |k: usize| row.get(k).copied().unwrap_or(f64::NAN);
+        let (instant, node) = (cell(0) as usize, cell(1) as usize);
         if let Some(field) = instant.checked_sub(1).and_then(|k| fields.get_mut(k)).filter(|_| node < n_nodes) {
             field.resize(n_nodes, [0.0; 2]);
-            field[node] = [row[x], row[y]];
+            field.iter_mut().skip(node).take(1).for_each(|u| *u = [cell(x), cell(y)]);
         }
     }
     Ok(fields)

@@ -55,6 +55,7 @@ pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
 }
 
 /// What the correlation would give if the joint opened a little.
+#[expect(clippy::indexing_slicing, reason = "numbers of nodes and zones of one mesh")]
 fn made_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     let Reference { image, .. } = Reference::of(plan)?;
     let (size, options) = ([image.width(), image.height()], &plan.options);

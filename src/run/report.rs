@@ -40,10 +40,14 @@ pub(super) fn write(
         let (frame, strain) = store.frame(number)?.zip(store.strain(number)?).ok_or_else(|| lost(number))?;
         Ok(DrawnFrame { number, field: frame.measurement, strain })
     };
-    let drawn = chosen(shown.len()).into_iter().map(|k| read(shown[k])).collect::<Result<Vec<_>>>()?;
+    let drawn = chosen(shown.len())
+        .into_iter()
+        .filter_map(|k| shown.get(k))
+        .map(|&number| read(number))
+        .collect::<Result<Vec<_>>>()?;
     let mut sampled = Vec::new();
-    for k in spread(with_field.len(), SAMPLED) {
-        let frame = read(with_field[k])?;
+    for &number in spread(with_field.len(), SAMPLED).into_iter().filter_map(|k| with_field.get(k)) {
+        let frame = read(number)?;
         sampled.extend(SeriesPoint::new(frame.number, &frame.field, &frame.strain));
     }
     let mut provenance = vec![

@@ -64,10 +64,10 @@ impl FrameRecord {
             record.transfer = result.zones.iter().map(|zone| [zone.transfer.gain, zone.transfer.offset]).collect();
             let measured = &result.measurement.measured;
             let finite = |u: [f64; 2]| u.map(|u| u.is_finite().then_some(u));
-            let all = result.full_displacement().iter().enumerate();
+            let all = result.full_displacement().iter().zip(measured).enumerate();
             // What is zero there is zero when it is read.
-            let told = |&(node, u): &(usize, &[f64; 2])| !measured[node] && u.map(f64::to_bits) != [0; 2];
-            record.unmeasured = all.filter(told).map(|(node, &u)| (node, finite(u))).collect();
+            let told = |&(_, (u, measured)): &(usize, (&[f64; 2], &bool))| !measured && u.map(f64::to_bits) != [0; 2];
+            record.unmeasured = all.filter(told).map(|(node, (&u, _))| (node, finite(u))).collect();
         }
         for file in files {
             let path = folder.join(&file);
@@ -162,7 +162,8 @@ impl Earlier {
     ) -> (Self, Kept) {
         let Self { mut done, mut unreadable, damaged } = self;
         let is_as_before = |number: usize, sha256: &Option<String>| {
-            frames[number - 1].read(accepted).map(|loaded| loaded.sha256).ok() == *sha256
+            let frame = frames.get(number - 1);
+            frame.is_some_and(|frame| frame.read(accepted).map(|loaded| loaded.sha256).ok() == *sha256)
         };
         let mut number = 1;
         while done.contains_key(&number) || unreadable.get(&number).is_some_and(|(_, was)| is_as_before(number, was)) {
@@ -224,9 +225,8 @@ pub(super) fn differences(there: &StoreHeader, asked: &StoreHeader, may_grow: bo
             (Some(toml::Value::Array(there)), Some(toml::Value::Array(asked)))
                 if there.len() > 1 || asked.len() > 1 =>
             {
-                let first = there.iter().zip(asked).position(|(there, asked)| there != asked);
-                match first {
-                    Some(k) => differ(name, there[k].to_string(), asked[k].to_string()),
+                match there.iter().zip(asked).find(|(there, asked)| there != asked) {
+                    Some((there, asked)) => differ(name, there.to_string(), asked.to_string()),
                     None => differ(name, format!("{} entries", there.len()), format!("{} entries", asked.len())),
                 }
             }

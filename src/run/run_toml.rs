@@ -74,9 +74,9 @@ impl RunToml {
         let page = |frame: &Frame| frame.is_page.then_some(frame.page);
         let references =
             self.reference.iter().map(|(frame, sha256)| Self::entry(&frame.path, page(frame), Some(sha256)));
-        let deformed = sha256.iter().map(|(number, sha256)| {
-            let frame = &self.deformed[number - 1];
-            Self::entry(&frame.path, page(frame), sha256.as_deref())
+        let deformed = sha256.iter().filter_map(|(number, sha256)| {
+            let frame = self.deformed.get(number - 1)?;
+            Some(Self::entry(&frame.path, page(frame), sha256.as_deref()))
         });
         self.written(Some(references.chain(deformed).collect()))
     }

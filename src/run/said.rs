@@ -76,7 +76,7 @@ pub(super) fn empty_summary(
         threads,
         units: units(),
         reference: ReferenceSummary {
-            file: plan.reference[0].to_string(),
+            file: plan.reference.first().map(ToString::to_string).unwrap_or_default(),
             mean_of: match plan.reference.as_slice() {
                 [_] => Vec::new(),
                 several => several.iter().map(ToString::to_string).collect(),

@@ -301,7 +301,11 @@ impl<'a> PreparedSeries<'a> {
         };
         let [writing, waiting] = &[Spent::default(), Spent::default()];
         let mut feed = Feed {
-            to_do: before.to_do.iter().map(|&number| (number, plan.deformed[number - 1].clone())).collect(),
+            to_do: before
+                .to_do
+                .iter()
+                .filter_map(|&number| Some((number, plan.deformed.get(number - 1)?.clone())))
+                .collect(),
             camera: camera.as_mut(),
             record,
             store: writer,

@@ -73,8 +73,10 @@ pub fn identify_several(
         let chosen = JointReport::new(joint, test.fit.solution()).chosen(asked);
         report.draw(&chosen, |name: String, picture: Picture| save(&own, &name, &picture))?;
     }
-    let law = |k: usize| of_case.tests[k].case.problem.unknowns.law_at(&found.tests[k].fit.evaluation.x);
-    let laws = (0..joints.len()).map(law).collect::<std::result::Result<Vec<_>, _>>()?;
+    let of_tests = of_case.tests.iter().zip(&found.tests);
+    let laws = of_tests
+        .map(|(of, test)| of.case.problem.unknowns.law_at(&test.fit.evaluation.x))
+        .collect::<std::result::Result<Vec<_>, _>>()?;
     drop(reports);
     drop(of_case);
     for ((joint, law), test) in joints.iter_mut().zip(laws).zip(&found.tests) {

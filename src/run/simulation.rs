@@ -138,7 +138,11 @@ fn said_of_path(Followed { times, end, .. }: &Followed, n_instants: usize) -> Re
         return Err(what.into());
     }
     let mut said = Vec::new();
-    let back: Vec<usize> = (1..times.len()).filter(|&k| times[k] < times[k - 1]).map(|k| k + 1).collect();
+    let back: Vec<usize> = (2..)
+        .zip(times.iter().zip(times.iter().skip(1)))
+        .filter(|(_, (before, time))| time < before)
+        .map(|(point, _)| point)
+        .collect();
     if let (Some(first), Some(last)) = (back.first(), back.last()) {
         said.push(format!(
             "the path goes back at {} of its {} points, between instants {first} and {last}: no test shows it there, it snaps over them",

@@ -19,7 +19,7 @@ pub(super) fn made_or_found(
     let mut store = Store::open(writer.path())?;
     same_run(&store)?; // another shard may have made it in the meantime
     if store.n_frames() < header.frames.len() {
-        writer.extend(header.frames[store.n_frames()..].iter().cloned(), header.case.clone())?;
+        writer.extend(header.frames.iter().skip(store.n_frames()).cloned(), header.case.clone())?;
         store = Store::open(writer.path())?;
     }
     // Each by itself: a start that was stopped may have left one of them, or half of one.
