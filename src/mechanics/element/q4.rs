@@ -96,22 +96,23 @@ impl Q4Point {
         }
     }
 
-    /// Adds `B^T D B` to `stiffness`, for a symmetric `D`; only what is on and right of the diagonal blocks. Written out
-    /// without the zeros of `B`.
+    /// Adds `B^T D B` to `stiffness`, for a symmetric `D`: column by column, without the zeros of `B`.
     fn add_stiffness(&self, tangent: &SubstrateStiffness, stiffness: &mut ElementStiffness) {
         let d = tangent * self.weight;
-        for (b, &[bx, by]) in self.gradients.iter().enumerate() {
-            // D B for the two components of node b.
-            let along_x = d.column(0) * bx + d.column(2) * by;
-            let along_y = d.column(1) * by + d.column(2) * bx;
-            for (a, &[ax, ay]) in self.gradients.iter().enumerate().take(b + 1) {
-                let mut block = stiffness.fixed_view_mut::<2, 2>(2 * a, 2 * b);
-                block += Matrix2::new(
-                    ax * along_x[0] + ay * along_x[2],
-                    ax * along_y[0] + ay * along_y[2],
-                    ay * along_x[1] + ax * along_x[2],
-                    ay * along_y[1] + ax * along_y[2],
-                );
+        // Down a column the gradients, and those of the other direction.
+        let (mut own, mut other) = ([0.0; 8], [0.0; 8]);
+        for (k, &[gx, gy]) in self.gradients.iter().enumerate() {
+            (own[2 * k], own[2 * k + 1]) = (gx, gy);
+            (other[2 * k], other[2 * k + 1]) = (gy, gx);
+        }
+        let (columns, _) = stiffness.as_mut_slice().as_chunks_mut::<8>();
+        for (k, column) in columns.iter_mut().enumerate() {
+            let normal = k % 2;
+            // D times this column of B.
+            let [x, y, shear] = [0, 1, 2].map(|row| d[(row, normal)] * own[k] + d[(row, 2)] * other[k]);
+            for i in 0..8 {
+                let along = if i % 2 == 0 { x } else { y };
+                column[i] += own[i] * along + other[i] * shear;
             }
         }
     }
