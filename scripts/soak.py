@@ -135,7 +135,12 @@ def commands(program: Path, output: Path) -> dict[str, list[str]]:
     virtual = output / "virtual"
     run(program, "virtual", "--instants", "2", "--output", virtual)
     case = (virtual / "case.toml").read_text()
-    (virtual / "small.toml").write_text(case.replace("[fit]\n", '[fit]\nintervals = "linear"\ndiscretisation = "off"\n'))
+    case, of_fit = case.split("[fit]\n")
+    plasticity = ("sigma_0_MPa", "alpha", "n")
+    case = "".join(line for line in case.splitlines(keepends=True) if line.split(" = ")[0] not in plasticity)
+    case = case.replace('"ramberg-osgood"', '"linear-elastic"').replace("element_size_px = 16", "element_size_px = 32")
+    of_fit = '[fit]\nintervals = "linear"\ndiscretisation = "off"\nparameters = ["phi_n"]\n' + of_fit[of_fit.index("exact = ") : of_fit.index("[fit.start]")]
+    (virtual / "small.toml").write_text(f"{case}{of_fit}[fit.start]\nphi_n = 1.5\n")
     return {
         "correlate": [*correlate, *frames],
         "correlate, reference renewed": [*correlate, "--update-reference", "every:1", "--export", "none", *frames],
