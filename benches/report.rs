@@ -2,8 +2,8 @@
 //!
 //!     cargo bench --bench report                 all tables (a few minutes)
 //!     cargo bench --bench report -- kernels      one of: kernels, pairs, borders, solvers, devices
-//!     cargo bench --bench report -- gate         only the ratios that CI checks: vector path / per-pixel loop, whole
-//!                                                image / inner zone
+//!     cargo bench --bench report -- gate         only the ratios that CI checks: first pair / next ones, vector path /
+//!                                                per-pixel loop, whole image / inner zone
 //!
 //! Every number is wall time of the named work alone, images in memory; medians of the stated number of
 //! runs with the fastest and slowest beside. On a shared machine only ratios within one run are safe.
@@ -11,7 +11,7 @@
 use quadrille::backend::Backend;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::adapters;
-use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, repeat};
+use quadrille::bench::{Device, Plan, Record, ResidualPass, Scene, Spread, Subject, kernel_options, once, repeat};
 use quadrille::correlate::{Correlation, CorrelationError, Correlator, Options, Start};
 use quadrille::field::Status;
 use quadrille::imaging::Image;
@@ -28,6 +28,9 @@ const GATE: f64 = 4.0;
 /// The whole image as the zone may take so many iterations more than a zone that stays inside, and this many times its time per pixel: counts
 /// do not vary, times by a third between runs.
 const BORDER_GATE: (usize, f64) = (1, 1.6);
+
+/// The first pair of a process may take this many times the processor time of those after it.
+const COLD_GATE: f64 = 2.5;
 
 fn main() {
     if !std::env::args().any(|a| a == "--bench" || a.starts_with("memory=")) {
@@ -364,8 +367,28 @@ fn devices() {
 
 /// Ratios in one run; the program fails when one of them is not what it must be.
 fn gate() {
+    gate_of_first_pair(); // while this process is fresh
     gate_of_paths();
     gate_of_borders();
+}
+
+/// The first pair of a process, for which memory is touched, threads are started and tables are made, against the next ones:
+/// processor time, from two images in memory to the field.
+fn gate_of_first_pair() {
+    let scene = scene(1024, 16);
+    let pair = || {
+        let correlator =
+            Correlator::new(CpuBackend::default(), scene.reference.clone(), &scene.zone(), scene.options())?;
+        correlator.correlate(scene.frame(0), None)
+    };
+    let [first, next] =
+        threads(2).install(|| [once(pair), repeat(5, pair)].map(|times| times.expect("a pair").cpu.median));
+    let ratio = first / next;
+    println!("cold pair, 1024²: the first of the process takes {ratio:.2} times the processor time of the next ones");
+    if ratio > COLD_GATE {
+        eprintln!("the first pair must take at most {COLD_GATE} times as long: look for what is made or touched once");
+        std::process::exit(1);
+    }
 }
 
 /// The whole image as the zone against one that stays inside: iterations, and processor time per pixel, whose fastest run a

@@ -20,7 +20,7 @@ pub use measured::DeviceRecord;
 pub use passes::{Bound, PassCost, ResidualPass, pass_costs};
 pub use record::{Device, Record};
 pub use scene::{Scene, kernel_options};
-pub use times::{Spread, Times, repeat};
+pub use times::{Spread, Times, once, repeat};
 pub use whole::{PairCost, SeriesCost, Share, pair_cost, series_cost};
 
 use crate::backend::cpu::CpuBackend;

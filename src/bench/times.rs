@@ -47,6 +47,18 @@ impl Times {
     }
 }
 
+/// Does `work` once, with nothing before it that would warm it up.
+///
+/// # Errors
+/// That of `work`.
+pub fn once<T, E>(work: impl FnOnce() -> Result<T, E>) -> Result<Times, E> {
+    let watch = Stopwatch::start();
+    let result = std::hint::black_box(work()?);
+    let elapsed = watch.elapsed();
+    drop(result);
+    Ok(Times::of(&[elapsed]))
+}
+
 /// Does `work` once unmeasured and then `runs` times.
 ///
 /// # Errors
