@@ -64,6 +64,17 @@ fn every_device_has_every_figure_at_every_size() {
         }
         // Compilation and first runs are told apart from everything else, where there are any.
         assert_eq!(device["start_up"].is_null(), device["kind"] == "CPU", "{name}");
+        if let Some(start) = device["start_up"].as_object() {
+            // What a file of somebody else's card is read for: right, and how far away.
+            let compared = start["check"]["compared"].as_array().unwrap();
+            let within = |it: &Value| number(&it["difference"], name) <= number(&it["allowed"], name);
+            assert!(compared.len() > 10 && compared.iter().all(within), "{name}: {compared:?}");
+            let [trip, dispatch] = [&start["round_trip_s"]["median"], &start["dispatch_s"]].map(|s| number(s, name));
+            // A millionth of a second is no way to any device, a second is none that works.
+            assert!(1e-6 < trip && trip < 1.0 && 0.0 < dispatch && dispatch < 1.0, "{name}: {trip} {dispatch}");
+            let rate = number(&start["upload_gb_per_s"], name);
+            assert!(0.01 < rate && rate < 1000.0, "{name}: {rate} GB/s");
+        }
     }
     assert_eq!(desk.files("out"), ["bench.json", "bench.png", "bench.svg"]);
     assert_eq!(desk.json("out/bench.json"), record);

@@ -72,6 +72,12 @@ fn timing_of(backend: &GpuBackend) -> Timing {
 /// Copies in one go.
 const COPIES: usize = 20;
 
+/// Round trips of which the median is told.
+const ROUND_TRIPS: usize = 50;
+
+/// Bytes that are sent at once: an image of 64 Mpx of 8 bit.
+const SENT: u64 = 64 << 20;
+
 /// Side of the small image.
 const SIZE: usize = 256;
 
@@ -79,7 +85,8 @@ const SIZE: usize = 256;
 fn start_up(adapter: &GpuAdapter) -> Result<(GpuBackend, StartUp), BenchError> {
     // Times of a device that computes something else are worth nothing; on another device, for kernels are compiled below.
     let checked = GpuBackend::new(adapter, &GpuOptions::default())?;
-    DeviceCheck::of(&checked)?.right(checked.device())?;
+    let check = DeviceCheck::of(&checked)?;
+    check.right(checked.device())?;
     let watch = Stopwatch::start();
     let backend = GpuBackend::new(adapter, &GpuOptions::default())?;
     let open_s = watch.elapsed().wall_s;
@@ -100,7 +107,12 @@ fn start_up(adapter: &GpuAdapter) -> Result<(GpuBackend, StartUp), BenchError> {
     };
     let kernels: Vec<KernelStart> = KERNELS.iter().filter_map(of_kernel).collect();
     let kernels_s = kernels.iter().map(|start| start.compile_s + start.first_run_s).sum();
-    Ok((backend, StartUp { open_s, kernels_s, kernels }))
+    let dispatch_s = KERNELS.iter().flat_map(|&kernel| seconds(Work::Kernel(kernel))).fold(f64::INFINITY, f64::min);
+    let round_trip_s = repeat(ROUND_TRIPS, || backend.round_trip())?.wall;
+    let sent = vec![0; SENT.min(backend.adapter().max_buffer_bytes) as usize];
+    let upload_s = repeat(5, || backend.upload(&sent))?.wall.fastest;
+    let upload_gb_per_s = 1e-9 * sent.len() as f64 / upload_s;
+    Ok((backend, StartUp { check, open_s, round_trip_s, dispatch_s, upload_gb_per_s, kernels_s, kernels }))
 }
 
 /// Every kernel that the images of `scene` need, at their own size.

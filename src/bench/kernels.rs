@@ -2,6 +2,7 @@
 
 use super::passes::Bound;
 use super::times::Spread;
+use crate::backend::check::DeviceCheck;
 use serde::Serialize;
 
 /// What one kernel takes, in one iteration or for one image.
@@ -35,8 +36,16 @@ pub struct KernelStart {
 /// The start of a device.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StartUp {
+    /// Its numbers beside those of the CPU.
+    pub check: DeviceCheck,
     /// Opening it.
     pub open_s: f64,
+    /// One submission of next to nothing until a few bytes are back, on the wall: an iteration takes one at least.
+    pub round_trip_s: Spread,
+    /// The shortest kernel on a small image, as a submission of its own, on the wall: what handing over a dispatch takes.
+    pub dispatch_s: f64,
+    /// Bytes from the host's memory to the device's, 1e9 per second.
+    pub upload_gb_per_s: f64,
     /// All of its kernels together.
     pub kernels_s: f64,
     /// One by one.

@@ -20,6 +20,21 @@ impl fmt::Display for Record {
             let who = if device.clock == Clock::Processor { "one core copies" } else { "it copies" };
             writeln!(f, "  memory       {who} {:.1} GB/s (read and written)", device.copy_gb_per_s)?;
             if let Some(start) = &device.start_up {
+                if let Some(worst) = start.check.worst() {
+                    let share = 100.0 * worst.difference / worst.allowed;
+                    writeln!(
+                        f,
+                        "  check        as the CPU; {} differ most: {share:.0} % of what round-off allows",
+                        worst.what
+                    )?;
+                }
+                writeln!(
+                    f,
+                    "  way          there and back {:.3} ms, a dispatch {:.3} ms (wall); {:.1} GB/s from the host",
+                    1e3 * start.round_trip_s.median,
+                    1e3 * start.dispatch_s,
+                    start.upload_gb_per_s
+                )?;
                 writeln!(
                     f,
                     "  start        opened in {:.0} ms; {} kernels compiled and run for the first time in {:.0} ms (wall)",

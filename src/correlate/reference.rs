@@ -127,7 +127,7 @@ impl Reference {
     }
 
     /// Columns and rows of the images.
-    pub(super) fn size(&self) -> [usize; 2] {
+    pub fn size(&self) -> [usize; 2] {
         self.size
     }
 

@@ -23,9 +23,11 @@ use std::time::{Duration, Instant};
 const AHEAD: usize = 2;
 /// Images on the device that wait for theirs.
 const UPLOADED: usize = 1;
-/// Decoding threads at most: PNG takes 17 ns per pixel, as much as the CPU's whole correlation and a hundred times
-/// that of a GPU.
+/// Decoding threads beside the CPU at most: PNG takes 17 ns per pixel, as much as its whole correlation.
 const DECODERS: usize = 8;
+/// Beside a graphics device, which takes a hundredth of that, as many as there are threads; but images that are decoded and wait hold no
+/// more pixels than this (some 4 GB), where they are more than of [`DECODERS`].
+const WAITING_PX: usize = 500_000_000;
 
 /// How the deformed images of a run are read and correlated.
 #[derive(Clone, Copy)]
@@ -110,11 +112,19 @@ impl Done {
 
 /// Decoding threads and frames correlated at a time.
 pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom) -> (usize, usize) {
-    // A graphics device leaves the cores to the decoders; the CPU shares them.
     let threads = pool.current_num_threads();
-    let n_decoders = if engine.is_on_cpu() { threads / 4 } else { threads }.clamp(1, DECODERS);
+    let [width, height] = engine.correlator().reference().size();
+    let n_decoders = decoders(engine.is_on_cpu(), threads, width * height);
     let independent = start == StartFrom::Independent;
     (n_decoders, if independent { engine.correlator().frames_in_flight() } else { 1 })
+}
+
+/// Decoding threads for images of so many pixels: a graphics device leaves the cores to them, the CPU shares them.
+fn decoders(on_cpu: bool, threads: usize, pixels: usize) -> usize {
+    match on_cpu {
+        true => (threads / 4).clamp(1, DECODERS),
+        false => threads.clamp(1, (WAITING_PX / (pixels.max(1) * (1 + AHEAD))).max(DECODERS)),
+    }
 }
 
 /// A frame with its number, from 1.
@@ -451,5 +461,17 @@ fn about_tracking(result: &Correlation) -> Option<&'static str> {
         }
         (Status::Converged, _) => None,
         _ => Some("neither the start from the frames before nor a search without them converged"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::decoders;
+
+    #[test]
+    fn a_graphics_device_has_all_threads_for_decoding_unless_waiting_images_would_fill_the_memory() {
+        assert_eq!([1, 4, 16, 64].map(|threads| decoders(true, threads, 1 << 20)), [1, 1, 4, 8]);
+        assert_eq!([1, 4, 16, 64].map(|threads| decoders(false, threads, 1 << 22)), [1, 4, 16, 39]);
+        assert_eq!(decoders(false, 64, 30_000_000), 8);
     }
 }

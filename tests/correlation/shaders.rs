@@ -5,7 +5,7 @@
 
 use naga::BinaryOperator as Op;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use quadrille::backend::gpu::{Binding, KERNELS, Kernel, mirrors, source};
+use quadrille::backend::gpu::{Binding, Extent, KERNELS, Kernel, mirrors, source};
 use quadrille::imaging::Interpolation;
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -256,4 +256,93 @@ fn assert_bounded(block: &naga::Block, kernel: Kernel) {
             _ => {}
         }
     }
+}
+
+/// A graphics device as its maker describes it.
+struct Card {
+    name: &'static str,
+    /// Bytes per second of its memory, 1e9.
+    memory: f64,
+    /// Single-precision operations per second, 1e12, a fused multiplication and addition as two.
+    arithmetic: f64,
+}
+
+const CARDS: [Card; 5] = [
+    Card { name: "Intel UHD 770, DDR5-4800", memory: 76.8, arithmetic: 0.79 },
+    Card { name: "Apple M2, 10 cores", memory: 100.0, arithmetic: 3.6 },
+    Card { name: "NVIDIA RTX 3060", memory: 360.0, arithmetic: 12.7 },
+    Card { name: "NVIDIA RTX 4090", memory: 1008.0, arithmetic: 82.6 },
+    Card { name: "NVIDIA H100 SXM", memory: 3350.0, arithmetic: 66.9 },
+];
+
+/// A bound of arithmetic that is reached: few operations are fused, and integers share the units.
+const REACHED: f64 = 0.4;
+
+/// Milliseconds of a kernel on each card, as memory or arithmetic bounds them, and whether the memory does on more than half of them.
+fn bounds(kernel: Kernel, extent: Extent) -> ([f64; CARDS.len()], bool) {
+    let (bytes, operations) = (kernel.moves(extent).0 as f64, kernel.operations(extent) as f64);
+    let both =
+        CARDS.each_ref().map(|card| [1e-6 * bytes / card.memory, 1e-9 * operations / (REACHED * card.arithmetic)]);
+    (
+        both.map(|[memory, arithmetic]| memory.max(arithmetic)),
+        2 * both.iter().filter(|[m, a]| m > a).count() > CARDS.len(),
+    )
+}
+
+#[test]
+fn the_roofline_in_the_documents_is_that_of_the_kernels() {
+    const BEGIN: &str = "<!-- roofline: written by QUADRILLE_BLESS=1 cargo test --test correlation roofline -->\n";
+    const END: &str = "<!-- roofline ends -->";
+    let side = 2048u64;
+    let per_side = side / 16;
+    let of = |runs: u64| Extent {
+        pixels: side * side,
+        side,
+        elements: per_side * per_side,
+        nodes: (per_side + 1).pow(2),
+        runs,
+    };
+    // Once per image; once per iteration, with five of the conjugate gradients; once per frame.
+    let image = [Kernel::Unpack, Kernel::Prefilter, Kernel::BorderColumns, Kernel::BorderRows];
+    let reference = [Kernel::Gradient, Kernel::NormalMatrix];
+    let iteration = [
+        Kernel::Residual,
+        Kernel::Tally,
+        Kernel::Gather,
+        Kernel::CgProduct,
+        Kernel::CgUpdate,
+        Kernel::Correct,
+        Kernel::Summary,
+        Kernel::Largest,
+    ];
+    let cell = |ms: f64| if ms < 0.0005 { "< 0.001".to_owned() } else { format!("{ms:.3}") };
+    let line =
+        |name: &str, why: &str, ms: [f64; CARDS.len()]| format!("| {name} | {why} | {} |\n", ms.map(cell).join(" | "));
+    let names = CARDS.each_ref().map(|card| card.name).join(" | ");
+    let mut table = format!("| kernel | bound by | {names} |\n| --- | --- |{}\n", " --- |".repeat(CARDS.len()));
+    let mut sum = |of_sum: &str, kernels: &[Kernel], times: f64, begin: [f64; CARDS.len()]| {
+        let mut all = begin;
+        for &kernel in kernels {
+            let (ms, memory) = bounds(kernel, of(5));
+            all.iter_mut().zip(ms).for_each(|(all, ms)| *all += times * ms);
+            if begin == [0.0; CARDS.len()] {
+                table += &line(&format!("`{}`", kernel.name()), if memory { "memory" } else { "arithmetic" }, ms);
+            }
+        }
+        table += &line(of_sum, "", all);
+        all
+    };
+    let of_image = sum("*image to coefficients*", &image, 1.0, [0.0; CARDS.len()]);
+    sum("*reference, once, without its image*", &reference, 1.0, [0.0; CARDS.len()]);
+    sum("*an iteration*", &iteration, 1.0, [0.0; CARDS.len()]);
+    sum("*a frame: its image and four iterations*", &iteration, 4.0, of_image);
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/performance.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let (before, rest) = text.split_once(BEGIN).expect("a place for the table");
+    let (there, after) = rest.split_once(END).expect("its end");
+    if std::env::var_os("QUADRILLE_BLESS").is_some_and(|value| value == "1") {
+        std::fs::write(path, format!("{before}{BEGIN}\n{table}\n{END}{after}")).unwrap();
+        return;
+    }
+    assert_eq!(there.trim(), table.trim(), "docs/performance.md");
 }

@@ -119,6 +119,27 @@ impl GpuBackend {
         recorder.submit(&mut Traffic::default());
         self.gpu.wait()
     }
+
+    /// Sends `bytes` to the device's memory, and waits.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn upload(&self, bytes: &[u8]) -> Result<(), BackendError> {
+        let to = self.gpu.storage(bytes.len() as u64, "an upload")?;
+        self.gpu.write(&to, bytes);
+        self.gpu.record().submit(&mut Traffic::default());
+        self.gpu.wait()
+    }
+
+    /// Hands over next to nothing and fetches next to nothing: what the way to the device and back takes.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn round_trip(&self) -> Result<(), BackendError> {
+        const BYTES: u64 = 64;
+        let buffer = self.gpu.storage(BYTES, "a round trip")?;
+        self.gpu.record().fetch(&[(&buffer, BYTES)], &mut Traffic::default()).map(|_| ())
+    }
 }
 
 impl Backend for GpuBackend {

@@ -52,18 +52,20 @@ struct Row {
     bindings: &'static [Binding],
     part: Part,
     bytes: fn(Extent) -> u64,
+    operations: fn(Extent) -> u64,
     moves: &'static str,
 }
 
 /// Makes [`Kernel`] of a table with a row for each: its name; its file in `shaders/`, without the ending, and its entry
 /// point there, with `spline` where the source depends on the interpolation; threads of a workgroup and bindings; the
-/// [`Part`] of a frame's time that it counts to; and the bytes that it must move at least, with what they are: every value
-/// that it reads or writes counts once, however often it is read; P pixels, E elements, N nodes.
+/// [`Part`] of a frame's time that it counts to; the bytes that it must move at least; its arithmetic, integers included, as counted
+/// in the source for the cubic spline, right to about a third; and what the bytes are: every value that it reads or writes
+/// counts once, however often it is read; P pixels, E elements, N nodes.
 macro_rules! kernels {
     ($(
         $(#[$doc:meta])*
         $kernel:ident = $name:literal: $file:literal $entry:ident $($spline:ident)?,
-            $threads:literal [$($binding:ident)*], $part:ident, $bytes:expr, $moves:literal;
+            $threads:literal [$($binding:ident)*], $part:ident, $bytes:expr, $operations:expr, $moves:literal;
     )*) => {
         /// A kernel: an entry point of a shader file.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -85,6 +87,7 @@ macro_rules! kernels {
             bindings: &[$(Binding::$binding),*],
             part: Part::$part,
             bytes: $bytes,
+            operations: $operations,
             moves: $moves,
         }),*];
     };
@@ -93,68 +96,72 @@ macro_rules! kernels {
 kernels! {
     /// Pixels to grey levels.
     Unpack = "unpack": "unpack" main, 64 [Uniform Read Write],
-        Image, |of| 5 * of.pixels, "P (1 B pixel + 4 B grey level)";
+        Image, |of| 5 * of.pixels, |of| 10 * of.pixels, "P (1 B pixel + 4 B grey level)";
     /// Next level of the pyramid.
     Downsample = "downsample": "downsample" main, 64 [Uniform Read Write],
-        Image, |of| 5 * of.pixels, "P (4 B fine + 1/4 of 4 B coarse)";
+        Image, |of| 5 * of.pixels, |of| 4 * of.pixels, "P (4 B fine + 1/4 of 4 B coarse)";
     /// B-spline coefficients along one axis.
     Prefilter = "prefilter": "prefilter" main, 32 [Uniform Read Write],
-        Image, |of| 16 * of.pixels, "2 passes x P (4 B in + 4 B out)";
+        Image, |of| 16 * of.pixels, |of| 36 * of.pixels, "2 passes x P (4 B in + 4 B out)";
     /// Border to the left and right of a plane.
     BorderColumns = "border_columns": "border" columns, 64 [Uniform Write],
-        Image, |of| 72 * of.side, "per row 10 values in, 8 out";
+        Image, |of| 72 * of.side, |of| 60 * of.side, "per row 10 values in, 8 out";
     /// Border above or below a plane.
     BorderRows = "border_rows": "border" rows, 64 [Uniform Write],
-        Image, |of| 72 * of.side, "per column 10 values in, 8 out";
+        Image, |of| 72 * of.side, |of| 60 * of.side, "per column 10 values in, 8 out";
     /// Grey levels and gradient of the reference.
     Gradient = "gradient": "gradient" main, 64 [Uniform Read Read Write],
-        Other, |of| 20 * of.pixels, "P (grey level, coefficient in; f, fx, fy out)";
+        Other, |of| 20 * of.pixels, |of| 60 * of.pixels, "P (grey level, coefficient in; f, fx, fy out)";
     /// Moments for the normal matrices.
     NormalMatrix = "normal_matrix": "normal_matrix" main, 64 [Uniform Read Read Read Read Read Write],
-        Other, |of| 12 * of.pixels + 256 * of.elements, "P (f, fx, fy) + E (64 B element, 192 B moments)";
+        Other, |of| 12 * of.pixels + 256 * of.elements, |of| 90 * of.pixels + 2000 * of.elements, "P (f, fx, fy) + E (64 B element, 192 B moments)";
     /// Residual of rectangles of pixels.
     Residual = "residual": "residual" main spline, 64 [Uniform Read Read Read Read Read Write],
-        Residual, of_residual, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+        Residual, of_residual, of_residual_work, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
     /// Residual of elements whose pixels are runs.
     ResidualRuns = "residual_runs": "residual_runs" main spline, 64 [Uniform Read Read Read Read Read Write Read],
-        Residual, of_residual, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+        Residual, of_residual, of_residual_work, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
     /// Gain and offset of every element.
     Fit = "fit": "tally" fit, 64 [Uniform Read Read Write Write Write],
-        Residual, |of| 80 * of.elements, "E (64 B sums, 16 B of the reference)";
+        Residual, |of| 80 * of.elements, |of| 40 * of.elements, "E (64 B sums, 16 B of the reference)";
     /// Elements left out, sums of groups of elements.
     Tally = "tally": "tally" main, 64 [Uniform Read Read Write Write Write],
-        Residual, |of| 80 * of.elements, "E (64 B sums, 16 B of the reference)";
+        Residual, |of| 80 * of.elements, |of| 40 * of.elements, "E (64 B sums, 16 B of the reference)";
     /// Right-hand side per node.
     Gather = "gather": "gather" main, 256 [Uniform Read Read Read Write Write Write Write],
-        Solve, |of| 32 * of.elements + 64 * of.nodes, "E 32 B of sums + N (24 B incidence, 16 B block, 24 B out)";
+        Solve, |of| 32 * of.elements + 64 * of.nodes, |of| 60 * of.nodes, "E 32 B of sums + N (24 B incidence, 16 B block, 24 B out)";
     /// Part of the right-hand side that a regularisation asks for.
     Penalty = "penalty": "penalty" main, 256 [Uniform Read Read Read Read Write Write Write],
-        Other, |of| 236 * of.nodes, "9 N (16 B block, 4 B column) + N (16 B field, 16 B block, 8 B in, 16 B out)";
+        Other, |of| 236 * of.nodes, |of| 110 * of.nodes, "9 N (16 B block, 4 B column) + N (16 B field, 16 B block, 8 B in, 16 B out)";
     /// First half of an iteration of the conjugate gradients.
     CgProduct = "cg_product": "cg_product" main, 256 [Uniform Read Read Read Read Write Write Write],
-        Solve, |of| of.runs * 212 * of.nodes, "per run: 9 N (16 B block, 4 B column) + N 4 vectors of 8 B";
+        Solve, |of| of.runs * 212 * of.nodes, |of| of.runs * 100 * of.nodes, "per run: 9 N (16 B block, 4 B column) + N 4 vectors of 8 B";
     /// Second half.
     CgUpdate = "cg_update": "cg_update" main, 256 [Uniform Read Read Read Write Write Write Write],
-        Solve, |of| of.runs * 72 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
+        Solve, |of| of.runs * 72 * of.nodes, |of| of.runs * 50 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
     /// Correction of the field.
     Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read],
-        Other, |of| 60 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it)";
+        Other, |of| 60 * of.nodes, |of| 40 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it)";
     /// Sums of the zones, and what follows from them.
     Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write Write],
-        Other, |of| 48 * of.elements.div_ceil(256), "sums of groups of elements";
+        Other, |of| 48 * of.elements.div_ceil(256), |of| 20 * of.elements.div_ceil(256), "sums of groups of elements";
     /// Largest correction.
     Largest = "largest": "summary" largest, 64 [Uniform Read Read Read Write Write Write Write],
-        Other, |of| 8 * of.nodes.div_ceil(256), "largest corrections of groups of nodes";
+        Other, |of| 8 * of.nodes.div_ceil(256), |of| 4 * of.nodes.div_ceil(256), "largest corrections of groups of nodes";
     /// Field of a level from that of the next coarser one.
     Prolong = "prolong": "prolong" main, 256 [Read Read Write],
-        Other, |of| 64 * of.nodes, "N (32 B place, 16 B in, 16 B out)";
+        Other, |of| 64 * of.nodes, |of| 30 * of.nodes, "N (32 B place, 16 B in, 16 B out)";
     /// Residual map and packed field.
     ResidualMap = "residual_map": "residual_map" main, 256 [Uniform Read Read Read Write],
-        Other, |of| 88 * of.elements + 28 * of.nodes, "E (80 B in, 8 B out) + N (16 B in, 12 B out)";
+        Other, |of| 88 * of.elements + 28 * of.nodes, |of| 30 * of.elements + 20 * of.nodes, "E (80 B in, 8 B out) + N (16 B in, 12 B out)";
 }
 
 fn of_residual(of: Extent) -> u64 {
     16 * of.pixels + 128 * of.elements + 16 * of.nodes
+}
+
+fn of_residual_work(of: Extent) -> u64 {
+    160 * of.pixels + 400 * of.elements
 }
 
 impl Kernel {
@@ -200,6 +207,11 @@ impl Kernel {
     /// Bytes that it must move at least, and what they are.
     pub fn moves(self, extent: Extent) -> (u64, &'static str) {
         ((self.row().bytes)(extent), self.row().moves)
+    }
+
+    /// Its arithmetic, integers included, as counted in the source for the cubic spline: right to about a third.
+    pub fn operations(self, extent: Extent) -> u64 {
+        (self.row().operations)(extent)
     }
 }
 
