@@ -439,10 +439,16 @@ impl BlockMatrix {
         (0..self.pattern.n_nodes()).map(|node| self.row_times(node, x)).collect()
     }
 
-    /// The row of `node` times `x`. Lanes run along the entries of a block, whose two columns are added at the end: no lane
-    /// waits for another.
+    /// The row of `node` times `x`.
     #[inline(always)]
     pub(crate) fn row_times(&self, node: usize, x: &[[f64; 2]]) -> [f64; 2] {
+        let [xx, xy, yx, yy] = self.row_sums(node, x);
+        [xx + xy, yx + yy]
+    }
+
+    /// The same entry by entry of the blocks: the parts of both components of `x` are not added yet.
+    #[inline(always)]
+    pub(super) fn row_sums(&self, node: usize, x: &[[f64; 2]]) -> [f64; 4] {
         let range = self.pattern.row(node);
         let mut sum = [0.0; 4];
         for (block, &column) in self.blocks[range.clone()].iter().zip(&self.pattern.columns[range]) {
@@ -451,6 +457,6 @@ impl BlockMatrix {
                 sum[k] += block[k] * v;
             }
         }
-        [sum[0] + sum[1], sum[2] + sum[3]]
+        sum
     }
 }

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
 const PIECE: usize = 2048;
+/// Rows of a product whose sums are kept beside each other.
+const ROWS: usize = 64;
 /// Up to this many nodes one thread does all pieces: waking others, three times in an iteration, costs more than they would save.
 const ALONE_UP_TO: usize = 6144;
 
@@ -107,9 +109,16 @@ multiversioned! {
 #[inline(always)]
 fn product_body<const FMA: bool>(matrix: &BlockMatrix, p: &[[f64; 2]], first: usize, q: &mut [[f64; 2]]) -> f64 {
     let mut sum = [0.0; 2];
-    for (node, q) in (first..).zip(q) {
-        *q = matrix.row_times(node, p);
-        (0..2).for_each(|c| sum[c] += q[c] * p[node][c]);
+    // Sums of some rows first: added where they are made, the compiler would shuffle the entries of every block for it.
+    let mut sums = [[0.0; 4]; ROWS];
+    for (q, first) in q.chunks_mut(ROWS).zip((first..).step_by(ROWS)) {
+        for (sums, node) in sums[..q.len()].iter_mut().zip(first..) {
+            *sums = matrix.row_sums(node, p);
+        }
+        for ((q, [xx, xy, yx, yy]), p) in q.iter_mut().zip(&sums).zip(&p[first..]) {
+            *q = [xx + xy, yx + yy];
+            (0..2).for_each(|c| sum[c] += q[c] * p[c]);
+        }
     }
     sum[0] + sum[1]
 }

@@ -284,6 +284,8 @@ fn update_body<const FMA: bool>(
 #[inline(always)]
 fn direction_body<const FMA: bool>(beta: &Lanes, p: &mut [[Lanes; 2]], z: &[[Lanes; 2]]) {
     for (p, z) in p.iter_mut().zip(z) {
+        // Unseen by the compiler, which would take a lane of sixteen nodes together, by gathering and scattering.
+        let beta = std::hint::black_box(beta);
         for c in 0..2 {
             for lane in 0..LANES {
                 p[c][lane] = mul_add::<FMA>(beta[lane], p[c][lane], z[c][lane]);
