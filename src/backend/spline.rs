@@ -98,6 +98,7 @@ impl Spline<2> for Bilinear {
 
 /// Weights of the taps at the fraction `t` (0..1), and how many there are; they start that half less one pixels before
 /// the floor.
+#[inline]
 pub(crate) fn taps(interpolation: Interpolation, t: f32) -> ([f32; 6], usize) {
     fn of<S: Spline<K>, const K: usize>(t: f32) -> ([f32; 6], usize) {
         let mut taps = [0.0; 6];

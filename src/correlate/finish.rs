@@ -211,7 +211,7 @@ impl<B: Backend> Correlator<B> {
             freedom_of_element: of_element,
             noise: self.options.noise.constant(),
         };
-        let excess = self.misfit_test.excess(mesh, &self.noise_gain, &residuals);
+        let (excess, looks) = self.misfit_test.excess_and_looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
         let found = model_error::Found {
             displacement: &full_displacement,
             sigma: &sigma,
@@ -224,7 +224,6 @@ impl<B: Backend> Correlator<B> {
             // What is left after the choice of the best is no match: anything would have some.
             status = Status::Diverged;
         }
-        let looks = self.misfit_test.looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
         let is_misfit =
             |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
         let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();

@@ -104,6 +104,7 @@ struct Seen {
 }
 
 /// The noise of a zone, as its elements show it.
+#[derive(Clone, Copy)]
 struct ZoneNoise {
     /// Variance at the mean grey level, and its slope.
     constant: f64,
@@ -149,21 +150,43 @@ impl MisfitTest {
         self.fine
     }
 
-    /// What the residual of a frame says.
-    pub fn excess(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Excess {
+    /// What the residual of a frame says, and [`MisfitTest::looks`]: what both need is made once.
+    pub fn excess_and_looks(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> (Excess, Vec<Option<Look>>) {
+        let seen = self.seen_in_zones(mesh, gain, frame);
+        let noise: Vec<Option<ZoneNoise>> =
+            seen.iter().map(|seen| self.noise_of(gain, frame, &sample_of(seen.iter().collect()))).collect();
+        let looks = self.looks_at(mesh, gain, frame, &seen, Some(&noise), excluded, matched);
+        (self.excess(mesh, &seen, &noise), looks)
+    }
+
+    /// The elements of each zone that are looked at.
+    fn seen_in_zones(&self, mesh: &Mesh<Px>, gain: &NoiseGain, frame: &Residuals<'_>) -> Vec<Vec<Seen>> {
+        let of_zone =
+            |zone| mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
+        (0..mesh.zones().len()).map(of_zone).collect()
+    }
+
+    fn noise_of(&self, gain: &NoiseGain, frame: &Residuals<'_>, sample: &[&Seen]) -> Option<ZoneNoise> {
+        zone_noise(sample, frame.noise, self.fine, self.gradient_noise_gain * gain.of_reference().powi(2))
+    }
+
+    fn excess(&self, mesh: &Mesh<Px>, seen: &[Vec<Seen>], noise: &[Option<ZoneNoise>]) -> Excess {
         let mut not_followed = vec![0.0; mesh.n_elements()];
         // Residual, noise, gradients and variance of the noise, added up around each node.
         let mut sums = vec![[0.0; 5]; mesh.n_nodes()];
         let mut everywhere = vec![0.0; mesh.zones().len()];
-        for (zone, everywhere) in everywhere.iter_mut().enumerate() {
-            let seen: Vec<Seen> =
-                mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
-            let sample: Vec<&Seen> = seen.iter().step_by(seen.len().div_ceil(SAMPLE).max(1)).collect();
-            let in_both = self.gradient_noise_gain * gain.of_reference().powi(2);
-            let Some(noise) = zone_noise(&sample, frame.noise, self.fine, in_both) else { continue };
+        for ((everywhere, seen), noise) in everywhere.iter_mut().zip(seen).zip(noise) {
+            let Some(noise) = noise else { continue };
             *everywhere = noise.everywhere;
             let beyond = normal_quantile(1.0 - FALSE_ALARM / seen.len() as f64);
-            for one in &seen {
+            for one in seen {
                 let expected = noise.at(one);
                 let spread = noise.spread / one.n.sqrt();
                 // The noise is in the gradient as well, and no texture.
@@ -212,10 +235,24 @@ impl MisfitTest {
         excluded: &[bool],
         matched: f64,
     ) -> Vec<Option<Look>> {
+        let seen = self.seen_in_zones(mesh, gain, frame);
+        self.looks_at(mesh, gain, frame, &seen, None, excluded, matched)
+    }
+
+    /// The same at the elements `seen`, where the noise that all of a zone show may be known.
+    #[allow(clippy::too_many_arguments, reason = "those of `looks`, and what is known")]
+    fn looks_at(
+        &self,
+        mesh: &Mesh<Px>,
+        gain: &NoiseGain,
+        frame: &Residuals<'_>,
+        seen: &[Vec<Seen>],
+        known: Option<&[Option<ZoneNoise>]>,
+        excluded: &[bool],
+        matched: f64,
+    ) -> Vec<Option<Look>> {
         let mut looks = vec![None; mesh.n_elements()];
-        for zone in 0..mesh.zones().len() {
-            let seen: Vec<Seen> =
-                mesh.zone_elements(zone).filter_map(|element| self.seen(mesh, gain, frame, element)).collect();
+        for (zone, seen) in seen.iter().enumerate() {
             let kept = |one: &&Seen| !excluded[one.element];
             let alike = |one: &&Seen| kept(one) && frame.elements[one.element].correlation >= matched;
             let n_alike = seen.iter().filter(alike).count();
@@ -223,16 +260,16 @@ impl MisfitTest {
                 true => seen.iter().filter(alike).collect(),
                 false => seen.iter().filter(kept).collect(),
             };
-            let sample: Vec<&Seen> = said.iter().step_by(said.len().div_ceil(SAMPLE).max(1)).copied().collect();
-            let in_both = self.gradient_noise_gain * gain.of_reference().powi(2);
-            let Some(mut noise) = zone_noise(&sample, frame.noise, self.fine, in_both) else { continue };
+            let of_all = known.filter(|_| said.len() == seen.len()).map(|known| known[zone]);
+            let sample = sample_of(said);
+            let Some(mut noise) = of_all.unwrap_or_else(|| self.noise_of(gain, frame, &sample)) else { continue };
             if sample.len() < ENOUGH {
                 // Of a few, one that is off must not say what the others are held against.
                 let mut sorted: Vec<f64> = sample.iter().map(|one| one.y).collect();
                 sorted.sort_by(f64::total_cmp);
                 noise.constant = noise.constant.min(sorted[(sorted.len() - 1) / 2]);
             }
-            for one in &seen {
+            for one in seen {
                 let expected = noise.at(one) + noise.everywhere * one.x;
                 let power = 0.5 * (self.texture[one.element].gradient[0] + self.texture[one.element].gradient[1]);
                 let texture = (power - self.gradient_noise_gain * noise.at(one)).max(0.25 * power);
@@ -263,6 +300,12 @@ impl MisfitTest {
         let known = n >= 4.0 && y.is_finite() && gain.is_finite() && gain > 0.0;
         known.then(|| Seen { element, n, gain, y, grey, x: 0.5 * (gradient[0] + gradient[1]) / gain })
     }
+}
+
+/// Those of the elements of a zone that its noise is told by.
+fn sample_of(seen: Vec<&Seen>) -> Vec<&Seen> {
+    let every = seen.len().div_ceil(SAMPLE).max(1);
+    if every == 1 { seen } else { seen.into_iter().step_by(every).collect() }
 }
 
 /// The noise of the elements of a zone; none where there is nothing to see. `in_both`: the noise of the reference is in residual

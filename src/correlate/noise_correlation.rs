@@ -615,13 +615,19 @@ fn autocorrelation(values: &[f32], side: usize) -> Lags {
 
 /// Sum of products, in eight strands.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let n = a.len() - a.len() % 8;
+    let rest: f32 = a[n..].iter().zip(&b[n..]).map(|(a, b)| a * b).sum();
+    strands(a, b).iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+}
+
+/// The strands alone. Not inlined: beside their sum the compiler would not keep them in whole vectors.
+#[inline(never)]
+fn strands(a: &[f32], b: &[f32]) -> [f32; 8] {
     let mut strands = [0.0f32; 8];
-    let ((heads_a, rest_a), (heads_b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    for (a, b) in heads_a.iter().zip(heads_b) {
+    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
         for k in 0..8 {
             strands[k] += a[k] * b[k];
         }
     }
-    let rest: f32 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
-    strands.iter().map(|&sum| f64::from(sum)).sum::<f64>() + f64::from(rest)
+    strands
 }

@@ -260,6 +260,7 @@ impl Image {
     ///
     /// # Panics
     /// When the pixel is outside the image.
+    #[inline]
     pub fn grey(&self, x: usize, y: usize) -> f32 {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside the image");
         let at = y * self.width + x;

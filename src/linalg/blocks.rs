@@ -201,15 +201,22 @@ impl Pattern {
 
     /// Sums element vectors (unknown `2 k + c` of corner `k`) into nodal ones, in element order.
     pub fn gather(&self, element_vector: impl Fn(usize) -> [f64; 8] + Sync) -> Vec<[f64; 2]> {
+        self.gather_corners(|element, corner| {
+            let vector = element_vector(element);
+            [vector[2 * corner], vector[2 * corner + 1]]
+        })
+    }
+
+    /// As [`Pattern::gather`], from the part of each corner of an element.
+    pub(crate) fn gather_corners(&self, of_corner: impl Fn(usize, usize) -> [f64; 2] + Sync) -> Vec<[f64; 2]> {
         (0..self.n_nodes())
             .into_par_iter()
             .with_min_len(2048)
             .map(|node| {
                 let mut sum = [0.0; 2];
                 for &(element, corner) in self.elements_of(node) {
-                    let vector = element_vector(element as usize);
-                    sum[0] += vector[2 * corner as usize];
-                    sum[1] += vector[2 * corner as usize + 1];
+                    let [x, y] = of_corner(element as usize, corner as usize);
+                    sum = [sum[0] + x, sum[1] + y];
                 }
                 sum
             })
@@ -432,15 +439,24 @@ impl BlockMatrix {
         (0..self.pattern.n_nodes()).map(|node| self.row_times(node, x)).collect()
     }
 
+    /// The row of `node` times `x`.
     #[inline(always)]
     pub(crate) fn row_times(&self, node: usize, x: &[[f64; 2]]) -> [f64; 2] {
+        let [xx, xy, yx, yy] = self.row_sums(node, x);
+        [xx + xy, yx + yy]
+    }
+
+    /// The same entry by entry of the blocks: the parts of both components of `x` are not added yet.
+    #[inline(always)]
+    pub(super) fn row_sums(&self, node: usize, x: &[[f64; 2]]) -> [f64; 4] {
         let range = self.pattern.row(node);
-        let (mut sx, mut sy) = (0.0, 0.0);
+        let mut sum = [0.0; 4];
         for (block, &column) in self.blocks[range.clone()].iter().zip(&self.pattern.columns[range]) {
-            let v = x[column as usize];
-            sx += block[0] * v[0] + block[1] * v[1];
-            sy += block[2] * v[0] + block[3] * v[1];
+            let [x, y] = x[column as usize];
+            for (k, v) in [x, y, x, y].into_iter().enumerate() {
+                sum[k] += block[k] * v;
+            }
         }
-        [sx, sy]
+        sum
     }
 }

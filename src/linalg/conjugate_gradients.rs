@@ -1,10 +1,18 @@
 //! Conjugate gradients with the inverse nodal blocks as preconditioner.
+//!
+//! Products and updates run in vector lanes along the entries of a block and the components of a node, without fused
+//! multiply-adds: every instruction path gives the same bits.
 
 use super::blocks::BlockMatrix;
+use crate::isa::{Isa, multiversioned};
 use rayon::prelude::*;
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
 const PIECE: usize = 2048;
+/// Rows of a product whose sums are kept beside each other.
+const ROWS: usize = 64;
+/// Up to this many nodes one thread does all pieces: waking others, three times in an iteration, costs more than they would save.
+const ALONE_UP_TO: usize = 6144;
 
 /// The inverses of the 2x2 blocks on the diagonal.
 #[derive(Debug, Clone)]
@@ -34,11 +42,6 @@ impl BlockJacobi {
         Self { inverse }
     }
 
-    fn apply(&self, node: usize, r: [f64; 2]) -> [f64; 2] {
-        let [xx, xy, yy] = self.inverse[node];
-        [xx * r[0] + xy * r[1], xy * r[0] + yy * r[1]]
-    }
-
     /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction` or `max_iterations`
     /// are done. The same bits for any number of threads.
     pub fn solve(
@@ -48,30 +51,23 @@ impl BlockJacobi {
         reduction: f64,
         max_iterations: usize,
     ) -> (Vec<[f64; 2]>, CgOutcome) {
-        let n = rhs.len();
+        let (n, isa) = (rhs.len(), Isa::detect());
+        // Pieces that one thread takes at least.
+        let pieces = if n <= ALONE_UP_TO { n.div_ceil(PIECE).max(1) } else { 1 };
         let mut x = vec![[0.0; 2]; n];
         let mut r = rhs.to_vec();
         let mut q = vec![[0.0; 2]; n];
-        let mut p: Vec<[f64; 2]> = (0..n).map(|node| self.apply(node, r[node])).collect();
-        let mut rz = in_order((0..n.div_ceil(PIECE)).map(|piece| {
-            let nodes = piece * PIECE..((piece + 1) * PIECE).min(n);
-            nodes.map(|i| r[i][0] * p[i][0] + r[i][1] * p[i][1]).sum()
-        }));
+        let mut p: Vec<[f64; 2]> = self.inverse.iter().zip(&r).map(|(inverse, &r)| times(inverse, r)).collect();
+        let dots = r.chunks(PIECE).zip(p.chunks(PIECE));
+        let mut rz = in_order(dots.map(|(r, p)| r.iter().zip(p).map(|(r, p)| r[0] * p[0] + r[1] * p[1]).sum()));
         let rz_start = rz;
         let mut iterations = 0;
         while iterations < max_iterations && rz > reduction * reduction * rz_start && rz > 0.0 {
             let pq: Vec<f64> = q
                 .par_chunks_mut(PIECE)
                 .enumerate()
-                .map(|(piece, q)| {
-                    let mut sum = 0.0;
-                    for (k, q) in q.iter_mut().enumerate() {
-                        let node = piece * PIECE + k;
-                        *q = matrix.row_times(node, &p);
-                        sum += q[0] * p[node][0] + q[1] * p[node][1];
-                    }
-                    sum
-                })
+                .with_min_len(pieces)
+                .map(|(piece, q)| product(isa, matrix, &p, piece * PIECE, q))
                 .collect();
             let pq = in_order(pq);
             if pq <= 0.0 {
@@ -82,34 +78,83 @@ impl BlockJacobi {
                 .par_chunks_mut(PIECE)
                 .zip(r.par_chunks_mut(PIECE))
                 .zip(q.par_chunks_mut(PIECE))
-                .enumerate()
-                .map(|(piece, ((x, r), q))| {
-                    let mut sum = 0.0;
-                    for k in 0..x.len() {
-                        let node = piece * PIECE + k;
-                        for c in 0..2 {
-                            x[k][c] += alpha * p[node][c];
-                            r[k][c] -= alpha * q[k][c];
-                        }
-                        let z = self.apply(node, r[k]);
-                        sum += r[k][0] * z[0] + r[k][1] * z[1];
-                        q[k] = z; // q is free until the next product: it carries z
-                    }
-                    sum
-                })
+                .zip(p.par_chunks(PIECE).zip(self.inverse.par_chunks(PIECE)))
+                .with_min_len(pieces)
+                .map(|(((x, r), q), (p, inverse))| update(isa, inverse, alpha, p, x, r, q))
                 .collect();
             let new_rz = in_order(new_rz);
             let beta = new_rz / rz;
             rz = new_rz;
-            p.par_iter_mut().with_min_len(PIECE).zip(&q).for_each(|(p, z)| {
-                p[0] = z[0] + beta * p[0];
-                p[1] = z[1] + beta * p[1];
-            });
+            let directions = p.par_chunks_mut(PIECE).zip(q.par_chunks(PIECE)).with_min_len(pieces);
+            directions.for_each(|(p, z)| direction(isa, beta, p, z));
             iterations += 1;
         }
         let relative_residual = if rz_start > 0.0 { (rz / rz_start).max(0.0).sqrt() } else { 0.0 };
         (x, CgOutcome { iterations, relative_residual })
     }
+}
+
+multiversioned! {
+    fn product[][](matrix: &BlockMatrix, p: &[[f64; 2]], first: usize, q: &mut [[f64; 2]]) -> f64 => product_body
+}
+multiversioned! {
+    fn update[][](inverse: &[[f64; 3]], alpha: f64, p: &[[f64; 2]], x: &mut [[f64; 2]], r: &mut [[f64; 2]], q: &mut [[f64; 2]]) -> f64
+        => update_body
+}
+multiversioned! {
+    fn direction[][](beta: f64, p: &mut [[f64; 2]], z: &[[f64; 2]]) => direction_body
+}
+
+/// q = matrix times p, at the nodes from `first` on; returns p . q there.
+#[inline(always)]
+fn product_body<const FMA: bool>(matrix: &BlockMatrix, p: &[[f64; 2]], first: usize, q: &mut [[f64; 2]]) -> f64 {
+    let mut sum = [0.0; 2];
+    // Sums of some rows first: added where they are made, the compiler would shuffle the entries of every block for it.
+    let mut sums = [[0.0; 4]; ROWS];
+    for (q, first) in q.chunks_mut(ROWS).zip((first..).step_by(ROWS)) {
+        for (sums, node) in sums[..q.len()].iter_mut().zip(first..) {
+            *sums = matrix.row_sums(node, p);
+        }
+        for ((q, [xx, xy, yx, yy]), p) in q.iter_mut().zip(&sums).zip(&p[first..]) {
+            *q = [xx + xy, yx + yy];
+            (0..2).for_each(|c| sum[c] += q[c] * p[c]);
+        }
+    }
+    sum[0] + sum[1]
+}
+
+/// x += alpha p, r -= alpha q, then q = inverse blocks times r, free until the next product; returns r . q.
+#[inline(always)]
+fn update_body<const FMA: bool>(
+    inverse: &[[f64; 3]],
+    alpha: f64,
+    p: &[[f64; 2]],
+    x: &mut [[f64; 2]],
+    r: &mut [[f64; 2]],
+    q: &mut [[f64; 2]],
+) -> f64 {
+    let mut sum = [0.0; 2];
+    for ((((inverse, p), x), r), q) in inverse.iter().zip(p).zip(x).zip(r).zip(q) {
+        for c in 0..2 {
+            x[c] += alpha * p[c];
+            r[c] -= alpha * q[c];
+        }
+        *q = times(inverse, *r);
+        (0..2).for_each(|c| sum[c] += r[c] * q[c]);
+    }
+    sum[0] + sum[1]
+}
+
+#[inline(always)]
+fn direction_body<const FMA: bool>(beta: f64, p: &mut [[f64; 2]], z: &[[f64; 2]]) {
+    for (p, z) in p.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
+        *p = z + beta * *p;
+    }
+}
+
+#[inline(always)]
+fn times(&[xx, xy, yy]: &[f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+    [xx * x + xy * y, xy * x + yy * y]
 }
 
 fn inverted([xx, xy, yy]: [f64; 3]) -> [f64; 3] {

@@ -262,17 +262,21 @@ fn update_body<const FMA: bool>(
     let mut dot = [0.0; LANES];
     for k in 0..x.len() {
         let [xx, xy, yy] = inverse[k];
-        for lane in 0..LANES {
-            for c in 0..2 {
+        // One component after the other: lanes that lie side by side in memory.
+        for c in 0..2 {
+            for lane in 0..LANES {
                 x[k][c][lane] = mul_add::<FMA>(alpha[lane], p[k][c][lane], x[k][c][lane]);
                 r[k][c][lane] = mul_add::<FMA>(-alpha[lane], q[k][c][lane], r[k][c][lane]);
             }
-            let (rx, ry) = (r[k][0][lane], r[k][1][lane]);
-            let (zx, zy) = (xx * rx + xy * ry, xy * rx + yy * ry);
-            q[k][0][lane] = zx;
-            q[k][1][lane] = zy;
-            dot[lane] = mul_add::<FMA>(rx, zx, mul_add::<FMA>(ry, zy, dot[lane]));
         }
+        let [rx, ry] = r[k];
+        let (mut zx, mut zy) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            zx[lane] = xx * rx[lane] + xy * ry[lane];
+            zy[lane] = xy * rx[lane] + yy * ry[lane];
+            dot[lane] = mul_add::<FMA>(rx[lane], zx[lane], mul_add::<FMA>(ry[lane], zy[lane], dot[lane]));
+        }
+        q[k] = [zx, zy];
     }
     dot
 }
@@ -280,6 +284,8 @@ fn update_body<const FMA: bool>(
 #[inline(always)]
 fn direction_body<const FMA: bool>(beta: &Lanes, p: &mut [[Lanes; 2]], z: &[[Lanes; 2]]) {
     for (p, z) in p.iter_mut().zip(z) {
+        // Unseen by the compiler, which would take a lane of sixteen nodes together, by gathering and scattering.
+        let beta = std::hint::black_box(beta);
         for c in 0..2 {
             for lane in 0..LANES {
                 p[c][lane] = mul_add::<FMA>(beta[lane], p[c][lane], z[c][lane]);

@@ -264,7 +264,11 @@ fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decode
     for decoder in decoders.iter().cycle() {
         let Ok(mut decoded) = decoder.recv() else { return }; // the last frame has been
         if let Ok(picture) = &mut decoded.loaded {
-            picture.uploaded = pool.install(|| engine.upload(picture.image.clone()));
+            // On the CPU nothing is brought anywhere: no thread of the pool is to be waited for.
+            picture.uploaded = match engine.is_on_cpu() {
+                true => engine.upload(picture.image.clone()),
+                false => pool.install(|| engine.upload(picture.image.clone())),
+            };
         }
         if out.send(decoded).is_err() {
             return; // nobody wants more

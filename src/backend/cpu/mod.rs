@@ -242,7 +242,10 @@ impl CpuLevel {
     }
 
     fn right_hand_side(&self, field: &CpuField) -> Vec<[f64; 2]> {
-        self.pattern.gather(|element| field.sums[element].b.map(f64::from))
+        self.pattern.gather_corners(|element, corner| {
+            let b = &field.sums[element].b;
+            [f64::from(b[2 * corner]), f64::from(b[2 * corner + 1])]
+        })
     }
 
     /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since: the

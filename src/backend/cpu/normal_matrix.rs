@@ -52,15 +52,15 @@ fn remaining_moments_body<const FMA: bool, const L: usize>(
     for (&element, moments) in lost.iter().zip(moments) {
         let (element, corners) = (&reference.elements[element], &corners[element]);
         if element.n_runs > 0 || with_transfer {
-            let weight = |x, y, xi, eta| corners.weight(x, y, xi, eta, deformed);
+            let weight = |x, y, xi, eta| corners.weights(x, y, &[xi], eta, deformed)[0];
             *moments = partial_moments(reference, element, with_transfer, weight);
             continue;
         }
         let mut n = 0.0;
         *moments = one_element::<FMA, L>(reference, element, |x, y, xi, eta, mask| {
-            let mut weights = [0.0; L];
+            let mut weights = corners.weights(x, y, xi, eta, deformed);
             for i in 0..L {
-                weights[i] = mask[i] * corners.weight(x + i as i32, y, xi[i], eta, deformed);
+                weights[i] *= mask[i];
             }
             n += f64::from(total(&weights));
             weights

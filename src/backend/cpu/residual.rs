@@ -83,11 +83,16 @@ impl Corners {
                 || beyond(element.y + self.whole[1], element.ny, &self.y, deformed.height))
     }
 
-    /// How much the pixel in column `x` and row `y`, at (xi, eta) of the element, counts in the deformed image.
-    pub fn weight(&self, x: i32, y: i32, xi: f32, eta: f32, deformed: &Plane) -> f32 {
-        let [[ux], [uy]] = self.displacement::<false, 1>(&[xi], &[eta]);
-        let ((px, tx), (py, ty)) = (place(x + self.whole[0], ux), place(y + self.whole[1], uy));
-        weight(px, tx, deformed.width) * weight(py, ty, deformed.height)
+    /// How much the pixels from column `x` on in row `y`, at (xi, eta) of the element, count in the deformed image.
+    #[inline(always)]
+    pub fn weights<const L: usize>(&self, x: i32, y: i32, xi: &[f32; L], eta: f32, deformed: &Plane) -> [f32; L] {
+        let [ux, uy] = self.displacement::<false, L>(xi, &[eta; L]);
+        let mut weights = [0.0; L];
+        for i in 0..L {
+            let ((px, tx), (py, ty)) = (place(x + i as i32 + self.whole[0], ux[i]), place(y + self.whole[1], uy[i]));
+            weights[i] = weight(px, tx, deformed.width) * weight(py, ty, deformed.height);
+        }
+        weights
     }
 }
 

@@ -32,16 +32,19 @@ pub const GAUSS_WEIGHT: f64 = 0.25;
 /// ```
 /// assert_eq!(quadrille::mesh::shape_functions(0.25, 0.5), [0.375, 0.125, 0.125, 0.375]);
 /// ```
+#[inline]
 pub fn shape_functions(xi: f64, eta: f64) -> [f64; 4] {
     [(1.0 - xi) * (1.0 - eta), xi * (1.0 - eta), xi * eta, (1.0 - xi) * eta]
 }
 
 /// `[d/dxi, d/deta]` of each of the [`shape_functions`].
+#[inline]
 pub fn local_derivatives([xi, eta]: [f64; 2]) -> [[f64; 2]; 4] {
     [[eta - 1.0, xi - 1.0], [1.0 - eta, -xi], [eta, xi], [-eta, 1.0 - xi]]
 }
 
 /// `[[da/dxi, da/deta], [db/dxi, db/deta]]` of a field `(a, b)` with these `values` at the corners.
+#[inline]
 fn derivatives(values: &[[f64; 2]; 4], by_local: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
     [0, 1].map(|c| [0, 1].map(|k| (0..4).map(|i| values[i][c] * by_local[i][k]).sum()))
 }
@@ -79,6 +82,7 @@ impl LocalMap {
 
     /// `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]` of the field with the values `u` at the corners; not finite where the
     /// determinant is zero.
+    #[inline]
     pub fn gradient_of(&self, u: &[[f64; 2]; 4]) -> [[f64; 2]; 2] {
         let [[xx, xe], [yx, ye]] = self.jacobian;
         let inverse = 1.0 / self.determinant;
@@ -121,6 +125,7 @@ impl ElementGeometry {
     }
 
     /// The map at a point of the square, linearised.
+    #[inline]
     pub fn map_at(&self, at: [f64; 2]) -> LocalMap {
         let by_local = local_derivatives(at);
         let jacobian = derivatives(&self.corners, &by_local);
