@@ -379,7 +379,7 @@ fn gate_of_first_pair() {
     let pair = || {
         let correlator =
             Correlator::new(CpuBackend::default(), scene.reference.clone(), &scene.zone(), scene.options())?;
-        correlator.correlate(scene.frame(0), None)
+        correlator.correlate(scene.frame(0).clone(), None)
     };
     let [first, next] =
         threads(2).install(|| [once(pair), repeat(5, pair)].map(|times| times.expect("a pair").cpu.median));
