@@ -8,4 +8,5 @@ cd "$(dirname "$0")/.."
 
 nightly=nightly-2026-10-30
 export MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-ignore-leaks"
+unset RUSTC_WORKSPACE_WRAPPER # that of CI: it does not ask it which compiler it is
 exec cargo "+$nightly" miri test --locked --manifest-path miri/Cargo.toml --target-dir target/miri
