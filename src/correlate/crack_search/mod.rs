@@ -30,7 +30,8 @@ const FOLLOWED: f64 = 0.6;
 /// residual is cut as well.
 const FURTHER: f64 = 4.0;
 const FURTHER_SHARE: f64 = 0.2;
-/// An end this near to the border of its zone goes on to it, in elements; any other stays twice as far from it.
+/// An end this near to the border of its zone goes on to it, in elements, as one whose tip is to be expected beyond; any other stays twice as
+/// far from it.
 const TO_BORDER: f64 = 2.0;
 /// Where so much is marked that it forms no line, elements that do not follow by this much may, px.
 const WORST_PX: f64 = 0.5;
@@ -193,10 +194,27 @@ fn worst(uncut: &Measurement<Px>, bad: &[bool]) -> Vec<bool> {
     (0..bad.len()).map(|element| bad[element] && is_worst(element)).collect()
 }
 
+/// How far beyond the first of the places of a path, an element apart, its tip is to be expected, in elements, where the sides are this far
+/// `apart`: the faces of a crack close as the root of the distance from its tip.
+fn tip_beyond(apart: &[Option<f64>]) -> f64 {
+    let known: Vec<(usize, f64)> =
+        apart.iter().enumerate().filter_map(|(place, apart)| Some((place, (*apart)?))).collect();
+    let Some(&widest) = known.iter().rev().max_by(|(_, a), (_, b)| a.total_cmp(b)).filter(|(_, apart)| *apart > 0.0)
+    else {
+        return 0.0;
+    };
+    let first = known[0];
+    if first.0 == widest.0 {
+        return f64::INFINITY;
+    }
+    let share = (first.1 / widest.1).powi(2);
+    (widest.0 - first.0) as f64 * share / (1.0 - share) - first.0 as f64
+}
+
 /// The path with both of its ends carried on, to the border of the zone or beyond the tip.
 fn whole(mesh: &Mesh<Px>, group: &Group, between: &Between) -> Vec<[f64; 2]> {
     let size = mesh.element_size();
-    let mut path = smooth(&between.path);
+    let (mut path, mut apart) = (smooth(&between.path), between.apart.clone());
     for _ in 0..2 {
         let n = path.len();
         let (end, before) = (path[n - 1], path[n.saturating_sub(5)]);
@@ -208,8 +226,11 @@ fn whole(mesh: &Mesh<Px>, group: &Group, between: &Between) -> Vec<[f64; 2]> {
             let wanted = (FURTHER * size).max(FURTHER_SHARE * group.length_px);
             let steps = || (1..).map(|k| 0.25 * size * f64::from(k));
             let to_border = steps().take_while(|px| *px < wanted + 2.0 * TO_BORDER * size).find(|px| !inside(px));
+            // Where it is still wide open it does not end before the border.
+            apart.reverse();
+            let on_to_border = size * tip_beyond(&apart).max(TO_BORDER);
             path.push(match to_border {
-                Some(px) if px <= TO_BORDER * size => at(px + size),
+                Some(px) if px <= on_to_border => at(px + size),
                 Some(px) => at((px - 2.0 * TO_BORDER * size).clamp(0.5 * size, wanted)),
                 None => at(wanted),
             });

@@ -30,6 +30,8 @@ const STEP_PRICE: f64 = 0.7;
 pub(super) struct Between {
     /// Points of the path from the first to the last place where both sides are followed, at steps of an element.
     pub path: Vec<[f64; 2]>,
+    /// How far the sides have moved apart at each of them, px, where both are measured.
+    pub apart: Vec<Option<f64>>,
     /// Share of the places between that are.
     pub share: f64,
 }
@@ -301,6 +303,11 @@ pub(super) fn sides(line: &[[f64; 2]], field: &Measurement<Px>, images: [&Image;
         // The normal of `+` is (ty, -tx).
         Some([on[0] + mean * ty, on[1] - mean * tx])
     };
-    let path = (first..=last).filter(|&k| blocks[k] != Some(false)).filter_map(place).collect();
-    Sides::Two(Between { path, share: n as f64 / known.max(1) as f64 })
+    let apart = |k: usize, at: [f64; 2]| {
+        let station = stations.get(2 * k + 1)?.as_ref()?;
+        Some(distance(station.displacement(0, at), station.displacement(1, at)))
+    };
+    let places = (first..=last).filter(|&k| blocks[k] != Some(false)).filter_map(|k| Some((k, place(k)?)));
+    let (path, apart) = places.map(|(k, at)| (at, apart(k, at))).unzip();
+    Sides::Two(Between { path, apart, share: n as f64 / known.max(1) as f64 })
 }
