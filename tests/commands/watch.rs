@@ -282,7 +282,9 @@ fn a_reference_that_is_renewed_while_watching_gives_the_bits_of_correlate() {
     (5..9).for_each(write);
     let (code, said) = end(watch(&desk, &format!("{chain} --timeout 1")));
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("4 frames done before") && said.contains("the new reference"), "{said}");
+    // On a busy machine the state of the fourth is not yet on the disk.
+    let before = ["3 frames done before", "4 frames done before"];
+    assert!(before.iter().any(|words| said.contains(words)) && said.contains("the new reference"), "{said}");
     desk.correlate(&format!("--output whole --overwrite {OPTIONS} {chain} shots/*.png")).fine();
     assert_same(&results(&desk, "whole"), &results(&desk, "out"), "watched twice");
 }
