@@ -1,4 +1,5 @@
-// The field plus the correction, turned and damped by `(cos, sin)`, and the largest component of the correction. Thread = node.
+// The field plus the correction, relaxed, turned and damped by `(cos, sin)`, and the largest component of the correction. Thread = node.
+// How far a node is moved, the fall of its last correction tells: twin in src/backend/relaxation.rs.
 // The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index
@@ -9,6 +10,10 @@ struct Correct {
     cos: f32,
     sin: f32,
     coupled: u32,
+    // Where in `relaxation` those of the step before begin, or NOTHING, and those of this one.
+    before_first: u32,
+    first: u32,
+    unused: vec2<u32>,
 }
 
 struct Worst {
@@ -24,6 +29,13 @@ struct Worst {
 @group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> node_zone: array<u32>;
 @group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
+// Corrections, and what they were multiplied by.
+@group(0) @binding(7) var<storage, read_write> relaxation: array<vec4<f32>>;
+
+const NOTHING: u32 = 0xffffffffu;
+const SHORTEST: f32 = 0.6;
+const LONGEST: f32 = 1.1;
+const LEAST_LEFT: f32 = 0.1;
 
 var<workgroup> bits: array<u32, 256>;
 
@@ -43,8 +55,20 @@ fn main(
             let by = responses[node];
             du -= of_zone.x * by.xy + of_zone.y * by.zw;
         }
+        var factor = 1.0;
+        if correct.before_first != NOTHING {
+            let before = relaxation[correct.before_first + node];
+            let squares = dot(before.xy, before.xy);
+            // A node that was not moved has no rate.
+            if squares > 0.0 {
+                let rate = dot(before.xy, du) / squares;
+                factor = clamp(before.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
+            }
+        }
+        relaxation[correct.first + node] = vec4<f32>(du, factor * length(vec2<f32>(correct.cos, correct.sin)), 0.0);
+        let by = factor * du;
         let u = displacement[node];
-        let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
+        let turned = vec2<f32>(correct.cos * by.x - correct.sin * by.y, correct.cos * by.y + correct.sin * by.x);
         let moved = u.rest + turned;
         let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
         displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));

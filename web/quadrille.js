@@ -407,10 +407,15 @@ function displacements(list) {
   }));
 }
 
+/** That there were no corrections before: shaders/correct.wgsl. */
+const NOTHING = 0xffffffff;
+/** Steps of a field in which nodes are relaxed: src/backend/relaxation.rs. */
+const RELAXED = 8;
+
 class Field {
   /** At `start`, one displacement per node, and `transfer`, gain and offset; or where a field of the coarser level is. */
   constructor(device, level, frame, { start, transfer = [1, 0], coarse, moved }) {
-    Object.assign(this, { device, level, evaluated: false, corrected: false });
+    Object.assign(this, { device, level, evaluated: false, corrected: false, halves: [null, null], steps: 0 });
     const { n_nodes, n_elements } = level.grid;
     const nodal = (bytes, what) => device.buffer(bytes * n_nodes, what);
     this.displacement = nodal(16, 'a field');
@@ -425,6 +430,8 @@ class Field {
     this.node_groups = Math.ceil(n_nodes / TOGETHER);
     this.worst = device.buffer(8 * this.node_groups, 'corrections');
     this.change = device.buffer(8, 'change of light');
+    // Corrections before the last evaluation and after it, in turns in two halves.
+    this.relaxation = nodal(32, 'corrections');
     this.node_zone = device.buffer(4 * n_nodes, 'the zone of the nodes'); // the first one
     const record = device.record();
     if (coarse) {
@@ -495,11 +502,14 @@ class Field {
   /** Puts the field somewhere else. */
   place(start) {
     this.device.write(this.displacement, displacements(start));
-    this.corrected = false;
+    Object.assign(this, { corrected: false, halves: [null, null] });
   }
 
   /** One Gauss-Newton step; `scale` is the damping times cosine and sine of the angle that the correction is turned by. */
   step(scale) {
+    const last = this.halves[1];
+    this.steps += 1;
+    this.halves = [this.steps > RELAXED ? null : last, last === null ? 0 : 1 - last];
     const record = this.device.record().run(this.evaluation, this.summary());
     return this.correct(record.copy(this.displacement, this.before, 16 * this.level.grid.n_nodes), scale);
   }
@@ -510,13 +520,15 @@ class Field {
   }
 
   async correct(record, [cos, sin]) {
-    const { device, level: { grid } } = this;
+    const { device, level: { grid: { n_nodes } } } = this;
+    const [before_first, first] = this.halves.map(half => half === null ? NOTHING : half * n_nodes);
     // Light that flickers is no matter for a single pair: its change is not solved with the displacement.
-    const correct = device.uniform('Correct', { n_nodes: grid.n_nodes, cos, sin, coupled: 0 });
+    const correct = device.uniform('Correct', { n_nodes, cos, sin, coupled: 0, before_first, first });
     const [report, zone] = await record
       .run(this.solving)
-      .run(device.bound('correct', [correct, this.solution, this.displacement, this.worst, this.change, this.node_zone, this.change],
-        this.node_groups), this.summary('largest'))
+      .run(device.bound('correct', [
+        correct, this.solution, this.displacement, this.worst, this.change, this.node_zone, this.change, this.relaxation,
+      ], this.node_groups), this.summary('largest'))
       .fetch([this.step_report, LAYOUTS.Step.size], [this.zones, LAYOUTS.Zone.size]);
     const [worst] = new Float32Array(report, LAYOUTS.Step.fields.worst[0], 1);
     this.corrected = true;

@@ -78,8 +78,8 @@ const SHADERS = {
   correct: {
     file: 'correct',
     entry: 'main',
-    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read'],
-    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15 },
+    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read', 'write'],
+    constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, NOTHING: 4294967295 },
   },
   summary: {
     file: 'summary',
@@ -261,7 +261,8 @@ fn main(
     }
 }
 `,
-  'correct': `// The field plus the correction, turned and damped by \`(cos, sin)\`, and the largest component of the correction. Thread = node.
+  'correct': `// The field plus the correction, relaxed, turned and damped by \`(cos, sin)\`, and the largest component of the correction. Thread = node.
+// How far a node is moved, the fall of its last correction tells: twin in src/backend/relaxation.rs.
 // The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index
@@ -272,6 +273,10 @@ struct Correct {
     cos: f32,
     sin: f32,
     coupled: u32,
+    // Where in \`relaxation\` those of the step before begin, or NOTHING, and those of this one.
+    before_first: u32,
+    first: u32,
+    unused: vec2<u32>,
 }
 
 struct Worst {
@@ -287,6 +292,13 @@ struct Worst {
 @group(0) @binding(4) var<storage, read> responses: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> node_zone: array<u32>;
 @group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
+// Corrections, and what they were multiplied by.
+@group(0) @binding(7) var<storage, read_write> relaxation: array<vec4<f32>>;
+
+const NOTHING: u32 = 0xffffffffu;
+const SHORTEST: f32 = 0.6;
+const LONGEST: f32 = 1.1;
+const LEAST_LEFT: f32 = 0.1;
 
 var<workgroup> bits: array<u32, 256>;
 
@@ -306,8 +318,20 @@ fn main(
             let by = responses[node];
             du -= of_zone.x * by.xy + of_zone.y * by.zw;
         }
+        var factor = 1.0;
+        if correct.before_first != NOTHING {
+            let before = relaxation[correct.before_first + node];
+            let squares = dot(before.xy, before.xy);
+            // A node that was not moved has no rate.
+            if squares > 0.0 {
+                let rate = dot(before.xy, du) / squares;
+                factor = clamp(before.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
+            }
+        }
+        relaxation[correct.first + node] = vec4<f32>(du, factor * length(vec2<f32>(correct.cos, correct.sin)), 0.0);
+        let by = factor * du;
         let u = displacement[node];
-        let turned = vec2<f32>(correct.cos * du.x - correct.sin * du.y, correct.cos * du.y + correct.sin * du.x);
+        let turned = vec2<f32>(correct.cos * by.x - correct.sin * by.y, correct.cos * by.y + correct.sin * by.x);
         let moved = u.rest + turned;
         let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
         displacement[node].whole = clamp(u.whole + vec2<i32>(floors), vec2<i32>(-1000000), vec2<i32>(1000000));
@@ -1672,7 +1696,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 const LAYOUTS = {
   Border: { size: 32, fields: { width: [0, 'i32'], height: [4, 'i32'], stride: [8, 'i32'], first: [12, 'i32'], begin: [16, 'i32'], end: [20, 'i32'], unused: [24, 'i32'] } },
   Cg: { size: 32, fields: { n_nodes: [0, 'u32'], iteration: [4, 'u32'], n_partial: [8, 'u32'], first_node: [12, 'u32'], last_node: [16, 'u32'], first_block: [20, 'u32'], unused0: [24, 'u32'], unused1: [28, 'u32'] } },
-  Correct: { size: 16, fields: { n_nodes: [0, 'u32'], cos: [4, 'f32'], sin: [8, 'f32'], coupled: [12, 'u32'] } },
+  Correct: { size: 32, fields: { n_nodes: [0, 'u32'], cos: [4, 'f32'], sin: [8, 'f32'], coupled: [12, 'u32'], before_first: [16, 'u32'], first: [20, 'u32'], unused: [24, 'u32'] } },
   Displacement: { size: 16, fields: { whole: [0, 'i32'], rest: [8, 'f32'] } },
   Downsample: { size: 32, fields: { width: [0, 'u32'], rows: [4, 'u32'], fine_stride: [8, 'u32'], coarse_stride: [12, 'u32'], fine_first: [16, 'u32'], coarse_first: [20, 'u32'], unused: [24, 'u32'] } },
   Element: { size: 64, fields: { nodes: [0, 'u32'], corner: [16, 'i32'], size: [24, 'u32'], local: [32, 'f32'], first_run: [48, 'u32'], n_runs: [52, 'u32'], zone: [56, 'u32'], unused: [60, 'u32'] } },

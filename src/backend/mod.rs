@@ -10,9 +10,11 @@ pub mod gpu;
 #[path = "no_gpu.rs"]
 pub mod gpu;
 mod pyramid;
+mod relaxation;
 mod spline;
 mod sums;
 
+pub(crate) use relaxation::LONGEST;
 pub(crate) use spline::{at_pixel, taps};
 pub use sums::{ElementMatch, ElementMoments, PixelSums, coupled};
 
@@ -295,7 +297,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
 
     /// One Gauss-Newton step: right-hand side, solution, update of the field by `scale` times the correction, and of its
     /// transfer. `scale` is `damping (cos a, sin a)`: each correction is turned by the angle a of the field, since the
-    /// matrix is made of gradients of the reference, which are turned in the deformed image.
+    /// matrix is made of gradients of the reference, which are turned in the deformed image. Beside the damping, which is of all,
+    /// each node is moved by as much of its correction as the fall of its last one tells.
     ///
     /// # Errors
     /// When the device fails.

@@ -4,7 +4,7 @@ use super::level::Level;
 use super::own::Own;
 use super::pace::Pace;
 use super::regularisation::Regulariser;
-use crate::backend::{Backend, BackendError, COUPLED, KernelOptions};
+use crate::backend::{Backend, BackendError, COUPLED, KernelOptions, LONGEST};
 use crate::field::{Brightness, RigidMotion, Status};
 use crate::mesh::Mesh;
 use crate::units::Px;
@@ -182,7 +182,7 @@ pub(super) fn iterate<B: Backend>(
         let is_even = !(renew || limits.late_light)
             && matches!(options.brightness, Brightness::Zone | Brightness::Off)
             && step.correlation >= COUPLED;
-        let left = pace.left(correction, is_even);
+        let left = LONGEST * pace.left(correction, is_even);
         let last_px = limits.tolerance_px.max(LAST_PX.min(LAST * limits.tolerance_px));
         let is_small = correction < last_px && left < limits.tolerance_px;
         if is_small || correction < limits.tolerance_px.min(ROUND_OFF_PX) {

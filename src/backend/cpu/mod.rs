@@ -11,6 +11,7 @@ mod residual;
 mod sample;
 
 use crate::backend::pyramid::Pyramid;
+use crate::backend::relaxation::{Relaxation, STEPS};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
     BACK_SHARE, Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
@@ -116,6 +117,10 @@ pub struct CpuField {
     displacement: Vec<[f64; 2]>,
     /// That of the last evaluation, before the correction that was added since.
     evaluated: Vec<[f64; 2]>,
+    /// The corrections of the nodes: those before the last evaluation, and those after it; none before there was one.
+    relaxation: [Vec<Relaxation>; 2],
+    /// Steps made.
+    steps: usize,
     /// Displacement and transfer at the start.
     started: (Vec<[f64; 2]>, Vec<GreyTransfer>),
     /// Correlation coefficients of the zones at the first evaluation.
@@ -267,8 +272,14 @@ impl CpuLevel {
             }
         }
         let (mut largest, mut worst_node) = (0.0f64, 0);
+        let damping = cos.hypot(sin);
+        let [before, latest] = &mut field.relaxation;
+        latest.clear();
         for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
-            let turned = [cos * du[0] - sin * du[1], cos * du[1] + sin * du[0]];
+            let relaxed = Relaxation::new(before.get(node), *du);
+            let by = relaxed.movement();
+            latest.push(relaxed.damped(damping));
+            let turned = [cos * by[0] - sin * by[1], cos * by[1] + sin * by[0]];
             for c in 0..2 {
                 u[c] += turned[c];
                 // `max` would drop a NaN; a correction that is not a number must be seen.
@@ -410,6 +421,8 @@ impl Backend for CpuBackend {
         Ok(CpuField {
             displacement: displacement.to_vec(),
             evaluated: Vec::new(),
+            relaxation: Default::default(),
+            steps: 0,
             started: (displacement.to_vec(), transfer.to_vec()),
             first: Vec::new(),
             transfer: transfer.to_vec(),
@@ -481,6 +494,11 @@ impl Backend for CpuBackend {
         field.evaluated.clone_from(&field.displacement);
         let zones = level.zone_sums(field);
         level.fit_transfer(&zones, field);
+        field.steps += 1;
+        field.relaxation.swap(0, 1);
+        if field.steps > STEPS {
+            field.relaxation[0].clear();
+        }
         Ok(level.corrected(field, &zones, solver, scale))
     }
 
@@ -563,6 +581,7 @@ impl Backend for CpuBackend {
         displacement: &[[f64; 2]],
     ) -> Result<(), BackendError> {
         field.displacement.copy_from_slice(displacement);
+        field.relaxation = Default::default();
         Ok(())
     }
 

@@ -6,6 +6,7 @@ use super::level::{GpuLevel, SUMS, TALLIES};
 use super::plane::GpuFrame;
 use super::shader::Kernel;
 use super::solver::{GpuSolver, NODES_TOGETHER, Vectors, gather};
+use crate::backend::relaxation::STEPS;
 use crate::backend::{BackendError, ElementMatch, Found, GreyTransfer, PixelSums, Step, Traffic};
 use crate::field::Brightness;
 use bytemuck::bytes_of;
@@ -29,8 +30,12 @@ pub struct GpuField {
     /// What the last evaluation added to the transfer of each zone.
     change: Buffer,
     vectors: Vectors,
-    /// Constants of the correction: what they are for, and on the device.
-    correct: (([f64; 2], bool), Buffer),
+    /// Corrections of the nodes before the last evaluation and after it, in turns in the two halves.
+    relaxation: Buffer,
+    /// In which half those are that came before, if there are any; and in which the last ones.
+    corrections: [Option<u32>; 2],
+    /// Steps made.
+    steps: usize,
     evaluated: bool,
     /// Whether a correction was added since the last evaluation.
     corrected: bool,
@@ -49,11 +54,8 @@ pub struct GpuField {
 const OUT: usize = 15;
 const EXCLUDED: f32 = 2.0;
 
-/// Constants of the correction.
-fn correct(gpu: &Gpu, n_nodes: usize, (scale, coupled): ([f64; 2], bool)) -> Buffer {
-    let [cos, sin] = scale.map(|v| v as f32);
-    gpu.uniform(&layout::Correct { n_nodes: n_nodes as u32, cos, sin, coupled: coupled.into() })
-}
+/// That there were no corrections before, as in shaders/correct.wgsl.
+const NOTHING: u32 = u32::MAX;
 
 /// The fit of transfers and the tally, with their workgroups.
 fn tally_kernels(gpu: &Gpu, level: &GpuLevel, [sums, transfer, group_sums]: [&Buffer; 3]) -> [(Bound, u32); 2] {
@@ -95,7 +97,9 @@ impl GpuField {
             worst: gpu.visible(8 * n_nodes.div_ceil(NODES_TOGETHER) as u64, "corrections")?,
             change: gpu.visible(8 * level.n_zones as u64, "changes of light")?,
             vectors: Vectors::new(gpu, n_nodes)?,
-            correct: (([1.0, 0.0], false), correct(gpu, n_nodes, ([1.0, 0.0], false))),
+            relaxation: gpu.visible(32 * n_nodes as u64, "corrections")?,
+            corrections: [None; 2],
+            steps: 0,
             in_light: false,
             evaluated: false,
             corrected: false,
@@ -235,6 +239,9 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         recorder.run(&self.summary(gpu, level, Kernel::Summary), 1);
         recorder.copy(&self.displacement, &self.before, 0, 16 * self.n_nodes as u64);
+        let [_, last] = self.corrections;
+        self.steps += 1;
+        self.corrections = [last.filter(|_| self.steps <= STEPS), Some(last.map_or(0, |half| 1 - half))];
         self.correct(gpu, level, solver, scale, recorder, traffic)
     }
 
@@ -262,10 +269,11 @@ impl GpuField {
         mut recorder: Recorder<'a>,
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
-        let what = (scale, solver.responses.is_some());
-        if self.correct.0 != what {
-            self.correct = (what, correct(gpu, self.n_nodes, what));
-        }
+        let (n_nodes, [cos, sin]) = (self.n_nodes as u32, scale.map(|v| v as f32));
+        let [before_first, first] = self.corrections.map(|half| half.map_or(NOTHING, |half| half * n_nodes));
+        let coupled = solver.responses.is_some().into();
+        let constants =
+            gpu.uniform(&layout::Correct { n_nodes, cos, sin, coupled, before_first, first, unused: [0; 2] });
         match &solver.device {
             Some(cg) => {
                 if self.solving.as_ref().is_none_or(|(id, _)| *id != solver.id) {
@@ -297,7 +305,7 @@ impl GpuField {
         let correct = gpu.bind(
             &pipeline,
             &[
-                self.correct.1.whole(),
+                constants.whole(),
                 self.vectors.solution.whole(),
                 self.displacement.whole(),
                 self.worst.whole(),
@@ -305,6 +313,7 @@ impl GpuField {
                 solver.responses.as_ref().unwrap_or(&self.change).whole(),
                 level.node_zone.whole(),
                 self.change.whole(),
+                self.relaxation.whole(),
             ],
         );
         recorder.run(&correct, self.node_groups());
@@ -385,6 +394,7 @@ impl GpuField {
         let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
         traffic.bytes_up += gpu.write(&self.displacement, &displacement);
         self.corrected = false;
+        self.corrections = [None; 2];
     }
 
     /// Displacement and transfer at the start.

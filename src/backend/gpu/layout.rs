@@ -173,7 +173,7 @@ mirror! {
         unused0: u32,
         unused1: u32,
     }
-    Correct { n_nodes: u32, cos: f32, sin: f32, coupled: u32 }
+    Correct { n_nodes: u32, cos: f32, sin: f32, coupled: u32, before_first: u32, first: u32, unused: [u32; 2] }
     /// Where a node lies in the mesh of the next coarser level.
     Place { nodes: [u32; 4], weights: [f32; 4] }
     Report { n_elements: u32, n_nodes: u32, unused: [u32; 2] }

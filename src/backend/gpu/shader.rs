@@ -140,8 +140,8 @@ kernels! {
     CgUpdate = "cg_update": "cg_update" main, 256 [Uniform Read Read Read Write Write Write Write],
         Solve, |of| of.runs * 72 * of.nodes, |of| of.runs * 50 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
     /// Correction of the field.
-    Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read],
-        Other, |of| 60 * of.nodes, |of| 40 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it)";
+    Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read Write],
+        Other, |of| 92 * of.nodes, |of| 60 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it, 16 B before and after)";
     /// Sums of the zones, and what follows from them.
     Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write Write],
         Other, |of| 48 * of.elements.div_ceil(256), |of| 20 * of.elements.div_ceil(256), "sums of groups of elements";
