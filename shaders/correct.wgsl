@@ -36,6 +36,7 @@ const NOTHING: u32 = 0xffffffffu;
 const SHORTEST: f32 = 0.6;
 const LONGEST: f32 = 1.1;
 const LEAST_LEFT: f32 = 0.1;
+const FARTHEST: f32 = 0.25;
 
 var<workgroup> bits: array<u32, 256>;
 
@@ -59,8 +60,8 @@ fn main(
         if correct.before_first != NOTHING {
             let before = relaxation[correct.before_first + node];
             let squares = dot(before.xy, before.xy);
-            // A node that was not moved has no rate.
-            if squares > 0.0 {
+            // A node that was not moved has no rate, and one that was far off tells nothing by it.
+            if squares > 0.0 && squares <= FARTHEST * FARTHEST {
                 let rate = dot(before.xy, du) / squares;
                 factor = clamp(before.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
             }

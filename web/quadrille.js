@@ -409,13 +409,13 @@ function displacements(list) {
 
 /** That there were no corrections before: shaders/correct.wgsl. */
 const NOTHING = 0xffffffff;
-/** Steps of a field in which nodes are relaxed: src/backend/relaxation.rs. */
-const RELAXED = 8;
+/** Whether nodes are relaxed in a step from a start, the first of which is 1: src/backend/relaxation.rs. */
+const isRelaxed = step => step >= 2 && step <= 8;
 
 class Field {
   /** At `start`, one displacement per node, and `transfer`, gain and offset; or where a field of the coarser level is. */
   constructor(device, level, frame, { start, transfer = [1, 0], coarse, moved }) {
-    Object.assign(this, { device, level, evaluated: false, corrected: false, halves: [null, null], steps: 0 });
+    Object.assign(this, { device, level, evaluated: false, corrected: false, steps: 0 });
     const { n_nodes, n_elements } = level.grid;
     const nodal = (bytes, what) => device.buffer(bytes * n_nodes, what);
     this.displacement = nodal(16, 'a field');
@@ -502,14 +502,12 @@ class Field {
   /** Puts the field somewhere else. */
   place(start) {
     this.device.write(this.displacement, displacements(start));
-    Object.assign(this, { corrected: false, halves: [null, null] });
+    Object.assign(this, { corrected: false, steps: 0 });
   }
 
   /** One Gauss-Newton step; `scale` is the damping times cosine and sine of the angle that the correction is turned by. */
   step(scale) {
-    const last = this.halves[1];
     this.steps += 1;
-    this.halves = [this.steps > RELAXED ? null : last, last === null ? 0 : 1 - last];
     const record = this.device.record().run(this.evaluation, this.summary());
     return this.correct(record.copy(this.displacement, this.before, 16 * this.level.grid.n_nodes), scale);
   }
@@ -521,7 +519,8 @@ class Field {
 
   async correct(record, [cos, sin]) {
     const { device, level: { grid: { n_nodes } } } = this;
-    const [before_first, first] = this.halves.map(half => half === null ? NOTHING : half * n_nodes);
+    const [before, first] = [this.steps - 1, this.steps].map(step => step % 2 * n_nodes);
+    const before_first = isRelaxed(this.steps) ? before : NOTHING;
     // Light that flickers is no matter for a single pair: its change is not solved with the displacement.
     const correct = device.uniform('Correct', { n_nodes, cos, sin, coupled: 0, before_first, first });
     const [report, zone] = await record

@@ -19,19 +19,25 @@ pub(crate) const LONGEST: f64 = 1.1;
 /// And what is left of a rate below 1 is taken to be this at least.
 const LEAST_LEFT: f64 = 0.1;
 
-/// Steps of a field in which nodes are relaxed. What has not settled then is not a node or two; and the quotients of corrections that wander
-/// would make round-off grow from step to step.
-/// Twins: `GpuField::step`, web/quadrille.js.
-pub(super) const STEPS: usize = 8;
+/// A node that was corrected by more than this, px, is not relaxed, nor is any after this many steps from a start: what is far off or does not
+/// settle wanders, and quotients of corrections that wander would make round-off grow from step to step.
+const FARTHEST: f64 = 0.25;
+const STEPS: usize = 8;
+
+/// Whether the nodes are relaxed in a `step` from a start, the first of which is 1 and has no correction before it. Twin: web/quadrille.js.
+pub(super) fn is_relaxed(step: usize) -> bool {
+    (2..=STEPS).contains(&step)
+}
 
 impl Relaxation {
     /// Of a `correction` that follows the one `before`, with the factor 1 after none.
     pub fn new(before: Option<&Self>, correction: [f64; 2]) -> Self {
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let after = |before: &Self| {
-            let rate = dot(before.correction, correction) / dot(before.correction, before.correction);
-            // A node that was not moved has none.
-            if rate.is_finite() {
+            let squares = dot(before.correction, before.correction);
+            // A node that was not moved has no rate.
+            if squares > 0.0 && squares <= FARTHEST * FARTHEST {
+                let rate = dot(before.correction, correction) / squares;
                 (before.factor / (1.0 - rate).max(LEAST_LEFT)).clamp(FACTORS[0], FACTORS[1])
             } else {
                 1.0
@@ -57,7 +63,7 @@ mod tests {
 
     /// Corrections until one is below `least`, of a node whose error an unrelaxed step multiplies by `rate`.
     fn corrections(rate: f64, least: f64) -> usize {
-        let (mut error, mut last) = ([0.3, -0.2], None);
+        let (mut error, mut last) = ([0.03, -0.02], None);
         for made in 1..100 {
             let correction = error.map(|e| (1.0 - rate) * e);
             if correction[0].abs().max(correction[1].abs()) < least {
@@ -88,5 +94,15 @@ mod tests {
         assert_eq!(Relaxation::new(Some(&still), [0.1, -0.2]).movement(), [0.1, -0.2]);
         let relaxed = Relaxation::new(Some(&Relaxation::new(None, [0.1, 0.1])), [f64::NAN, 0.0]);
         assert!(relaxed.movement()[0].is_nan());
+    }
+
+    #[test]
+    fn a_node_that_was_far_off_is_not_relaxed() {
+        let after = |correction: f64| {
+            let next = [-0.4 * correction, 0.0];
+            Relaxation::new(Some(&Relaxation::new(None, [correction, 0.0])), next).movement()[0] / next[0]
+        };
+        assert!((after(0.24) - 1.0 / 1.4).abs() < 1e-12);
+        assert_eq!(after(0.26), 1.0);
     }
 }

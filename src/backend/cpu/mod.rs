@@ -11,7 +11,7 @@ mod residual;
 mod sample;
 
 use crate::backend::pyramid::Pyramid;
-use crate::backend::relaxation::{Relaxation, STEPS};
+use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
     BACK_SHARE, Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
@@ -117,9 +117,9 @@ pub struct CpuField {
     displacement: Vec<[f64; 2]>,
     /// That of the last evaluation, before the correction that was added since.
     evaluated: Vec<[f64; 2]>,
-    /// The corrections of the nodes: those before the last evaluation, and those after it; none before there was one.
+    /// The corrections of the nodes: those before the last evaluation, where they are relaxed, and those after it.
     relaxation: [Vec<Relaxation>; 2],
-    /// Steps made.
+    /// Steps made since it was placed.
     steps: usize,
     /// Displacement and transfer at the start.
     started: (Vec<[f64; 2]>, Vec<GreyTransfer>),
@@ -496,7 +496,7 @@ impl Backend for CpuBackend {
         level.fit_transfer(&zones, field);
         field.steps += 1;
         field.relaxation.swap(0, 1);
-        if field.steps > STEPS {
+        if !is_relaxed(field.steps) {
             field.relaxation[0].clear();
         }
         Ok(level.corrected(field, &zones, solver, scale))
@@ -581,7 +581,7 @@ impl Backend for CpuBackend {
         displacement: &[[f64; 2]],
     ) -> Result<(), BackendError> {
         field.displacement.copy_from_slice(displacement);
-        field.relaxation = Default::default();
+        field.steps = 0;
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use super::level::{GpuLevel, SUMS, TALLIES};
 use super::plane::GpuFrame;
 use super::shader::Kernel;
 use super::solver::{GpuSolver, NODES_TOGETHER, Vectors, gather};
-use crate::backend::relaxation::STEPS;
+use crate::backend::relaxation::is_relaxed;
 use crate::backend::{BackendError, ElementMatch, Found, GreyTransfer, PixelSums, Step, Traffic};
 use crate::field::Brightness;
 use bytemuck::bytes_of;
@@ -32,9 +32,7 @@ pub struct GpuField {
     vectors: Vectors,
     /// Corrections of the nodes before the last evaluation and after it, in turns in the two halves.
     relaxation: Buffer,
-    /// In which half those are that came before, if there are any; and in which the last ones.
-    corrections: [Option<u32>; 2],
-    /// Steps made.
+    /// Steps made since it was placed.
     steps: usize,
     evaluated: bool,
     /// Whether a correction was added since the last evaluation.
@@ -98,7 +96,6 @@ impl GpuField {
             change: gpu.visible(8 * level.n_zones as u64, "changes of light")?,
             vectors: Vectors::new(gpu, n_nodes)?,
             relaxation: gpu.visible(32 * n_nodes as u64, "corrections")?,
-            corrections: [None; 2],
             steps: 0,
             in_light: false,
             evaluated: false,
@@ -239,9 +236,7 @@ impl GpuField {
         self.evaluate(level, &mut recorder);
         recorder.run(&self.summary(gpu, level, Kernel::Summary), 1);
         recorder.copy(&self.displacement, &self.before, 0, 16 * self.n_nodes as u64);
-        let [_, last] = self.corrections;
         self.steps += 1;
-        self.corrections = [last.filter(|_| self.steps <= STEPS), Some(last.map_or(0, |half| 1 - half))];
         self.correct(gpu, level, solver, scale, recorder, traffic)
     }
 
@@ -270,7 +265,9 @@ impl GpuField {
         traffic: &mut Traffic,
     ) -> Result<Step, BackendError> {
         let (n_nodes, [cos, sin]) = (self.n_nodes as u32, scale.map(|v| v as f32));
-        let [before_first, first] = self.corrections.map(|half| half.map_or(NOTHING, |half| half * n_nodes));
+        let half = |step: usize| (step % 2) as u32 * n_nodes;
+        let before_first = if is_relaxed(self.steps) { half(self.steps - 1) } else { NOTHING };
+        let first = half(self.steps);
         let coupled = solver.responses.is_some().into();
         let constants =
             gpu.uniform(&layout::Correct { n_nodes, cos, sin, coupled, before_first, first, unused: [0; 2] });
@@ -394,7 +391,7 @@ impl GpuField {
         let displacement: Vec<Displacement> = displacement.iter().map(|&u| u.into()).collect();
         traffic.bytes_up += gpu.write(&self.displacement, &displacement);
         self.corrected = false;
-        self.corrections = [None; 2];
+        self.steps = 0;
     }
 
     /// Displacement and transfer at the start.

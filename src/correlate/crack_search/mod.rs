@@ -203,7 +203,8 @@ fn tip_beyond(apart: &[Option<f64>]) -> f64 {
     else {
         return 0.0;
     };
-    let first = known[0];
+    // One place says nothing of how they close.
+    let [first, _, ..] = known[..] else { return 0.0 };
     if first.0 == widest.0 {
         return f64::INFINITY;
     }
@@ -304,5 +305,28 @@ fn opens(cut: &Measurement<Px>, path: &[[f64; 2]], between: &Between) -> Result<
         _ if opening < 0.0 => Err(NoCrack::Closes(-opening)),
         share if share < OPEN_SHARE => Err(NoCrack::Open(share)),
         _ => Ok(([openings[0], opening, openings[openings.len() - 1]], sliding)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tip_beyond;
+
+    #[test]
+    fn a_tip_is_expected_where_faces_that_close_as_a_root_meet() {
+        // The first place lies 5 elements from the tip; what is not measured says nothing.
+        let of_tip = |first: f64| -> Vec<Option<f64>> { (0..9).map(|k| Some((first + f64::from(k)).sqrt())).collect() };
+        assert!((tip_beyond(&of_tip(5.0)) - 5.0).abs() < 1e-9);
+        assert!((tip_beyond(&of_tip(0.25)) - 0.25).abs() < 1e-9);
+        let mut apart = of_tip(5.0);
+        (apart[0], apart[3]) = (None, None);
+        assert!((tip_beyond(&apart) - 5.0).abs() < 1e-9);
+        // Widest at the end: not in sight.
+        apart.reverse();
+        assert_eq!(tip_beyond(&apart), f64::INFINITY);
+        // Too little to tell: the tip is where the path ends.
+        for apart in [&[][..], &[Some(1.0)], &[None, Some(1.0)], &[Some(0.0), Some(0.0)]] {
+            assert_eq!(tip_beyond(apart), 0.0, "{apart:?}");
+        }
     }
 }
