@@ -12,6 +12,7 @@ macro_rules! print {
     ($($text:tt)*) => { $crate::cli::voice::result(format_args!($($text)*)) };
 }
 
+mod allocator;
 mod animate;
 mod args;
 mod bench;
@@ -74,6 +75,7 @@ pub fn main() -> ExitCode {
 
 /// The same with these words, the first of which names the program; of a process that is another program. Help and version end it.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
+    allocator::keep_memory();
     devices::quiet_drivers();
     signals::end_where_memory_ends();
     let arguments = args::joined(words);

@@ -157,11 +157,11 @@ pub(super) fn without_noise(
     masses: &[ElementMatrix],
     lambda: &[f64],
 ) -> BlockMatrix {
-    let without = |((matrix, mass), lambda): ((&ElementMatrix, &ElementMatrix), &f64)| -> ElementMatrix {
-        std::array::from_fn(|k| matrix[k] - lambda * mass[k])
-    };
-    let less: Vec<ElementMatrix> = matrices.iter().zip(masses).zip(lambda).map(without).collect();
-    BlockMatrix::assemble(pattern, mesh.elements(), &less)
+    BlockMatrix::assemble_by(pattern, mesh.elements(), |element| -> ElementMatrix {
+        let element = element as usize;
+        let (matrix, mass) = (&matrices[element], &masses[element]);
+        std::array::from_fn(|k| matrix[k] - lambda[element] * mass[k])
+    })
 }
 
 /// Sums of `f_x^2`, `f_x f_y`, `f_y^2` over the pixels of an element.

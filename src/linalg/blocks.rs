@@ -1,6 +1,7 @@
 //! Sparse symmetric matrices of 2x2 blocks, one row of blocks per node.
 
 use rayon::prelude::*;
+use std::borrow::Borrow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -225,16 +226,17 @@ impl Pattern {
 }
 
 /// Adds the part of each element of a node to its row of blocks, in element order.
-fn add_row<'a>(
+fn add_row<M: Borrow<ElementMatrix>>(
     pattern: &Pattern,
     elements: &[[u32; 4]],
-    matrix: impl Fn(u32) -> &'a ElementMatrix,
+    matrix: impl Fn(u32) -> M,
     node: usize,
     row: &mut [[f64; 4]],
 ) {
     let columns = &pattern.columns[pattern.row(node)];
     for &(element, corner) in pattern.elements_of(node) {
         let matrix = matrix(element);
+        let matrix = matrix.borrow();
         let a = 2 * corner as usize;
         for (b, other) in elements[element as usize].iter().enumerate() {
             // A row has at most nine blocks: looking is faster than an index table in memory.
@@ -261,6 +263,15 @@ impl BlockMatrix {
     /// Assembles element matrices; `elements` must be those of the pattern. The sum at a node runs in
     /// element order, so the bits do not depend on the number of threads.
     pub fn assemble(pattern: &Arc<Pattern>, elements: &[[u32; 4]], matrices: &[ElementMatrix]) -> Self {
+        Self::assemble_by(pattern, elements, |element| &matrices[element as usize])
+    }
+
+    /// The same of matrices that are made where they are asked for: once for each node of an element.
+    pub(crate) fn assemble_by<M: Borrow<ElementMatrix>>(
+        pattern: &Arc<Pattern>,
+        elements: &[[u32; 4]],
+        matrix: impl Fn(u32) -> M + Sync,
+    ) -> Self {
         let mut blocks = vec![[0.0; 4]; pattern.n_blocks()];
         let mut rows = Vec::with_capacity(pattern.n_nodes());
         let mut rest = blocks.as_mut_slice();
@@ -269,10 +280,11 @@ impl BlockMatrix {
             rows.push(row);
             rest = tail;
         }
-        rows.into_par_iter()
-            .with_min_len(512)
-            .enumerate()
-            .for_each(|(node, row)| add_row(pattern, elements, |element| &matrices[element as usize], node, row));
+        rows.into_par_iter().with_min_len(512).enumerate().for_each(|(node, row)| {
+            // Memory that is fresh from the kernel, read before it is written, would be mapped twice.
+            row.fill([0.0; 4]);
+            add_row(pattern, elements, &matrix, node, row);
+        });
         Self { pattern: pattern.clone(), blocks, held: Vec::new() }
     }
 

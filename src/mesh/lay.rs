@@ -163,6 +163,9 @@ fn lattice(zone: &Zone, size: usize, share: f64, image: [usize; 2]) -> Result<(P
 
 /// The part cut along the cracks of its zone. One that does not meet it leaves it as it is.
 fn cracked(zone: &Zone, part: Part) -> Part {
+    if zone.cracks.is_empty() {
+        return part;
+    }
     let paths: Vec<_> = zone.cracks.iter().map(|crack| crack.path.clone()).collect();
     cut(&part, &paths).unwrap_or(part)
 }
