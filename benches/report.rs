@@ -414,7 +414,8 @@ fn gate_of_borders() {
 fn gate_of_paths() {
     let scene = scene(512, 16);
     let pass = |isa: Isa| {
-        let mut pass = ResidualPass::new(&CpuBackend::new(isa), &scene, 1.0).expect("a field");
+        // A strain of 0.1 %, so that floors change seldom and the pixels alone are compared.
+        let mut pass = ResidualPass::new(&CpuBackend::new(isa), &scene, 0.03).expect("a field");
         // The fastest: a neighbour on the machine can only slow a run down.
         time(15, || pass.observe()).fastest
     };
