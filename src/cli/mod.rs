@@ -70,13 +70,14 @@ type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 /// Runs the command line and gives the exit status: 0 fine, 1 ran but not all converged, 2 could not run,
 /// 130 stopped.
 pub fn main() -> ExitCode {
+    // Here and not below: they are no business of a process that is another program, and its threads may run.
+    allocator::keep_memory();
+    devices::quiet_drivers();
     ExitCode::from(main_of(std::env::args_os()))
 }
 
 /// The same with these words, the first of which names the program; of a process that is another program. Help and version end it.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
-    allocator::keep_memory();
-    devices::quiet_drivers();
     signals::end_where_memory_ends();
     let arguments = args::joined(words);
     let command = args::grouped(args::Cli::command());
