@@ -570,8 +570,9 @@ fn a_step_solves_the_normal_equations_and_names_the_largest_correction() {
     }
 }
 
-/// How far each of `steps` moved the nodes, px, and its largest correction, with a matrix that is too stiff or too soft by the factor `stiffness`.
-fn relaxed_movements<B: Backend>(backend: &B, stiffness: f64, steps: usize) -> (Vec<Vec<[f64; 2]>>, Vec<f64>) {
+/// How far each of `steps` moved the nodes, px, and its largest correction, with a matrix that is too soft by the factor 0.7 and all nodes `off` px
+/// beside their place: corrections alternate and fall by 0.43 each where nodes are not relaxed.
+fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 2]>>, Vec<f64>) {
     let (width, height) = (150, 118);
     let options = eight_bit(width, height);
     let pair = [picture(&REST, &options), picture(&Translation([0.2, -0.1]), &options)];
@@ -581,11 +582,10 @@ fn relaxed_movements<B: Backend>(backend: &B, stiffness: f64, steps: usize) -> (
     let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
     let mesh = &laid.mesh.mesh;
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-    let matrices: Vec<_> = moments.iter().map(|moments| moments.scaled(stiffness).matrix()).collect();
+    let matrices: Vec<_> = moments.iter().map(|moments| moments.scaled(0.7).matrix()).collect();
     let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
     let solver = backend.solver(&level, Solver::new(matrix, SolverChoice::Iterative, Vec::new).unwrap()).unwrap();
-    // So near that the first correction, 0.7 times too long, is below 0.25 px: nodes that are farther off are not relaxed.
-    let mut at = vec![[0.1, 0.0]; mesh.n_nodes()];
+    let mut at = vec![[0.2 + off, -0.1]; mesh.n_nodes()];
     let mut field = backend.start(&level, &mut frame, &at, &[GreyTransfer::NONE]).unwrap();
     let mut corrections = Vec::new();
     let of_step = |_| {
@@ -601,9 +601,9 @@ fn relaxed_movements<B: Backend>(backend: &B, stiffness: f64, steps: usize) -> (
 #[test]
 fn corrections_that_overshoot_are_relaxed_node_by_node_alike_on_both_devices() {
     let Some(gpu) = device() else { return };
-    // A matrix that is too soft by 0.7 alone: corrections would alternate and fall by 0.43 each, to 0.078 of the first after three.
-    let (cpu, corrections) = relaxed_movements(&CpuBackend::default(), 0.7, 4);
-    let (twin, on_gpu) = relaxed_movements(&gpu, 0.7, 4);
+    // Without, they would have fallen to 0.078 of the first after three.
+    let (cpu, corrections) = movements(&CpuBackend::default(), 0.12, 4);
+    let (twin, on_gpu) = movements(&gpu, 0.12, 4);
     println!("corrections {corrections:?}, on the GPU {on_gpu:?}");
     for corrections in [&corrections, &on_gpu] {
         assert!(corrections[3] < 0.02 * corrections[0], "{corrections:?}");
@@ -616,6 +616,19 @@ fn corrections_that_overshoot_are_relaxed_node_by_node_alike_on_both_devices() {
         // The second step is where the factor, 0.7, comes in: without it on one of them they would be 0.43 apart. Conjugate gradients stop at 1 %
         // on the host and at about 3 % on a device.
         assert!(step > 1 || apart < 0.2 * moved, "step {step}: {apart} of {moved}");
+    }
+}
+
+#[test]
+fn nodes_that_are_far_off_are_moved_by_all_of_their_correction_on_both_devices() {
+    let Some(gpu) = device() else { return };
+    // The first correction is longer than 0.25 px: the second one moves nodes whole, where relaxed it would by 0.7.
+    for (moved, corrections) in [movements(&CpuBackend::default(), 0.6, 2), movements(&gpu, 0.6, 2)] {
+        let largest = moved[1].iter().flatten().fold(0.0, |most: f64, v| most.max(v.abs()));
+        println!("corrections {corrections:?}, moved by {largest}");
+        assert!(corrections[0] > 0.25 && corrections[1] > 0.1, "{corrections:?}");
+        // Single precision of a displacement.
+        assert!((largest - corrections[1]).abs() < 1e-5, "{largest}, {corrections:?}");
     }
 }
 
