@@ -302,6 +302,9 @@ const LEAST_LEFT: f32 = 0.1;
 const FARTHEST: f32 = 0.25;
 
 var<workgroup> bits: array<u32, 256>;
+// The largest of sixteen neighbours, and which it is.
+var<workgroup> largest_bits: array<u32, 16>;
+var<workgroup> largest_at: array<u32, 16>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -342,13 +345,26 @@ fn main(
         bits[thread] = max(size.x, size.y);
     }
     workgroupBarrier();
-    if thread == 0u && number * 256u < correct.n_nodes {
-        var largest = bits[0];
-        var at = 0u;
-        for (var i = 1u; i < 256u; i++) {
+    if thread < 16u {
+        var largest = 0u;
+        var at = 16u * thread;
+        for (var i = at; i < 16u * thread + 16u; i++) {
             if bits[i] > largest {
                 largest = bits[i];
                 at = i;
+            }
+        }
+        largest_bits[thread] = largest;
+        largest_at[thread] = at;
+    }
+    workgroupBarrier();
+    if thread == 0u && number * 256u < correct.n_nodes {
+        var largest = largest_bits[0];
+        var at = largest_at[0];
+        for (var i = 1u; i < 16u; i++) {
+            if largest_bits[i] > largest {
+                largest = largest_bits[i];
+                at = largest_at[i];
             }
         }
         worst[number] = Worst(largest, number * 256u + at);

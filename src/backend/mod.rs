@@ -260,6 +260,19 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// When the device fails.
     fn solver(&self, level: &Self::Level, solver: Solver) -> Result<Self::Solver, BackendError>;
 
+    /// As [`Backend::solver`], for a matrix that is that of `like` but for some rows.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn solver_like(
+        &self,
+        level: &Self::Level,
+        solver: Solver,
+        _like: &Self::Solver,
+    ) -> Result<Self::Solver, BackendError> {
+        self.solver(level, solver)
+    }
+
     /// Starts an iteration at `displacement` (px of the level, per node) and `transfer` (per zone).
     ///
     /// # Errors

@@ -180,7 +180,7 @@ impl ReferenceChain {
         ChainState {
             reference: self.stage.as_ref().map(|stage| stage.key.clone()),
             last: self.last.clone(),
-            before: self.history.fields().get(1).cloned(),
+            before: self.history.fields().get(1).map(|(number, field)| (*number, field.to_vec())),
             baseline: self.baseline.clone(),
             updates: self.updates.clone(),
             refused: self.unfit,

@@ -42,7 +42,20 @@ pub trait Correlate: Send + Sync {
     ///
     /// # Errors
     /// A start for another mesh, or a device that fails. Not converging is a result, not an error.
-    fn correlate_uploaded(&self, frame: Uploaded, start: Option<&Start>) -> Result<Correlation, CorrelationError>;
+    fn correlate_uploaded(&self, frame: Uploaded, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+        self.correlate_telling(frame, start, &mut |_| ())
+    }
+
+    /// As [`Correlate::correlate_uploaded`]; tells the field ahead, see [`Correlator::correlate_telling`].
+    ///
+    /// # Errors
+    /// Those of [`Correlate::correlate_uploaded`].
+    fn correlate_telling(
+        &self,
+        frame: Uploaded,
+        start: Option<&Start>,
+        settled: &mut dyn FnMut(Start),
+    ) -> Result<Correlation, CorrelationError>;
 
     /// Prepares another reference of the same series on the same device.
     ///
@@ -73,15 +86,17 @@ impl<B: Backend> Correlate for Correlator<B> {
         Ok(Uploaded { frame: Box::new(self.frame(image.clone())?), image })
     }
 
-    fn correlate_uploaded(
+    fn correlate_telling(
         &self,
         Uploaded { image, frame }: Uploaded,
         start: Option<&Start>,
+        settled: &mut dyn FnMut(Start),
     ) -> Result<Correlation, CorrelationError> {
-        match frame.downcast::<B::Frame>() {
-            Ok(frame) => self.correlate_frame(*frame, start),
-            Err(_) => self.correlate(image, start), // it lies on a device of another kind
-        }
+        let frame = match frame.downcast::<B::Frame>() {
+            Ok(frame) => *frame,
+            Err(_) => self.frame(image)?, // it lies on a device of another kind
+        };
+        self.correlate_telling(frame, start, settled)
     }
 
     fn with_reference(

@@ -4,8 +4,9 @@ use super::light::SmoothLight;
 use super::noise_correlation::NoiseColour;
 use super::noise_model::PhotonNoise;
 use super::period::Ambiguity;
+use super::start::Start;
 use crate::backend::{GreyTransfer, Traffic};
-use crate::field::{Measurement, ModelError, RigidMotion};
+use crate::field::{Measurement, ModelError, RigidMotion, Status};
 use crate::mesh::Mesh;
 use crate::units::Px;
 use serde::{Deserialize, Serialize};
@@ -110,6 +111,14 @@ impl Correlation {
     /// Displacement of all nodes, px, those that were not measured too: where a prediction goes on from.
     pub fn full_displacement(&self) -> &[[f64; 2]] {
         &self.full_displacement
+    }
+
+    /// Where frames that are predicted from this one go on from; none where it did not converge.
+    pub fn next_start(&self) -> Option<Start> {
+        (self.measurement.status == Status::Converged).then(|| Start {
+            displacement: self.full_displacement.clone(),
+            transfer: self.zones.iter().map(|zone| zone.transfer).collect(),
+        })
     }
 
     /// How far the field is from that of `other`, px: the largest difference at a node that both measured. Where they left out

@@ -25,6 +25,7 @@ use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use std::collections::BTreeSet;
 use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Below this correlation coefficient a zone does not match the reference, whatever the corrections say.
@@ -67,8 +68,11 @@ pub struct Correlator<B: Backend> {
     pub(super) features: OnceLock<Features>,
     /// The shifts at which each zone of the reference looks like itself, found with the first frame.
     pub(super) periods: OnceLock<Vec<Vec<[f64; 2]>>>,
-    /// The nodes on cuts of the mesh, once a frame has lost elements.
+    /// The nodes on cuts of the mesh, once they are asked for.
     pub(super) cut_nodes: OnceLock<BTreeSet<usize>>,
+    /// Whether the field of the last frame was that of its first iteration, so that the next one is told as soon: whether it is told too
+    /// soon changes what is done twice, and no result.
+    ends_as_iterated: AtomicBool,
     point_values: PointValuesOf,
     /// The pixels of each zone that are summed over on the coarsest level.
     pub(super) search_pixels: Vec<PixelSet>,
@@ -220,6 +224,7 @@ impl<B: Backend> Correlator<B> {
             features: OnceLock::new(),
             periods: OnceLock::new(),
             cut_nodes: OnceLock::new(),
+            ends_as_iterated: AtomicBool::new(true),
             point_values,
             search_pixels: laid.zone_pixels,
         })
@@ -262,20 +267,40 @@ impl<B: Backend> Correlator<B> {
     ///
     /// # Errors
     /// A start for another mesh, or a device that fails.
-    pub fn correlate_frame(&self, mut frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
-        let found = self.found_from(&mut frame, start)?;
+    pub fn correlate_frame(&self, frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+        self.correlate_telling(frame, start, &mut |_| ())
+    }
+
+    /// As [`Correlator::correlate_frame`]; `settled` is called with the field as soon as the device has done its part, so that the next
+    /// frame of a series may begin while uncertainty and marks of this one are computed. Where it is not sure yet what becomes of a field
+    /// it is not called. It remains a forecast: in rare cases what is returned is another field, or none.
+    ///
+    /// # Errors
+    /// Those of [`Correlator::correlate_frame`].
+    pub fn correlate_telling(
+        &self,
+        mut frame: B::Frame,
+        start: Option<&Start>,
+        settled: &mut dyn FnMut(Start),
+    ) -> Result<Correlation, CorrelationError> {
+        let found = self.found_from(&mut frame, start, settled)?;
         let found = self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
         Ok(self.point_values.given(found))
     }
 
-    fn found_from(&self, frame: &mut B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
+    fn found_from(
+        &self,
+        frame: &mut B::Frame,
+        start: Option<&Start>,
+        settled: &mut dyn FnMut(Start),
+    ) -> Result<Correlation, CorrelationError> {
         if let Some(Start { displacement, transfer }) = start {
             let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
             let (nodes, zones) = (displacement.len(), transfer.len());
             if (nodes, zones) != (mesh_nodes, mesh_zones) {
                 return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
             }
-            if let Some(found) = self.at_prediction(frame, displacement, transfer)? {
+            if let Some(found) = self.at_prediction(frame, (displacement, transfer), settled)? {
                 return self.told(frame, found, Some(displacement));
             }
             let moved = self.moved_rigidly(frame, displacement, transfer)?;
@@ -318,8 +343,8 @@ impl<B: Backend> Correlator<B> {
     fn at_prediction(
         &self,
         frame: &mut B::Frame,
-        displacement: &[[f64; 2]],
-        transfer: &[GreyTransfer],
+        (displacement, transfer): (&[[f64; 2]], &[GreyTransfer]),
+        settled: &mut dyn FnMut(Start),
     ) -> Result<Option<Correlation>, CorrelationError> {
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
@@ -328,8 +353,21 @@ impl<B: Backend> Correlator<B> {
         if outcome.first_correction_px >= PREDICTION_OFF_PX || outcome.first_correlation <= MATCHED {
             return Ok(None);
         }
-        let found = self.finish(frame, &mut field, outcome, StartUsed::Predicted, 0, Vec::new())?;
+        let iterated = self.iterated(frame, &mut field, outcome)?;
+        // What repeats is looked for a period beside as well, and nodes on cuts are followed by themselves.
+        let is_told = self.periods().iter().all(Vec::is_empty) && self.cut_nodes().is_empty();
+        let told_early = is_told && self.ends_as_iterated.load(Ordering::Relaxed);
+        iterated.start().filter(|_| told_early).into_iter().for_each(&mut *settled);
+        let field = self.settled(frame, &mut field, iterated, Vec::new())?;
+        field.start().filter(|_| is_told && !told_early).into_iter().for_each(settled);
+        self.ends_as_iterated.store(field.is_as_iterated(), Ordering::Relaxed);
+        let found = self.measured(frame, field, StartUsed::Predicted, 0);
         Ok((found.measurement.status == Status::Converged).then_some(found))
+    }
+
+    /// The nodes on cuts of the mesh.
+    pub(super) fn cut_nodes(&self) -> &BTreeSet<usize> {
+        self.cut_nodes.get_or_init(|| self.mesh().doubled().into_iter().collect())
     }
 
     /// A displacement of the finest level's nodes on those of the coarsest.

@@ -15,6 +15,7 @@ use super::noise_correlation::factors;
 use super::noise_model::Elements;
 use super::own::Own;
 use super::screen::{LEAST_LEFT, continued};
+use super::start::Start;
 use super::texture::lost_in_noise;
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, PixelSums};
@@ -29,6 +30,44 @@ const MISFIT_EVERYWHERE: f64 = 3.0;
 const MARKED_RATIO: f64 = 1.5625;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
+
+/// What a finished iteration has found.
+pub(super) struct Iterated<B: Backend> {
+    outcome: Outcome<B>,
+    found: Found,
+    light: Option<Light>,
+}
+
+impl<B: Backend> Iterated<B> {
+    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is in a light of
+    /// its own.
+    pub fn start(&self) -> Option<Start> {
+        let is_field = self.outcome.status == Status::Converged && self.light.is_none();
+        let Found { displacement, transfer, .. } = &self.found;
+        is_field.then(|| Start { displacement: displacement.clone(), transfer: transfer.clone() })
+    }
+}
+
+/// A field whose iteration has ended, all that does not match left out.
+pub(super) struct Settled<B: Backend> {
+    of: Iterated<B>,
+    excluded: Vec<bool>,
+    /// Per zone.
+    matches: Vec<f64>,
+    status: Status,
+}
+
+impl<B: Backend> Settled<B> {
+    /// As [`Iterated::start`].
+    pub fn start(&self) -> Option<Start> {
+        self.of.start().filter(|_| self.status == Status::Converged)
+    }
+
+    /// Whether it is the field that the iteration had found.
+    pub fn is_as_iterated(&self) -> bool {
+        self.status == Status::Converged && !self.excluded.contains(&true)
+    }
+}
 
 impl<B: Backend> Correlator<B> {
     /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
@@ -86,23 +125,59 @@ impl<B: Backend> Correlator<B> {
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
-        mut outcome: Outcome<B>,
+        outcome: Outcome<B>,
         start: StartUsed,
         coarse_iterations: usize,
-        mut excluded: Vec<bool>,
+        excluded: Vec<bool>,
     ) -> Result<Correlation, CorrelationError> {
-        let level = &self.levels[0];
-        let mesh = &level.mesh;
+        let iterated = self.iterated(frame, field, outcome)?;
+        let settled = self.settled(frame, field, iterated, excluded)?;
+        Ok(self.measured(frame, settled, start, coarse_iterations))
+    }
+
+    /// What a finished iteration has found, see [`Correlator::found`].
+    pub(super) fn iterated(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        mut outcome: Outcome<B>,
+    ) -> Result<Iterated<B>, CorrelationError> {
+        let (found, light) = self.found(frame, field, &mut outcome)?;
+        Ok(Iterated { outcome, found, light })
+    }
+
+    /// Its field without the elements that are `excluded` and those that turn out not to match: the end of what the device has to
+    /// do.
+    pub(super) fn settled(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        Iterated { mut outcome, mut found, mut light }: Iterated<B>,
+        mut excluded: Vec<bool>,
+    ) -> Result<Settled<B>, CorrelationError> {
+        let mesh = &self.levels[0].mesh;
         excluded.resize(mesh.n_elements(), false);
-        let (mut found, mut light) = self.found(frame, field, &mut outcome)?;
         self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
         if excluded.contains(&true) {
             found.displacement = continued(mesh, &found.displacement, &found.elements);
         }
+        let matches = self.zone_matches(&found.zones, &found.elements);
+        let status = self.judge(&outcome, &found.elements, &matches, &excluded);
+        Ok(Settled { of: Iterated { outcome, found, light }, excluded, matches, status })
+    }
+
+    /// Uncertainty, marks and summary of a field, and whether it is one.
+    pub(super) fn measured(
+        &self,
+        frame: &B::Frame,
+        Settled { of: Iterated { outcome, found, light }, excluded, matches, mut status }: Settled<B>,
+        start: StartUsed,
+        coarse_iterations: usize,
+    ) -> Correlation {
+        let level = &self.levels[0];
+        let mesh = &level.mesh;
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
-        let matches = self.zone_matches(&last, &elements);
         let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
-        let mut status = self.judge(&outcome, &elements, &matches, &excluded);
         let own_spread = outcome.own.as_ref().map(|own| self.own_spread(own));
         let spread = own_spread.as_ref().unwrap_or(&self.spread);
         let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
@@ -235,7 +310,7 @@ impl<B: Backend> Correlator<B> {
         let displacement =
             full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
         let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
-        Ok(Correlation {
+        Correlation {
             measurement: Measurement {
                 mesh: mesh.clone(),
                 status,
@@ -270,7 +345,7 @@ impl<B: Backend> Correlator<B> {
             full_displacement,
             counted,
             worst_node: outcome.worst_node,
-        })
+        }
     }
 
     /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep
@@ -289,7 +364,7 @@ impl<B: Backend> Correlator<B> {
         let faces = followed(
             [&self.image, &image],
             mesh,
-            self.cut_nodes.get_or_init(|| mesh.doubled().into_iter().collect()),
+            self.cut_nodes(),
             self.zone_pixels(),
             [&found.measurement.measured, &self.levels[0].keep, &gone],
             &found.full_displacement,

@@ -45,7 +45,7 @@ impl<B: Backend> Own<B> {
             }
             None => level.solver.changed(nodes, elements, |element| &changed.of(element).matrix),
         };
-        Ok(Self { solver: backend.solver(&level.prepared, solver)?, changed })
+        Ok(Self { solver: backend.solver_like(&level.prepared, solver, &level.solver)?, changed })
     }
 }
 

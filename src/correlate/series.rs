@@ -5,18 +5,18 @@ use super::correlation::Correlation;
 use super::error::CorrelationError;
 use super::start::Start;
 use crate::backend::GreyTransfer;
-use crate::field::{RigidMotion, StartFrom, Status};
+use crate::field::{RigidMotion, StartFrom};
 use crate::imaging::Image;
 use crate::mesh::Mesh;
 use crate::units::Px;
 use std::sync::Arc;
 
 /// The last converged frames of a series, from which the next one is predicted.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct History {
     start: StartFrom,
-    /// Fields, the latest first, with their frame numbers.
-    fields: Vec<(usize, Vec<[f64; 2]>)>,
+    /// Fields, the latest first, with their frame numbers; shared between what is known after one frame and after the next.
+    fields: Vec<(usize, Arc<Vec<[f64; 2]>>)>,
     transfer: Vec<GreyTransfer>,
 }
 
@@ -31,11 +31,11 @@ impl History {
 
     /// The history that knows these fields, the latest first, and the transfer of the latest.
     pub(super) fn of(start: StartFrom, fields: Vec<(usize, Vec<[f64; 2]>)>, transfer: Vec<GreyTransfer>) -> Self {
-        Self { start, fields, transfer }
+        Self { start, fields: fields.into_iter().map(|(number, field)| (number, Arc::new(field))).collect(), transfer }
     }
 
     /// The fields it knows, the latest first, with their frame numbers.
-    pub(super) fn fields(&self) -> &[(usize, Vec<[f64; 2]>)] {
+    pub(super) fn fields(&self) -> &[(usize, Arc<Vec<[f64; 2]>>)] {
         &self.fields
     }
 
@@ -48,7 +48,7 @@ impl History {
             return None;
         }
         let (last_number, last) = self.fields.first()?;
-        let mut displacement = last.clone();
+        let mut displacement = last.to_vec();
         if let Some((before_number, before)) = self.fields.get(1) {
             let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
             for zone in 0..mesh.zones().len() {
@@ -59,12 +59,13 @@ impl History {
                 });
                 let Some(motion) = RigidMotion::fit(steps.clone()) else { continue };
                 let turn = RigidMotion { translation: [0.0; 2], rotation_rad: ahead * motion.rotation_rad, ..motion };
+                let (rigid_at, turned_at) = (motion.field(), turn.field());
                 for (node, (x, step)) in nodes.zip(steps) {
                     // From the middle of the zone after the step: where the point is, and what of its step is no rigid motion.
-                    let rigid = motion.displacement(x);
+                    let rigid = rigid_at(x);
                     let rest = [0, 1].map(|k| step[k] - rigid[k]);
                     let place = [0, 1].map(|k| x[k] + step[k] - motion.translation[k] + ahead * rest[k]);
-                    let turned = turn.displacement(place);
+                    let turned = turned_at(place);
                     (0..2).for_each(|k| displacement[node][k] += ahead * (motion.translation[k] + rest[k]) + turned[k]);
                 }
             }
@@ -74,16 +75,13 @@ impl History {
 
     /// Remembers frame `number` (numbers must rise), if it converged.
     pub fn note(&mut self, number: usize, correlation: &Correlation) {
-        if correlation.measurement.status == Status::Converged {
-            let transfer = correlation.zones.iter().map(|zone| zone.transfer).collect();
-            self.note_field(number, Start { displacement: correlation.full_displacement.clone(), transfer });
-        }
+        correlation.next_start().into_iter().for_each(|start| self.note_field(number, start));
     }
 
     /// Remembers the field of frame `number` (numbers must rise), which converged: of one that was done before.
     pub fn note_field(&mut self, number: usize, Start { displacement, transfer }: Start) {
         self.transfer = transfer;
-        self.fields.insert(0, (number, displacement));
+        self.fields.insert(0, (number, Arc::new(displacement)));
         self.fields.truncate(Self::FIELDS);
     }
 }

@@ -55,10 +55,18 @@ impl RigidMotion {
         Some(Self { centre, translation, rotation_rad: across.atan2(along) })
     }
 
-    /// The displacement of the point `x` under this motion.
+    /// The displacement of the point `x` under this motion; of many points [`RigidMotion::field`].
     pub fn displacement(&self, x: [f64; 2]) -> [f64; 2] {
-        let (sin, cos) = self.rotation_rad.sin_cos();
-        let a = [x[0] - self.centre[0], x[1] - self.centre[1]];
-        [self.translation[0] + (cos - 1.0) * a[0] - sin * a[1], self.translation[1] + sin * a[0] + (cos - 1.0) * a[1]]
+        self.field()(x)
+    }
+
+    /// The displacement of points under this motion, whose sine and cosine are taken once.
+    pub fn field(&self) -> impl Fn([f64; 2]) -> [f64; 2] {
+        let Self { centre, translation, rotation_rad } = *self;
+        let (sin, cos) = rotation_rad.sin_cos();
+        move |x| {
+            let a = [x[0] - centre[0], x[1] - centre[1]];
+            [translation[0] + (cos - 1.0) * a[0] - sin * a[1], translation[1] + sin * a[0] + (cos - 1.0) * a[1]]
+        }
     }
 }

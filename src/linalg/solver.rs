@@ -14,7 +14,7 @@ pub const DIRECT_UP_TO: usize = 5_000;
 const REDUCTION: f64 = 1e-2;
 /// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last to
 /// settle.
-const REDUCTION_CHANGED: f64 = 1e-3;
+pub(crate) const REDUCTION_CHANGED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 60;
 
 /// Which solver to use.

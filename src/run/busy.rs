@@ -1,5 +1,6 @@
 //! How much the stages of a run have had to do.
 
+use super::pipeline::Widths;
 use crate::report::summary::FrameSummary;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -26,13 +27,13 @@ pub struct Busy {
     write: f64,
     /// Without anything to do.
     camera: f64,
-    /// Frames that are decoded, and that are correlated, at a time.
-    widths: [f64; 2],
+    /// Frames that each stage does at a time.
+    widths: Widths,
 }
 
 impl Busy {
-    pub(super) fn new(n_decoders: usize, in_flight: usize) -> Self {
-        Self { decode: 0.0, correlate: 0.0, write: 0.0, camera: 0.0, widths: [n_decoders as f64, in_flight as f64] }
+    pub(super) fn new(widths: Widths) -> Self {
+        Self { decode: 0.0, correlate: 0.0, write: 0.0, camera: 0.0, widths }
     }
 
     /// Adds a frame; `writing` and `waiting` for a camera are those of all frames so far.
@@ -45,11 +46,11 @@ impl Busy {
 
     /// The seconds of each stage, for each of the frames that it does at a time.
     fn stages(&self) -> [(&'static str, f64); 4] {
-        let [decoders, in_flight] = self.widths;
+        let Widths { decoded, correlated, written } = self.widths;
         [
-            ("correlate", self.correlate / in_flight),
-            ("decode", self.decode / decoders),
-            ("write", self.write),
+            ("correlate", self.correlate / correlated as f64),
+            ("decode", self.decode / decoded as f64),
+            ("write", self.write / written as f64),
             ("camera", self.camera),
         ]
     }

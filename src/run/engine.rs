@@ -1,11 +1,13 @@
 //! The correlator of a run, and what becomes of it when its device fails.
 
+use super::error::RunError;
 use crate::backend::BackendError;
 use crate::backend::choice::Device;
-use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Start, Uploaded, prepare};
+use crate::correlate::{Correlate, Correlation, CorrelationError, Options, Uploaded, prepare};
 use crate::field::Status;
 use crate::imaging::Image;
 use crate::mesh::Zone;
+use rayon::ThreadPool;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
@@ -58,6 +60,26 @@ pub(super) enum Failure {
     /// An image of before that is needed once more.
     #[error("{0}")]
     Image(String),
+    /// The fields of before, of a run that goes on.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The frame was begun where the one before was forecast to be, which it is not.
+    #[error("begun in a wrong place")]
+    BegunElsewhere,
+    /// Nobody waits for it any more.
+    #[error("no longer wanted")]
+    Over,
+}
+
+impl From<Failure> for RunError {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Correlation(error) => error.into(),
+            Failure::Image(error) => error.into(),
+            Failure::Run(error) => error,
+            Failure::BegunElsewhere | Failure::Over => Self::Bug("a frame was given up that somebody waits for"),
+        }
+    }
 }
 
 impl Engine {
@@ -140,9 +162,10 @@ impl Engine {
     }
 
     /// Correlates frame `number` by `work`, which is given the correlator of a generation, as is what was uploaded. When a graphics device fails, once
-    /// more on a fresh one, then on the CPU.
+    /// more on a fresh one, then on the CPU. `work` is called outside of the threads of `pool`, so that it may wait for other frames.
     pub fn correlate(
         &self,
+        pool: &ThreadPool,
         number: usize,
         image: &Arc<Image>,
         mut uploaded: Option<(usize, Uploaded)>,
@@ -153,17 +176,17 @@ impl Engine {
             let Current { generation, correlator, is_on_cpu } = self.current();
             let frame = match uploaded.take() {
                 Some((of, frame)) if of == generation => Ok(frame),
-                _ => correlator.upload(image.clone()),
+                _ => pool.install(|| correlator.upload(image.clone())),
             };
             match frame.map_err(Failure::from).and_then(|frame| work(generation, &correlator, frame)) {
                 Err(Failure::Correlation(CorrelationError::Backend(error))) if !is_on_cpu => {
-                    self.replace(generation, number, &error, tried_again)?;
+                    pool.install(|| self.replace(generation, number, &error, tried_again))?;
                     tried_again = true;
                 }
                 Ok(mut result) if !is_on_cpu && self.is_to_be_looked_at(number, &result) => {
-                    match self.look(number, image, &mut result) {
+                    match self.look(pool, number, image, &mut result) {
                         Ok(()) => return Ok((result, correlator)),
-                        Err(error) => self.distrust(generation, number, &error)?,
+                        Err(error) => pool.install(|| self.distrust(generation, number, &error))?,
                     }
                 }
                 result => return result.map(|result| (result, correlator)),
@@ -182,19 +205,18 @@ impl Engine {
     /// Goes on from the field of a graphics device with the CPU, and notes how far that comes.
     fn look(
         &self,
+        pool: &ThreadPool,
         number: usize,
         image: &Arc<Image>,
         result: &mut Correlation,
     ) -> std::result::Result<(), BackendError> {
-        let cpu = || prepare(&self.device.on_cpu(), self.reference.clone(), &self.zones, self.options.clone());
+        let prepare = || prepare(&self.device.on_cpu(), self.reference.clone(), &self.zones, self.options.clone());
+        let cpu = || pool.install(prepare);
         // What the CPU cannot prepare is no fault of the device.
         let Ok(twin) = self.twin.get_or_init(cpu) else { return Ok(()) };
-        let start = Start {
-            displacement: result.full_displacement().to_vec(),
-            transfer: result.zones.iter().map(|zone| zone.transfer).collect(),
-        };
-        let again = twin.upload(image.clone()).and_then(|frame| twin.correlate_uploaded(frame, Some(&start)));
-        let Ok(again) = again else { return Ok(()) };
+        let start = result.next_start();
+        let again = || twin.upload(image.clone()).and_then(|frame| twin.correlate_uploaded(frame, start.as_ref()));
+        let Ok(again) = pool.install(again) else { return Ok(()) };
         self.looked_at.store(number, Ordering::SeqCst);
         let (difference_px, allowed_px) = (result.apart_from(&again), twin.tolerance_px() + ROUND_OFF_PX);
         result.device_checked_px = Some(difference_px);

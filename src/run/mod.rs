@@ -48,6 +48,7 @@ mod read;
 mod record;
 mod reference;
 mod rehearsal;
+mod relay;
 mod report;
 mod restart;
 mod run_toml;

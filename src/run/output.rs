@@ -12,7 +12,9 @@ use crate::io::store::{Store, StoreWriter};
 use crate::report::summary::FrameSummary;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// A frame on its way to the disk; without a result when it could not be read.
@@ -36,24 +38,29 @@ pub(super) struct Output<'a> {
     /// Whether this process does all frames.
     pub alone: bool,
     /// Frames with a field.
-    pub in_series: BTreeSet<usize>,
+    pub in_series: Mutex<BTreeSet<usize>>,
     /// Time spent with writing.
     pub writing: &'a Spent,
+    /// The frames as they come.
+    pub to_write: Mutex<Receiver<ToWrite>>,
+    /// Whether writing has failed: nothing more is to be begun.
+    pub failed: &'a AtomicBool,
 }
 
 impl Output<'_> {
-    /// Writes the frames as they come.
-    pub fn write_all(mut self, frames: &Receiver<ToWrite>) -> Result<()> {
-        for frame in frames {
+    /// Writes the frames as they come; several threads share them.
+    pub fn write_all(&self) -> Result<()> {
+        loop {
+            let next = self.to_write.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let Ok(frame) = next else { return Ok(()) };
             let begin = Instant::now();
-            self.write(frame)?;
+            self.write(frame).inspect_err(|_| self.failed.store(true, Ordering::SeqCst))?;
             self.writing.add(begin.elapsed());
         }
-        Ok(())
     }
 
     /// Writes a frame: field, tables, record, and its status last, which says that it is done.
-    fn write(&mut self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
+    fn write(&self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
         let Self { plan, folder, store, about, .. } = self;
         let (number, status) = (summary.number, summary.status);
         let file = frame_in_words(&summary.file, summary.reference_frame);
@@ -98,9 +105,10 @@ impl Output<'_> {
             Kept::remove_before(folder.path(), number);
         }
         if plan.vtu && status.has_field() {
-            self.in_series.insert(number);
-            if self.alone && self.in_series.len().is_multiple_of(100) {
-                folder.write_series(&self.in_series.iter().copied().collect::<Vec<_>>())?;
+            let mut in_series = self.in_series.lock().unwrap_or_else(PoisonError::into_inner);
+            in_series.insert(number);
+            if self.alone && in_series.len().is_multiple_of(100) {
+                folder.write_series(&in_series.iter().copied().collect::<Vec<_>>())?;
             }
         }
         Ok(())

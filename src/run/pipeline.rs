@@ -3,6 +3,7 @@
 use super::engine::{Engine, Failure};
 use super::error::{Result, RunError, thread};
 use super::kept::Kept;
+use super::relay::{Known, Relay, Turn};
 use super::stop::Stop;
 use super::text::chain;
 use crate::correlate::{Correlate, Correlation, History, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded};
@@ -12,6 +13,7 @@ use crate::io::images::{Accepted, Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
 use crate::report::summary::FrameSummary;
+use rayon::ThreadPool;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +25,10 @@ use std::time::{Duration, Instant};
 const AHEAD: usize = 2;
 /// Images on the device that wait for theirs.
 const UPLOADED: usize = 1;
+/// Tracked frames at a time: while uncertainty and marks of one are computed, mostly by one thread, the next ones iterate.
+const TRACKED: usize = 4;
+/// Threads that write at most: of many threads one in four.
+const WRITERS: usize = 4;
 /// Decoding threads beside the CPU at most: PNG takes 17 ns per pixel, as much as its whole correlation.
 const DECODERS: usize = 8;
 /// Beside a graphics device, which takes a hundredth of that, as many as there are threads; but images that are decoded and wait hold no
@@ -54,20 +60,18 @@ pub(super) struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// Lets `history` know the frames between `after` and `before` that were done before.
-    fn catch_up(&self, history: &mut History, after: usize, before: usize) -> Result<()> {
-        if self.start == StartFrom::Independent {
-            return Ok(());
-        }
+    /// What is known before frame `number`, with the frames since `known` that were done before.
+    fn caught_up(&self, known: &Known, number: usize) -> Result<Known> {
         let mut found = Vec::new();
-        for number in (after + 1..before).rev() {
+        for number in (known.number + 1..number).rev() {
             found.extend((self.stored)(number)?.map(|start| (number, start)));
             if found.len() == History::FIELDS {
                 break;
             }
         }
-        found.into_iter().rev().for_each(|(number, start)| history.note_field(number, start));
-        Ok(())
+        let mut known = known.clone();
+        found.into_iter().rev().for_each(|(number, start)| known.history.note_field(number, start));
+        Ok(known)
     }
 }
 
@@ -110,13 +114,28 @@ impl Done {
     }
 }
 
-/// Decoding threads and frames correlated at a time.
-pub(super) fn widths(engine: &Engine, pool: &rayon::ThreadPool, start: StartFrom) -> (usize, usize) {
+/// Frames that each stage of a run does at a time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Widths {
+    pub decoded: usize,
+    pub correlated: usize,
+    pub written: usize,
+}
+
+/// How many frames are done at a time.
+pub(super) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, update: UpdateReference) -> Widths {
     let threads = pool.current_num_threads();
     let [width, height] = engine.correlator().reference().size();
-    let n_decoders = decoders(engine.is_on_cpu(), threads, width * height);
-    let independent = start == StartFrom::Independent;
-    (n_decoders, if independent { engine.correlator().frames_in_flight() } else { 1 })
+    let decoded = decoders(engine.is_on_cpu(), threads, width * height);
+    let writers = (threads / 4).clamp(1, WRITERS);
+    match (start, update) {
+        // Which reference a frame has is known when all is known of the one before, and what it keeps replaces what that one kept.
+        (_, UpdateReference::Residual | UpdateReference::Every(_)) => Widths { decoded, correlated: 1, written: 1 },
+        (StartFrom::Independent, _) => {
+            Widths { decoded, correlated: engine.correlator().frames_in_flight(), written: writers }
+        }
+        (StartFrom::Previous, _) => Widths { decoded, correlated: threads.min(TRACKED), written: writers },
+    }
 }
 
 /// Decoding threads for images of so many pixels: a graphics device leaves the cores to them, the CPU shares them.
@@ -137,13 +156,14 @@ pub(super) type Numbered = (usize, Frame);
 /// long as what it is called with says that it is wanted.
 pub(super) fn run(
     engine: &Engine,
-    pool: &rayon::ThreadPool,
+    pool: &ThreadPool,
     frames: &Frames<'_>,
     next: impl FnMut(&dyn Fn() -> bool) -> Result<Option<Numbered>> + Send,
     mut take: impl FnMut(Done) -> Result<bool>,
 ) -> Result<()> {
-    let (n_decoders, in_flight) = widths(engine, pool, frames.start);
+    let Widths { decoded: n_decoders, correlated: in_flight, .. } = widths(engine, pool, frames.start, frames.update);
     let over = AtomicBool::new(false);
+    let relay = &Relay::new(History::new(frames.start));
     let wanted = &|| !frames.stop.is_asked() && !over.load(Ordering::SeqCst);
     std::thread::scope(|scope| {
         // Also where the system gives no further thread.
@@ -165,7 +185,7 @@ pub(super) fn run(
         let (out, results) = sync_channel(in_flight);
         for _ in 0..in_flight {
             let (uploaded, out) = (uploaded.clone(), out.clone());
-            thread(scope, move || correlate(engine, pool, frames, &uploaded, &out))?;
+            thread(scope, move || correlate(engine, pool, (frames, Worker::new(frames, relay)), &uploaded, &out))?;
         }
         // From here on the workers alone hold both: when they stop, everybody does.
         drop((uploaded, out));
@@ -260,7 +280,7 @@ fn read_frame(
 }
 
 /// Brings the frames to the device, in order, while others are correlated.
-fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decoded>], out: &SyncSender<Decoded>) {
+fn upload(engine: &Engine, pool: &ThreadPool, decoders: &[Receiver<Decoded>], out: &SyncSender<Decoded>) {
     for decoder in decoders.iter().cycle() {
         let Ok(mut decoded) = decoder.recv() else { return }; // the last frame has been
         if let Ok(picture) = &mut decoded.loaded {
@@ -278,8 +298,10 @@ fn upload(engine: &Engine, pool: &rayon::ThreadPool, decoders: &[Receiver<Decode
 
 /// How a worker correlates one frame after the other.
 enum Worker<'a> {
-    /// All of them with the reference given.
-    Tracking { history: History, last: usize },
+    /// Each for itself, with the reference given.
+    Independent,
+    /// Each from where those before it are, with the reference given.
+    Tracking(&'a Relay),
     /// With a reference that is renewed.
     Chain(Box<Chain<'a>>),
 }
@@ -298,6 +320,7 @@ struct Chain<'a> {
 struct Correlated {
     result: Correlation,
     correlator: Arc<dyn Correlate>,
+    seconds: f64,
     /// Whether it was predicted from frames before it.
     tracked: bool,
     /// Whether it is the first with its reference.
@@ -305,10 +328,25 @@ struct Correlated {
     refused: Vec<UpdateRefused>,
 }
 
+/// What a frame that is done hands on to the next one.
+struct Handing<'a> {
+    turn: Turn<'a>,
+    known: Known,
+    number: usize,
+    start: Option<Start>,
+}
+
+impl Handing<'_> {
+    fn on(self) {
+        self.turn.done(&self.known, self.number, self.start);
+    }
+}
+
 impl<'a> Worker<'a> {
-    fn new(frames: &'a Frames<'a>) -> Self {
-        match frames.update {
-            UpdateReference::Never => Self::Tracking { history: History::new(frames.start), last: 0 },
+    fn new(frames: &'a Frames<'a>, relay: &'a Relay) -> Self {
+        match (frames.start, frames.update) {
+            (StartFrom::Independent, UpdateReference::Never) => Self::Independent,
+            (StartFrom::Previous, UpdateReference::Never) => Self::Tracking(relay),
             _ => {
                 let file = |&number: &usize| Some((number, frames.known.get(number - 1)?.clone()));
                 let files = frames.kept.images.keys().filter_map(file).collect();
@@ -317,34 +355,11 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Lets it know the frames before `number` that were done before.
-    fn catch_up(&mut self, frames: &Frames<'_>, number: usize) -> Result<()> {
+    /// The turn of the next frame, where there are turns.
+    fn turn(&self) -> Option<Turn<'a>> {
         match self {
-            Self::Tracking { history, last } => frames.catch_up(history, std::mem::replace(last, number), number),
-            Self::Chain(_) => Ok(()),
-        }
-    }
-
-    fn correlate(
-        &mut self,
-        engine: &Engine,
-        number: usize,
-        file: Frame,
-        Picture { image, sha256, uploaded, .. }: Picture,
-    ) -> std::result::Result<Correlated, Failure> {
-        match self {
-            Self::Tracking { history, .. } => {
-                let mut tracked = false;
-                let (result, correlator) = engine.correlate(number, &image, uploaded, |_, correlator, frame| {
-                    let start = history.predict(number, correlator.mesh());
-                    tracked = start.is_some();
-                    Ok(correlator.correlate_uploaded(frame, start.as_ref())?)
-                })?;
-                history.note(number, &result);
-                let refused = Vec::new();
-                Ok(Correlated { result, correlator, tracked, renewed: false, refused })
-            }
-            Self::Chain(chain) => chain.correlate(engine, number, &image, (file, sha256), uploaded),
+            Self::Tracking(relay) => Some(relay.turn()),
+            Self::Independent | Self::Chain(_) => None,
         }
     }
 
@@ -356,18 +371,72 @@ impl<'a> Worker<'a> {
     }
 }
 
+/// Correlates a frame by itself.
+fn independent(
+    engine: &Engine,
+    pool: &ThreadPool,
+    number: usize,
+    Picture { image, uploaded, .. }: Picture,
+) -> std::result::Result<Correlated, Failure> {
+    let begin = Instant::now();
+    let (result, correlator) = engine.correlate(pool, number, &image, uploaded, |_, correlator, frame| {
+        Ok(pool.install(|| correlator.correlate_uploaded(frame, None))?)
+    })?;
+    let seconds = begin.elapsed().as_secs_f64();
+    Ok(Correlated { result, correlator, seconds, tracked: false, renewed: false, refused: Vec::new() })
+}
+
+/// Correlates a frame in its turn, and what it was predicted from.
+fn tracked(
+    engine: &Engine,
+    pool: &ThreadPool,
+    frames: &Frames<'_>,
+    turn: &Turn<'_>,
+    number: usize,
+    Picture { image, mut uploaded, .. }: Picture,
+) -> std::result::Result<(Correlated, Known), Failure> {
+    let mut forecast = turn.forecast().ok_or(Failure::Over)?;
+    loop {
+        let known = frames.caught_up(&forecast, number)?;
+        let (mut tracked, mut seconds) = (false, 0.0);
+        let done = engine.correlate(pool, number, &image, uploaded.take(), |_, correlator, frame| {
+            let begin = Instant::now();
+            let result = pool.install(|| {
+                let start = known.history.predict(number, correlator.mesh());
+                tracked = start.is_some();
+                correlator.correlate_telling(frame, start.as_ref(), &mut |start| turn.tell(&known, number, start))
+            });
+            seconds = begin.elapsed().as_secs_f64();
+            let before = turn.known().ok_or(Failure::Over)?;
+            if !Arc::ptr_eq(&before, &forecast) {
+                return Err(Failure::BegunElsewhere);
+            }
+            Ok(result?)
+        });
+        match done {
+            Err(Failure::BegunElsewhere) => forecast = turn.known().ok_or(Failure::Over)?,
+            done => {
+                let (result, correlator) = done?;
+                let refused = Vec::new();
+                return Ok((Correlated { result, correlator, seconds, tracked, renewed: false, refused }, known));
+            }
+        }
+    }
+}
+
 impl Chain<'_> {
     fn correlate(
         &mut self,
         engine: &Engine,
+        pool: &ThreadPool,
         number: usize,
-        image: &Arc<Image>,
-        (file, sha256): (Frame, String),
-        uploaded: Option<(usize, Uploaded)>,
+        file: Frame,
+        Picture { image, sha256, uploaded, .. }: Picture,
     ) -> std::result::Result<Correlated, Failure> {
+        let begin = Instant::now();
         let Self { frames: Frames { update, accepted, .. }, kept, files, chain } = self;
         let mut refused = Vec::new();
-        let (result, correlator) = engine.correlate(number, image, uploaded, |generation, correlator, frame| {
+        let mut work = |generation, correlator: &Arc<dyn Correlate>, frame| {
             // A chain whose frame has failed is not put back.
             let mut whole = match chain.take() {
                 Some((of, chain)) if of == generation => chain,
@@ -379,7 +448,11 @@ impl Chain<'_> {
             refused = whole.take_refused();
             *chain = Some((generation, whole));
             Ok(result)
-        })?;
+        };
+        let work =
+            |generation, correlator: &Arc<dyn Correlate>, frame| pool.install(|| work(generation, correlator, frame));
+        let (result, correlator) = engine.correlate(pool, number, &image, uploaded, work)?;
+        let seconds = begin.elapsed().as_secs_f64();
         let state = match chain {
             Some((_, chain)) => Arc::new(chain.state()),
             None => kept.state.clone(),
@@ -392,45 +465,75 @@ impl Chain<'_> {
         kept.images.retain(|frame, _| needed.contains(frame));
         files.retain(|frame, _| needed.contains(frame));
         kept.state = state;
-        Ok(Correlated { result, correlator, tracked, renewed, refused })
+        Ok(Correlated { result, correlator, seconds, tracked, renewed, refused })
     }
 }
 
 /// Correlates frames as they come.
-fn correlate(
+fn correlate<'a>(
     engine: &Engine,
-    pool: &rayon::ThreadPool,
-    frames: &Frames<'_>,
+    pool: &ThreadPool,
+    (frames, mut worker): (&Frames<'_>, Worker<'a>),
     uploaded: &Mutex<Receiver<Decoded>>,
     out: &SyncSender<Result<Done>>,
 ) {
-    let mut worker = Worker::new(frames);
     while !frames.stop.is_asked() {
-        let next = uploaded.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(decoded) = next else { return };
+        // Turns are those of the frames: both are taken together.
+        let next = {
+            let given = uploaded.lock().unwrap_or_else(PoisonError::into_inner);
+            given.recv().map(|decoded| (decoded, worker.turn()))
+        };
+        let Ok((decoded, turn)) = next else { return };
         let number = decoded.number;
-        let known = worker.catch_up(frames, number);
-        let done = known.and_then(|()| pool.install(|| one_frame(engine, &mut worker, decoded)));
-        let done = done.map(|done| Done { kept: worker.kept(number), ..done });
+        let (done, handing) = match one_frame(engine, pool, (frames, &mut worker), decoded, turn) {
+            Ok((done, handing)) => (Ok(Done { kept: worker.kept(number), ..done }), handing),
+            Err(Failure::Over) => return,
+            Err(failure) => (Err(failure.into()), None),
+        };
         if out.send(done).is_err() {
             return; // nobody wants more
         }
+        // Only now, so that frames come out in their order.
+        handing.into_iter().for_each(Handing::on);
     }
 }
 
 /// Correlates one frame. A frame that cannot be used is a result with its reason.
-fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Result<Done> {
+fn one_frame<'a>(
+    engine: &Engine,
+    pool: &ThreadPool,
+    (frames, worker): (&Frames<'_>, &mut Worker<'a>),
+    decoded: Decoded,
+    turn: Option<Turn<'a>>,
+) -> std::result::Result<(Done, Option<Handing<'a>>), Failure> {
     let Decoded { number, frame: source, loaded, saturation, blank, seconds: seconds_decode } = decoded;
     let file = source.to_string();
-    let mut picture = match loaded {
-        Ok(picture) => picture,
-        Err(error) => return Ok(Done::unreadable(None, number, file, chain(&error), seconds_decode)),
+    let (picture, unreadable) = match loaded {
+        Ok(picture) => (Some(picture), String::new()),
+        Err(error) => (None, chain(&error)),
     };
-    let begin = Instant::now();
+    // What has no field hands on what is known before it.
+    let without_field = |turn: Option<Turn<'a>>| -> std::result::Result<_, Failure> {
+        let Some(turn) = turn else { return Ok(None) };
+        let known = frames.caught_up(&*turn.known().ok_or(Failure::Over)?, number)?;
+        Ok(Some(Handing { turn, known, number, start: None }))
+    };
+    let Some(mut picture) = picture else {
+        return Ok((Done::unreadable(None, number, file, unreadable, seconds_decode), without_field(turn)?));
+    };
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
     let mut notes = std::mem::take(&mut picture.notes);
-    match worker.correlate(engine, number, source, picture) {
-        Ok(Correlated { result, correlator, tracked, renewed, refused }) => {
+    let correlated = match (worker, &turn) {
+        (Worker::Tracking(_), Some(turn)) => {
+            tracked(engine, pool, frames, turn, number, picture).map(|(correlated, known)| (correlated, Some(known)))
+        }
+        (Worker::Chain(chain), _) => {
+            chain.correlate(engine, pool, number, source, picture).map(|correlated| (correlated, None))
+        }
+        _ => independent(engine, pool, number, picture).map(|correlated| (correlated, None)),
+    };
+    match correlated {
+        Ok((Correlated { result, correlator, seconds, tracked, renewed, refused }, known)) => {
             notes.extend(about_tracking(&result).filter(|_| tracked).map(str::to_owned));
             let refused: Vec<String> = refused.iter().map(|refused| chain(refused)).collect();
             notes.extend(refused.iter().cloned());
@@ -440,20 +543,20 @@ fn one_frame(engine: &Engine, worker: &mut Worker<'_>, decoded: Decoded) -> Resu
                 news.push(format!("frame {number}: measured from frame {reference}, the new reference"));
             }
             engine.note_colour(number, &result);
-            let seconds = [begin.elapsed().as_secs_f64(), seconds_decode];
-            let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, seconds);
+            let mut summary = FrameSummary::of(number, file, notes, &correlator, &result, [seconds, seconds_decode]);
             let device = correlator.device();
             summary.taken = taken;
             summary.device = (device != engine.first_device()).then(|| device.to_owned());
             let summary = summary.with_saturation(saturation).with_blank(blank);
-            Ok(Done { sha256, summary, result: Some(result), news, kept: None })
+            let start = result.next_start();
+            let handing = turn.zip(known).map(|(turn, known)| Handing { turn, known, number, start });
+            Ok((Done { sha256, summary, result: Some(result), news, kept: None }, handing))
         }
         Err(Failure::Correlation(error)) if error.is_of_the_frame() => {
             let message = format!("{file}: {}", chain(&error));
-            Ok(Done::unreadable(sha256, number, file, message, seconds_decode))
+            Ok((Done::unreadable(sha256, number, file, message, seconds_decode), without_field(turn)?))
         }
-        Err(Failure::Correlation(error)) => Err(error.into()),
-        Err(Failure::Image(error)) => Err(error.into()),
+        Err(failure) => Err(failure),
     }
 }
 

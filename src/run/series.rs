@@ -30,8 +30,9 @@ use crate::io::store::{STORE, Store, StoreWriter};
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
 use rayon::ThreadPool;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Results that wait to be written.
@@ -268,12 +269,12 @@ impl<'a> PreparedSeries<'a> {
                 folder.write_summary(&Summary { frames: Vec::new(), ..summary.clone() })?;
             }
         }
-        let (n_decoders, in_flight) = pipeline::widths(engine, self.pool, plan.options.start);
+        let widths = pipeline::widths(engine, self.pool, plan.options.start, plan.update);
         let with_field = before.done.iter().filter(|(_, (frame, _))| frame.status.has_field());
         Ok(Tally {
             hashes: before.done.iter().map(|(&number, (_, sha256))| (number, sha256.clone())).collect(),
             summary,
-            busy: Busy::new(n_decoders, in_flight),
+            busy: Busy::new(widths),
             in_series: with_field.map(|(&number, _)| number).collect(),
         })
     }
@@ -300,6 +301,7 @@ impl<'a> PreparedSeries<'a> {
             stop,
         };
         let [writing, waiting] = &[Spent::default(), Spent::default()];
+        let failed = &AtomicBool::new(false);
         let mut feed = Feed {
             to_do: before
                 .to_do
@@ -320,9 +322,28 @@ impl<'a> PreparedSeries<'a> {
                 let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
                 StrainWindows::new(correlator.mesh(), window, regularised)
             });
-            let output =
-                Output { plan, folder, store: writer, fields: store, about, windows, alone, in_series, writing };
-            let writer = thread(scope, move || output.write_all(&to_write))?;
+            let in_series = Mutex::new(in_series);
+            let output = Arc::new(Output {
+                plan,
+                folder,
+                store: writer,
+                fields: store,
+                about,
+                windows,
+                alone,
+                in_series,
+                writing,
+                to_write: Mutex::new(to_write),
+                failed,
+            });
+            let n_writers = pipeline::widths(engine, pool, plan.options.start, plan.update).written;
+            let writers = (0..n_writers).map(|_| {
+                let output = output.clone();
+                thread(scope, move || output.write_all())
+            });
+            let writers = writers.collect::<Result<Vec<_>>>()?;
+            // From here on the writers alone hold it: when all have stopped, everybody does.
+            drop(output);
             // The mesh, where zones or cracks were found: the first of the shards draws it.
             let is_drawn = !drawn.is_empty() && shard.is_none_or(|shard| shard.i == 1);
             let draw = || found::draw(plan, reference, correlator, folder.path(), drawn);
@@ -344,11 +365,14 @@ impl<'a> PreparedSeries<'a> {
                     summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * begun.elapsed());
                     last_summary = Instant::now();
                 }
-                // When the writer has stopped, its error says why.
-                Ok(finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
+                // When a writer has stopped, its error says why.
+                Ok(!failed.load(Ordering::SeqCst)
+                    && finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
             });
             drop(finished);
-            writer.join().map_err(|_| RunError::Bug("the writer stopped"))??;
+            let written =
+                writers.into_iter().map(|writer| writer.join().map_err(|_| RunError::Bug("a writer stopped"))?);
+            written.collect::<Vec<_>>().into_iter().collect::<Result<()>>()?;
             if let Some(drawing) = drawing {
                 drawing.join().map_err(|_| RunError::Bug("what draws the mesh stopped"))??;
             }

@@ -172,6 +172,28 @@ fn a_finished_run_is_left_as_it_is_and_resume_says_the_same_as_nothing() {
 }
 
 #[test]
+fn frames_that_are_done_at_the_same_time_have_the_bits_of_one_after_the_other() {
+    // With one thread each frame waits for the one before; with more it begins at a forecast, which is wrong where frames jump or are no
+    // images.
+    let desk = desk();
+    let line = "--element-size 8 --roi 0,0,128,96 --export csv";
+    desk.correlate(&format!("{line} --threads 1 --output whole s/*.png")).incomplete();
+    let frames = |folder: &str| {
+        let mut all = results(&desk, folder);
+        let summary: Value = serde_json::from_slice(&all["summary.json"]).unwrap();
+        all.insert("summary.json".into(), format!("{:#}", summary["frames"]).into_bytes());
+        // All but the number of threads.
+        ["fields.zarr/zarr.json", "run.toml"].map(|file| all.remove(file));
+        all
+    };
+    let whole = frames("whole");
+    for threads in [2, 5] {
+        desk.correlate(&format!("{line} --threads {threads} --overwrite --output out s/*.png")).incomplete();
+        assert_same(&whole, &frames("out"), &format!("{threads} threads"));
+    }
+}
+
+#[test]
 fn ctrl_c_finishes_the_frames_in_flight_and_says_how_to_go_on() {
     for (name, frame) in [("INT", 3), ("TERM", 1)] {
         let desk = desk();

@@ -89,6 +89,8 @@ pub(super) struct Gpu {
     alignment: u64,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
     free: Arc<Free>,
+    /// Buffers of constants, by what they hold.
+    uniforms: Mutex<HashMap<Box<[u8]>, wgpu::Buffer>>,
 }
 
 /// A kernel, its interpolation, and its threads per element.
@@ -114,6 +116,8 @@ pub(super) struct Buffer {
     free: Option<Arc<Free>>,
 }
 
+/// Buffers of constants kept at most.
+const UNIFORMS: usize = 1024;
 /// Buffers of one size kept at most.
 const KEPT: usize = 8;
 
@@ -201,6 +205,7 @@ impl Gpu {
             altered: Mutex::new(options.altered.clone()),
             pipelines: Mutex::default(),
             free: Arc::default(),
+            uniforms: Mutex::default(),
         })
     }
 
@@ -373,13 +378,19 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A buffer of constants, which may be dropped as soon as it is bound.
+    /// A buffer of constants, which may be dropped as soon as it is bound. Frames ask for the same ones again and again.
     pub fn uniform<T: Pod>(&self, contents: &T) -> Buffer {
-        let buffer = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::bytes_of(contents),
-            usage: BufferUsages::UNIFORM,
-        });
+        let contents = bytemuck::bytes_of(contents);
+        let mut kept = self.uniforms.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(buffer) = kept.get(contents) {
+            return Buffer { buffer: Some(buffer.clone()), free: None };
+        }
+        if kept.len() >= UNIFORMS {
+            kept.clear();
+        }
+        let usage = BufferUsages::UNIFORM;
+        let buffer = self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage });
+        kept.insert(contents.into(), buffer.clone());
         Buffer { buffer: Some(buffer), free: None }
     }
 

@@ -307,7 +307,7 @@ impl GpuField {
                 self.displacement.whole(),
                 self.worst.whole(),
                 // Not read where there are none.
-                solver.responses.as_ref().unwrap_or(&self.change).whole(),
+                solver.responses.as_deref().unwrap_or(&self.change).whole(),
                 level.node_zone.whole(),
                 self.change.whole(),
                 self.relaxation.whole(),

@@ -196,6 +196,10 @@ impl Backend for GpuBackend {
         GpuSolver::new(&self.gpu, solver)
     }
 
+    fn solver_like(&self, _: &GpuLevel, solver: Solver, like: &GpuSolver) -> Result<GpuSolver, BackendError> {
+        like.changed(&self.gpu, solver)
+    }
+
     fn start(
         &self,
         level: &GpuLevel,

@@ -7,14 +7,15 @@ use super::layout;
 use super::level::GpuLevel;
 use super::shader::Kernel;
 use crate::backend::BackendError;
-use crate::linalg::{BlockMatrix, Solver};
-use std::ops::Deref;
+use crate::linalg::{BlockMatrix, REDUCTION_CHANGED, Solver};
+use std::ops::{Deref, Range};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fall of the residual that the inner iterations are to reach: a Gauss-Newton iteration contracts about ninefold,
 /// and one that is solved to this loses nothing (`benches/RESULTS.md`).
 /// Times that of the host, which is 1e-2.
-const REDUCTION_BY_HOST: f64 = 3.0;
+const REDUCTION_BY_HOST: f64 = 1.0;
 /// The same of a regularised matrix, whose long waves fall last and are what the regularisation is about.
 const REDUCTION_REGULARISED: f64 = 1e-3;
 /// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host
@@ -33,8 +34,10 @@ pub struct GpuSolver {
     host: Solver,
     pub(super) id: u64,
     /// How the nodes answer to gain and offset of their zone, see [`Solver::responses`].
-    pub(super) responses: Option<Buffer>,
+    pub(super) responses: Option<Arc<Buffer>>,
     pub(super) device: Option<ConjugateGradients>,
+    /// Inner iterations of a matrix of which some rows have changed.
+    n_changed: Option<usize>,
 }
 
 impl Deref for GpuSolver {
@@ -49,15 +52,29 @@ impl Deref for GpuSolver {
 #[derive(Debug)]
 pub(super) struct ConjugateGradients {
     pub jacobi: Buffer,
-    pattern: Buffer,
     blocks: Buffer,
     /// Blocks of the penalty, on the same pattern.
     penalty: Option<Buffer>,
     /// Inner iterations.
     pub n: usize,
-    /// Per iteration, for each window of nodes: its constants, its blocks in bytes, its workgroups.
-    products: Vec<Vec<(Buffer, u64, u64, u32)>>,
-    updates: Vec<Buffer>,
+    pattern: Arc<OnDevice>,
+}
+
+/// A pattern on the device.
+#[derive(Debug)]
+struct OnDevice {
+    pattern: Buffer,
+    n_nodes: usize,
+    /// Windows of nodes whose blocks are seen at once.
+    windows: Vec<Window>,
+}
+
+/// Nodes and the place of their blocks; the place in bytes, too, where a binding may begin.
+#[derive(Debug)]
+struct Window {
+    nodes: Range<usize>,
+    first_block: usize,
+    bytes: u64,
 }
 
 /// Vectors of the conjugate gradients, part of a field.
@@ -88,48 +105,60 @@ impl Vectors {
 
 impl GpuSolver {
     pub(super) fn new(gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
-        static COUNT: AtomicU64 = AtomicU64::new(1);
-        // Where the host goes further than for a whole reference, in the same proportion.
-        let reduction =
-            if host.penalty().is_some() { REDUCTION_REGULARISED } else { REDUCTION_BY_HOST * host.reduction() };
-        let iterations = host.trial_iterations(reduction, MOST).max(LEAST);
+        let (reduction, of_changed) = match host.penalty() {
+            Some(_) => (REDUCTION_REGULARISED, None),
+            // Where the host goes further than for a whole reference, in the same proportion.
+            None => (REDUCTION_BY_HOST * host.reduction(), Some(REDUCTION_BY_HOST * REDUCTION_CHANGED)),
+        };
+        let trial = |reduction: f64| host.trial_iterations(reduction, MOST).max(LEAST);
+        let iterations = trial(reduction);
         let on_device = match host.penalty() {
             Some(penalty) => iterations < MOST && acts_on_differences(penalty),
             None => host.name() == "iterative",
         };
-        let device = if on_device { Some(ConjugateGradients::new(gpu, &host, iterations)?) } else { None };
+        let pattern = || Ok(Arc::new(OnDevice::new(gpu, &host)?));
+        let device = match on_device {
+            true => Some(ConjugateGradients::new(gpu, &host, iterations, pattern()?)?),
+            false => None,
+        };
+        let n_changed = if on_device { of_changed.map(trial) } else { None };
         let of_node =
             |(gain, offset): (&[f64; 2], &[f64; 2])| [gain[0], gain[1], offset[0], offset[1]].map(|u| u as f32);
         let responses = host
             .responses()
             .map(|[by_gain, by_offset]| -> Vec<[f32; 4]> { by_gain.iter().zip(by_offset).map(of_node).collect() });
-        let responses = responses.map(|of| gpu.filled(&of, "responses to light")).transpose()?;
-        Ok(Self { host, id: COUNT.fetch_add(1, Ordering::Relaxed), responses, device })
+        let responses = responses.map(|of| gpu.filled(&of, "responses to light")).transpose()?.map(Arc::new);
+        Ok(Self { host, id: next_id(), responses, device, n_changed })
+    }
+
+    /// One for a matrix that differs from that of this one in some rows, see [`Solver::changed`]: what both have in common is not
+    /// brought to the device again.
+    pub(super) fn changed(&self, gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
+        let (Some(of_this), Some(n), None) = (&self.device, self.n_changed, host.penalty()) else {
+            return Self::new(gpu, host);
+        };
+        let device = Some(ConjugateGradients::new(gpu, &host, n, of_this.pattern.clone())?);
+        Ok(Self { host, id: next_id(), responses: self.responses.clone(), device, n_changed: self.n_changed })
     }
 }
 
-impl ConjugateGradients {
-    fn new(gpu: &Gpu, solver: &Solver, n: usize) -> Result<Self, BackendError> {
-        let matrix = solver.matrix();
-        let (pattern, n_nodes) = (matrix.pattern(), matrix.pattern().n_nodes());
-        let mut jacobi: Vec<[f32; 4]> =
-            solver.jacobi().inverse.iter().map(|&[xx, xy, yy]| [xx as f32, xy as f32, yy as f32, 0.0]).collect();
-        // A node that is held takes no correction, whatever the right-hand side there.
-        matrix.held().iter().for_each(|&node| jacobi[node as usize] = [0.0; 4]);
+fn next_id() -> u64 {
+    static COUNT: AtomicU64 = AtomicU64::new(1);
+    COUNT.fetch_add(1, Ordering::Relaxed)
+}
+
+impl OnDevice {
+    fn new(gpu: &Gpu, solver: &Solver) -> Result<Self, BackendError> {
+        let pattern = solver.matrix().pattern();
+        let n_nodes = pattern.n_nodes();
         let starts = n_nodes as u32 + 1;
         let rows: Vec<u32> = (0..n_nodes).map(|node| starts + pattern.row(node).start as u32).collect();
         let end = starts + pattern.n_blocks() as u32;
         let places: Vec<u32> = rows.into_iter().chain([end]).chain(pattern.columns().iter().copied()).collect();
-        let stored = |matrix: &BlockMatrix| {
-            let blocks: Vec<[f32; 4]> = matrix.blocks().iter().map(|block| block.map(|v| v as f32)).collect();
-            let buffer = gpu.storage(16 * blocks.len() as u64, "the normal matrix")?;
-            gpu.write(&buffer, &blocks);
-            Ok::<_, BackendError>(buffer)
-        };
-        let n_partial = n_nodes.div_ceil(NODES_TOGETHER);
-        // Windows of nodes whose blocks are seen at once; they begin with a workgroup.
         let blocks_seen = (gpu.max_binding_bytes.saturating_sub(gpu.alignment()) / 16) as usize;
-        let mut windows: Vec<(usize, usize)> = Vec::new();
+        let per_alignment = (gpu.alignment() / 16).max(1) as usize;
+        // They begin with a workgroup.
+        let mut windows = Vec::new();
         let mut from = 0;
         while from < n_nodes {
             let first_block = pattern.row(from).start;
@@ -142,37 +171,62 @@ impl ConjugateGradients {
             while to < n_nodes && fits((to + NODES_TOGETHER).min(n_nodes)) {
                 to = (to + NODES_TOGETHER).min(n_nodes);
             }
-            windows.push((from, to));
+            let first_block = first_block / per_alignment * per_alignment;
+            let bytes = 16 * (pattern.row(to - 1).end - first_block) as u64;
+            windows.push(Window { nodes: from..to, first_block, bytes });
             from = to;
         }
-        let constants = |iteration: usize, from: usize, to: usize, first_block: usize| layout::Cg {
-            n_nodes: n_nodes as u32,
+        Ok(Self { pattern: gpu.filled(&places, "the pattern of the normal matrix")?, n_nodes, windows })
+    }
+
+    /// What an iteration is told.
+    fn constants(&self, iteration: usize, nodes: Range<usize>, first_block: usize) -> layout::Cg {
+        layout::Cg {
+            n_nodes: self.n_nodes as u32,
             iteration: iteration as u32,
-            n_partial: n_partial as u32,
-            first_node: from as u32,
-            last_node: to as u32,
+            n_partial: self.n_nodes.div_ceil(NODES_TOGETHER) as u32,
+            first_node: nodes.start as u32,
+            last_node: nodes.end as u32,
             first_block: first_block as u32,
             unused0: 0,
             unused1: 0,
-        };
-        let per_alignment = (gpu.alignment() / 16).max(1) as usize;
-        let product = |iteration: usize| {
-            let window = |&(from, to): &(usize, usize)| {
-                let first_block = pattern.row(from).start / per_alignment * per_alignment;
-                let uniform = gpu.uniform(&constants(iteration, from, to, first_block));
-                let bytes = 16 * (pattern.row(to - 1).end - first_block) as u64;
-                (uniform, 16 * first_block as u64, bytes, (to - from).div_ceil(NODES_TOGETHER) as u32)
-            };
-            windows.iter().map(window).collect()
+        }
+    }
+
+    /// Of each window: what the iteration is told, its part of `blocks`, its workgroups.
+    fn parts<'a>(
+        &'a self,
+        gpu: &'a Gpu,
+        iteration: usize,
+        blocks: &'a Buffer,
+    ) -> impl Iterator<Item = (Buffer, wgpu::BindingResource<'a>, u32)> {
+        self.windows.iter().map(move |Window { nodes, first_block, bytes }| {
+            let uniform = gpu.uniform(&self.constants(iteration, nodes.clone(), *first_block));
+            let groups = nodes.len().div_ceil(NODES_TOGETHER) as u32;
+            (uniform, blocks.part(16 * *first_block as u64, *bytes), groups)
+        })
+    }
+}
+
+impl ConjugateGradients {
+    fn new(gpu: &Gpu, solver: &Solver, n: usize, pattern: Arc<OnDevice>) -> Result<Self, BackendError> {
+        let matrix = solver.matrix();
+        let mut jacobi: Vec<[f32; 4]> =
+            solver.jacobi().inverse.iter().map(|&[xx, xy, yy]| [xx as f32, xy as f32, yy as f32, 0.0]).collect();
+        // A node that is held takes no correction, whatever the right-hand side there.
+        matrix.held().iter().for_each(|&node| jacobi[node as usize] = [0.0; 4]);
+        let stored = |matrix: &BlockMatrix| {
+            let blocks: Vec<[f32; 4]> = matrix.blocks().iter().map(|block| block.map(|v| v as f32)).collect();
+            let buffer = gpu.storage(16 * blocks.len() as u64, "the normal matrix")?;
+            gpu.write(&buffer, &blocks);
+            Ok::<_, BackendError>(buffer)
         };
         Ok(Self {
             jacobi: gpu.filled(&jacobi, "the nodal blocks")?,
-            pattern: gpu.filled(&places, "the pattern of the normal matrix")?,
-            n,
-            products: (0..n).map(product).collect(),
-            updates: (0..n).map(|iteration| gpu.uniform(&constants(iteration, 0, n_nodes, 0))).collect(),
             blocks: stored(matrix)?,
             penalty: solver.penalty().map(stored).transpose()?,
+            n,
+            pattern,
         })
     }
 
@@ -187,13 +241,13 @@ impl ConjugateGradients {
         let mut kernels = vec![gather(gpu, level, sums, vectors, &self.jacobi)];
         let Some(penalty) = &self.penalty else { return kernels };
         let pipeline = gpu.pipeline(Kernel::Penalty, level.options.interpolation, 0);
-        for (uniform, at, bytes, groups) in &self.products[0] {
+        for (uniform, part, groups) in self.pattern.parts(gpu, 0, penalty) {
             let bound = gpu.bind(
                 &pipeline,
                 &[
                     uniform.whole(),
-                    self.pattern.whole(),
-                    penalty.part(*at, *bytes),
+                    self.pattern.pattern.whole(),
+                    part,
                     displacement.whole(),
                     self.jacobi.whole(),
                     vectors.residual.whole(),
@@ -201,7 +255,7 @@ impl ConjugateGradients {
                     vectors.products.whole(),
                 ],
             );
-            kernels.push((bound, *groups));
+            kernels.push((bound, groups));
         }
         kernels
     }
@@ -211,17 +265,17 @@ impl ConjugateGradients {
         let interpolation = level.options.interpolation;
         let (product, update) =
             (gpu.pipeline(Kernel::CgProduct, interpolation, 0), gpu.pipeline(Kernel::CgUpdate, interpolation, 0));
-        let groups = level.mesh.n_nodes().div_ceil(NODES_TOGETHER) as u32;
+        let n_nodes = level.mesh.n_nodes();
         let mut kernels = Vec::new();
         for k in 0..self.n {
             let [old, new] = if k % 2 == 0 { [0, 1] } else { [1, 0] };
-            for (uniform, at, bytes, groups) in &self.products[k] {
+            for (uniform, part, groups) in self.pattern.parts(gpu, k, &self.blocks) {
                 let bound = gpu.bind(
                     &product,
                     &[
                         uniform.whole(),
-                        self.pattern.whole(),
-                        self.blocks.part(*at, *bytes),
+                        self.pattern.pattern.whole(),
+                        part,
                         vectors.preconditioned.whole(),
                         vectors.directions[old].whole(),
                         vectors.directions[new].whole(),
@@ -229,12 +283,12 @@ impl ConjugateGradients {
                         vectors.products.whole(),
                     ],
                 );
-                kernels.push((bound, *groups));
+                kernels.push((bound, groups));
             }
             let bound = gpu.bind(
                 &update,
                 &[
-                    self.updates[k].whole(),
+                    gpu.uniform(&self.pattern.constants(k, 0..n_nodes, 0)).whole(),
                     self.jacobi.whole(),
                     vectors.directions[new].whole(),
                     vectors.image.whole(),
@@ -244,7 +298,7 @@ impl ConjugateGradients {
                     vectors.products.whole(),
                 ],
             );
-            kernels.push((bound, groups));
+            kernels.push((bound, n_nodes.div_ceil(NODES_TOGETHER) as u32));
         }
         kernels
     }
