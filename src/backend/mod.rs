@@ -254,6 +254,9 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// When the device fails.
     fn link(&self, level: &mut Self::Level, places: Vec<Place>) -> Result<(), BackendError>;
 
+    /// Gives back what iterations alone need of a frame; it is made again when they go on.
+    fn release(&self, frame: &mut Self::Frame);
+
     /// Brings a solver of a level's normal equations to the device.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use super::correlation::Correlation;
 use super::correlator::Correlator;
 use super::error::CorrelationError;
 use super::options::Options;
+use super::overlap::Overlap;
 use super::reference::Reference;
 use super::start::Start;
 use crate::backend::choice::Device;
@@ -43,18 +44,18 @@ pub trait Correlate: Send + Sync {
     /// # Errors
     /// A start for another mesh, or a device that fails. Not converging is a result, not an error.
     fn correlate_uploaded(&self, frame: Uploaded, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
-        self.correlate_telling(frame, start, &mut |_| ())
+        self.correlate_in_series(frame, start, &mut Overlap::default())
     }
 
-    /// As [`Correlate::correlate_uploaded`]; tells the field ahead, see [`Correlator::correlate_telling`].
+    /// As [`Correlate::correlate_uploaded`], while other frames of a series are under way.
     ///
     /// # Errors
     /// Those of [`Correlate::correlate_uploaded`].
-    fn correlate_telling(
+    fn correlate_in_series(
         &self,
         frame: Uploaded,
         start: Option<&Start>,
-        settled: &mut dyn FnMut(Start),
+        overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError>;
 
     /// Prepares another reference of the same series on the same device.
@@ -86,17 +87,17 @@ impl<B: Backend> Correlate for Correlator<B> {
         Ok(Uploaded { frame: Box::new(self.frame(image.clone())?), image })
     }
 
-    fn correlate_telling(
+    fn correlate_in_series(
         &self,
         Uploaded { image, frame }: Uploaded,
         start: Option<&Start>,
-        settled: &mut dyn FnMut(Start),
+        overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
         let frame = match frame.downcast::<B::Frame>() {
             Ok(frame) => *frame,
             Err(_) => self.frame(image)?, // it lies on a device of another kind
         };
-        self.correlate_telling(frame, start, settled)
+        self.correlate_in_series(frame, start, overlap)
     }
 
     fn with_reference(

@@ -5,6 +5,7 @@ use super::correlation::{Correlation, StartUsed};
 use super::error::CorrelationError;
 use super::features::Features;
 use super::finest::{Finest, finest_level};
+use super::finish::Settled;
 use super::gradient_noise::{AssumedNoise, gradient_sums};
 use super::iterate::{Limits, Turn, WILD_ELEMENTS, iterate, nothing};
 use super::level::Level;
@@ -12,6 +13,7 @@ use super::misfit::MisfitTest;
 use super::model_error::MeshLines;
 use super::noise_correlation::{NoiseProbe, Prepared};
 use super::options::Options;
+use super::overlap::Overlap;
 use super::point_values::PointValuesOf;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
@@ -268,22 +270,20 @@ impl<B: Backend> Correlator<B> {
     /// # Errors
     /// A start for another mesh, or a device that fails.
     pub fn correlate_frame(&self, frame: B::Frame, start: Option<&Start>) -> Result<Correlation, CorrelationError> {
-        self.correlate_telling(frame, start, &mut |_| ())
+        self.correlate_in_series(frame, start, &mut Overlap::default())
     }
 
-    /// As [`Correlator::correlate_frame`]; `settled` is called with the field as soon as the device has done its part, so that the next
-    /// frame of a series may begin while uncertainty and marks of this one are computed. Where it is not sure yet what becomes of a field
-    /// it is not called. It remains a forecast: in rare cases what is returned is another field, or none.
+    /// As [`Correlator::correlate_frame`], while other frames of a series are under way.
     ///
     /// # Errors
     /// Those of [`Correlator::correlate_frame`].
-    pub fn correlate_telling(
+    pub fn correlate_in_series(
         &self,
         mut frame: B::Frame,
         start: Option<&Start>,
-        settled: &mut dyn FnMut(Start),
+        overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
-        let found = self.found_from(&mut frame, start, settled)?;
+        let found = self.found_from(&mut frame, start, overlap)?;
         let found = self.with_faces(&frame, found, start.map(|start| start.displacement.as_slice()));
         Ok(self.point_values.given(found))
     }
@@ -292,15 +292,22 @@ impl<B: Backend> Correlator<B> {
         &self,
         frame: &mut B::Frame,
         start: Option<&Start>,
-        settled: &mut dyn FnMut(Start),
+        overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
-        if let Some(Start { displacement, transfer }) = start {
-            let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
-            let (nodes, zones) = (displacement.len(), transfer.len());
-            if (nodes, zones) != (mesh_nodes, mesh_zones) {
-                return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
-            }
-            if let Some(found) = self.at_prediction(frame, (displacement, transfer), settled)? {
+        let Some(Start { displacement, transfer }) = start else {
+            return overlap.together(|_| {
+                let found = self.search(frame)?;
+                self.told(frame, found, None)
+            });
+        };
+        let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
+        let (nodes, zones) = (displacement.len(), transfer.len());
+        if (nodes, zones) != (mesh_nodes, mesh_zones) {
+            return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
+        }
+        let found = self.at_prediction(frame, (displacement, transfer), overlap)?;
+        overlap.together(|_| {
+            if let Some(found) = found {
                 return self.told(frame, found, Some(displacement));
             }
             let moved = self.moved_rigidly(frame, displacement, transfer)?;
@@ -314,10 +321,8 @@ impl<B: Backend> Correlator<B> {
             if best.measurement.status != Status::Converged {
                 best = better(best, self.search(frame)?);
             }
-            return self.told(frame, best, Some(displacement));
-        }
-        let found = self.search(frame)?;
-        self.told(frame, found, None)
+            self.told(frame, best, Some(displacement))
+        })
     }
 
     pub(super) fn limits(&self, turn: Turn) -> Limits<'_> {
@@ -343,9 +348,24 @@ impl<B: Backend> Correlator<B> {
     fn at_prediction(
         &self,
         frame: &mut B::Frame,
-        (displacement, transfer): (&[[f64; 2]], &[GreyTransfer]),
-        settled: &mut dyn FnMut(Start),
+        start: (&[[f64; 2]], &[GreyTransfer]),
+        overlap: &mut Overlap<'_>,
     ) -> Result<Option<Correlation>, CorrelationError> {
+        let field = overlap.together(|settled| self.settled_at_prediction(frame, start, settled))?;
+        let Some(field) = field else { return Ok(None) };
+        // What follows looks at the images alone.
+        self.backend.release(frame);
+        let found = self.measured(frame, field, StartUsed::Predicted, 0);
+        Ok((found.measurement.status == Status::Converged).then_some(found))
+    }
+
+    /// The field that is found from a prediction that is near.
+    fn settled_at_prediction(
+        &self,
+        frame: &mut B::Frame,
+        (displacement, transfer): (&[[f64; 2]], &[GreyTransfer]),
+        settled: &mut (dyn FnMut(Start) + Send),
+    ) -> Result<Option<Settled<B>>, CorrelationError> {
         let finest = &self.levels[0];
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
         let limits = Limits { near_px: PREDICTION_OFF_PX, ..self.limits(self.turn(finest, displacement)) };
@@ -361,8 +381,7 @@ impl<B: Backend> Correlator<B> {
         let field = self.settled(frame, &mut field, iterated, Vec::new())?;
         field.start().filter(|_| is_told && !told_early).into_iter().for_each(settled);
         self.ends_as_iterated.store(field.is_as_iterated(), Ordering::Relaxed);
-        let found = self.measured(frame, field, StartUsed::Predicted, 0);
-        Ok((found.measurement.status == Status::Converged).then_some(found))
+        Ok(Some(field))
     }
 
     /// The nodes on cuts of the mesh.

@@ -6,14 +6,16 @@ use super::kept::Kept;
 use super::relay::{Known, Relay, Turn};
 use super::stop::Stop;
 use super::text::chain;
-use crate::correlate::{Correlate, Correlation, History, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded};
+use crate::correlate::{
+    Correlate, Correlation, History, Overlap, ReferenceChain, Start, StartUsed, UpdateRefused, Uploaded,
+};
 use crate::field::{StartFrom, Status, UpdateReference};
 use crate::imaging::{Blank, FlatBlocks, Image, Saturation};
 use crate::io::images::{Accepted, Loaded, PagedFile, ReadError};
 use crate::io::series::Frame;
 use crate::io::watch::read_whole;
 use crate::report::summary::FrameSummary;
-use rayon::ThreadPool;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,8 +27,9 @@ use std::time::{Duration, Instant};
 const AHEAD: usize = 2;
 /// Images on the device that wait for theirs.
 const UPLOADED: usize = 1;
-/// Tracked frames at a time: while uncertainty and marks of one are computed, mostly by one thread, the next ones iterate.
-const TRACKED: usize = 4;
+/// Tracked frames at a time: half as many as there are threads and one more, and so many at most. While one iterates on all threads,
+/// uncertainty and marks of those before it are computed by a thread for each.
+const TRACKED: usize = 8;
 /// Threads that write at most: of many threads one in four.
 const WRITERS: usize = 4;
 /// Decoding threads beside the CPU at most: PNG takes 17 ns per pixel, as much as its whole correlation.
@@ -134,7 +137,9 @@ pub(super) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, updat
         (StartFrom::Independent, _) => {
             Widths { decoded, correlated: engine.correlator().frames_in_flight(), written: writers }
         }
-        (StartFrom::Previous, _) => Widths { decoded, correlated: threads.min(TRACKED), written: writers },
+        // One thread alone does one after the other.
+        (StartFrom::Previous, _) if threads == 1 => Widths { decoded, correlated: 1, written: writers },
+        (StartFrom::Previous, _) => Widths { decoded, correlated: (threads / 2 + 1).min(TRACKED), written: writers },
     }
 }
 
@@ -180,12 +185,12 @@ pub(super) fn run(
             .collect::<Result<_>>()?;
         let handing = thread(scope, move || hand_out(next, wanted, &to_read))?;
         let (out, uploaded) = sync_channel(UPLOADED);
-        thread(scope, move || upload(engine, pool, &decoders, &out))?;
+        thread(scope, move || upload(engine, &decoders, &out))?;
         let uploaded = Arc::new(Mutex::new(uploaded));
         let (out, results) = sync_channel(in_flight);
         for _ in 0..in_flight {
-            let (uploaded, out) = (uploaded.clone(), out.clone());
-            thread(scope, move || correlate(engine, pool, (frames, Worker::new(frames, relay)), &uploaded, &out))?;
+            let (uploaded, out, worker) = (uploaded.clone(), out.clone(), Worker::new(frames, relay)?);
+            thread(scope, move || correlate(engine, pool, (frames, worker), &uploaded, &out))?;
         }
         // From here on the workers alone hold both: when they stop, everybody does.
         drop((uploaded, out));
@@ -280,15 +285,12 @@ fn read_frame(
 }
 
 /// Brings the frames to the device, in order, while others are correlated.
-fn upload(engine: &Engine, pool: &ThreadPool, decoders: &[Receiver<Decoded>], out: &SyncSender<Decoded>) {
+fn upload(engine: &Engine, decoders: &[Receiver<Decoded>], out: &SyncSender<Decoded>) {
     for decoder in decoders.iter().cycle() {
         let Ok(mut decoded) = decoder.recv() else { return }; // the last frame has been
         if let Ok(picture) = &mut decoded.loaded {
-            // On the CPU nothing is brought anywhere: no thread of the pool is to be waited for.
-            picture.uploaded = match engine.is_on_cpu() {
-                true => engine.upload(picture.image.clone()),
-                false => pool.install(|| engine.upload(picture.image.clone())),
-            };
+            // Not on a thread of the pool, which would have to be waited for.
+            picture.uploaded = engine.upload(picture.image.clone());
         }
         if out.send(decoded).is_err() {
             return; // nobody wants more
@@ -300,8 +302,8 @@ fn upload(engine: &Engine, pool: &ThreadPool, decoders: &[Receiver<Decoded>], ou
 enum Worker<'a> {
     /// Each for itself, with the reference given.
     Independent,
-    /// Each from where those before it are, with the reference given.
-    Tracking(&'a Relay),
+    /// Each from where those before it are, with the reference given; the thread does what others do not share.
+    Tracking(&'a Relay, ThreadPool),
     /// With a reference that is renewed.
     Chain(Box<Chain<'a>>),
 }
@@ -343,22 +345,25 @@ impl Handing<'_> {
 }
 
 impl<'a> Worker<'a> {
-    fn new(frames: &'a Frames<'a>, relay: &'a Relay) -> Self {
-        match (frames.start, frames.update) {
+    fn new(frames: &'a Frames<'a>, relay: &'a Relay) -> Result<Self> {
+        Ok(match (frames.start, frames.update) {
             (StartFrom::Independent, UpdateReference::Never) => Self::Independent,
-            (StartFrom::Previous, UpdateReference::Never) => Self::Tracking(relay),
+            (StartFrom::Previous, UpdateReference::Never) => {
+                let own = ThreadPoolBuilder::new().num_threads(1).build();
+                Self::Tracking(relay, own.map_err(|error| RunError::Threads(std::io::Error::other(error)))?)
+            }
             _ => {
                 let file = |&number: &usize| Some((number, frames.known.get(number - 1)?.clone()));
                 let files = frames.kept.images.keys().filter_map(file).collect();
                 Self::Chain(Box::new(Chain { frames, kept: frames.kept.clone(), files, chain: None }))
             }
-        }
+        })
     }
 
     /// The turn of the next frame, where there are turns.
     fn turn(&self) -> Option<Turn<'a>> {
         match self {
-            Self::Tracking(relay) => Some(relay.turn()),
+            Self::Tracking(relay, _) => Some(relay.turn()),
             Self::Independent | Self::Chain(_) => None,
         }
     }
@@ -389,7 +394,7 @@ fn independent(
 /// Correlates a frame in its turn, and what it was predicted from.
 fn tracked(
     engine: &Engine,
-    pool: &ThreadPool,
+    [pool, own]: [&ThreadPool; 2],
     frames: &Frames<'_>,
     turn: &Turn<'_>,
     number: usize,
@@ -401,10 +406,11 @@ fn tracked(
         let (mut tracked, mut seconds) = (false, 0.0);
         let done = engine.correlate(pool, number, &image, uploaded.take(), |_, correlator, frame| {
             let begin = Instant::now();
-            let result = pool.install(|| {
+            let result = own.install(|| {
                 let start = known.history.predict(number, correlator.mesh());
                 tracked = start.is_some();
-                correlator.correlate_telling(frame, start.as_ref(), &mut |start| turn.tell(&known, number, start))
+                let mut tell = |start| turn.tell(&known, number, start);
+                correlator.correlate_in_series(frame, start.as_ref(), &mut Overlap::new(pool, &mut tell))
             });
             seconds = begin.elapsed().as_secs_f64();
             let before = turn.known().ok_or(Failure::Over)?;
@@ -524,9 +530,8 @@ fn one_frame<'a>(
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
     let mut notes = std::mem::take(&mut picture.notes);
     let correlated = match (worker, &turn) {
-        (Worker::Tracking(_), Some(turn)) => {
-            tracked(engine, pool, frames, turn, number, picture).map(|(correlated, known)| (correlated, Some(known)))
-        }
+        (Worker::Tracking(_, own), Some(turn)) => tracked(engine, [pool, own], frames, turn, number, picture)
+            .map(|(correlated, known)| (correlated, Some(known))),
         (Worker::Chain(chain), _) => {
             chain.correlate(engine, pool, number, source, picture).map(|correlated| (correlated, None))
         }

@@ -406,6 +406,10 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
+    fn release(&self, frame: &mut CpuFrame) {
+        frame.coefficients.clear();
+    }
+
     fn solver(&self, _: &CpuLevel, solver: Solver) -> Result<Arc<Solver>, BackendError> {
         Ok(Arc::new(solver))
     }

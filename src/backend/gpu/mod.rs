@@ -192,6 +192,10 @@ impl Backend for GpuBackend {
         level.link(&self.gpu, &places)
     }
 
+    fn release(&self, frame: &mut GpuFrame) {
+        frame.release();
+    }
+
     fn solver(&self, _: &GpuLevel, solver: Solver) -> Result<GpuSolver, BackendError> {
         GpuSolver::new(&self.gpu, solver)
     }

@@ -131,6 +131,11 @@ impl GpuFrame {
         Ok(self.levels[level].coefficients.clone().expect("made above"))
     }
 
+    /// Gives back all that is on the device.
+    pub(super) fn release(&mut self) {
+        self.levels.clear();
+    }
+
     /// Gives back the coefficients of a level, which a reference does not need again.
     pub(super) fn forget_coefficients(&mut self, level: usize) {
         self.levels[level].coefficients = None;
