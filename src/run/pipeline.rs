@@ -514,18 +514,18 @@ fn one_frame<'a>(
 ) -> std::result::Result<(Done, Option<Handing<'a>>), Failure> {
     let Decoded { number, frame: source, loaded, saturation, blank, seconds: seconds_decode } = decoded;
     let file = source.to_string();
-    let (picture, unreadable) = match loaded {
-        Ok(picture) => (Some(picture), String::new()),
-        Err(error) => (None, chain(&error)),
-    };
     // What has no field hands on what is known before it.
     let without_field = |turn: Option<Turn<'a>>| -> std::result::Result<_, Failure> {
         let Some(turn) = turn else { return Ok(None) };
         let known = frames.caught_up(&*turn.known().ok_or(Failure::Over)?, number)?;
         Ok(Some(Handing { turn, known, number, start: None }))
     };
-    let Some(mut picture) = picture else {
-        return Ok((Done::unreadable(None, number, file, unreadable, seconds_decode), without_field(turn)?));
+    let mut picture = match loaded {
+        Ok(picture) => picture,
+        Err(error) => {
+            let done = Done::unreadable(None, number, file, chain(&error), seconds_decode);
+            return Ok((done, without_field(turn)?));
+        }
     };
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
     let mut notes = std::mem::take(&mut picture.notes);

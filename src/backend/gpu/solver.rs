@@ -12,11 +12,8 @@ use std::ops::{Deref, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Fall of the residual that the inner iterations are to reach: a Gauss-Newton iteration contracts about ninefold,
-/// and one that is solved to this loses nothing (`benches/RESULTS.md`).
-/// Times that of the host, which is 1e-2.
-const REDUCTION_BY_HOST: f64 = 1.0;
-/// The same of a regularised matrix, whose long waves fall last and are what the regularisation is about.
+/// Fall of the residual that the inner iterations are to reach with a regularised matrix, whose long waves fall last and are what the
+/// regularisation is about; else it is that of the host: an iteration solved to less takes another one (`benches/RESULTS.md`).
 const REDUCTION_REGULARISED: f64 = 1e-3;
 /// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host
 /// (`benches/RESULTS.md`).
@@ -107,8 +104,7 @@ impl GpuSolver {
     pub(super) fn new(gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
         let (reduction, of_changed) = match host.penalty() {
             Some(_) => (REDUCTION_REGULARISED, None),
-            // Where the host goes further than for a whole reference, in the same proportion.
-            None => (REDUCTION_BY_HOST * host.reduction(), Some(REDUCTION_BY_HOST * REDUCTION_CHANGED)),
+            None => (host.reduction(), Some(REDUCTION_CHANGED)),
         };
         let trial = |reduction: f64| host.trial_iterations(reduction, MOST).max(LEAST);
         let iterations = trial(reduction);
