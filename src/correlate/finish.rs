@@ -15,7 +15,7 @@ use super::noise_correlation::factors;
 use super::noise_model::Elements;
 use super::own::Own;
 use super::screen::{LEAST_LEFT, continued};
-use super::start::Start;
+use super::settled::{Iterated, Settled};
 use super::texture::lost_in_noise;
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMatch, Found, PixelSums};
@@ -30,44 +30,6 @@ const MISFIT_EVERYWHERE: f64 = 3.0;
 const MARKED_RATIO: f64 = 1.5625;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
-
-/// What a finished iteration has found.
-pub(super) struct Iterated<B: Backend> {
-    outcome: Outcome<B>,
-    found: Found,
-    light: Option<Light>,
-}
-
-impl<B: Backend> Iterated<B> {
-    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is in a light of
-    /// its own.
-    pub fn start(&self) -> Option<Start> {
-        let is_field = self.outcome.status == Status::Converged && self.light.is_none();
-        let Found { displacement, transfer, .. } = &self.found;
-        is_field.then(|| Start { displacement: displacement.clone(), transfer: transfer.clone() })
-    }
-}
-
-/// A field whose iteration has ended, all that does not match left out.
-pub(super) struct Settled<B: Backend> {
-    of: Iterated<B>,
-    excluded: Vec<bool>,
-    /// Per zone.
-    matches: Vec<f64>,
-    status: Status,
-}
-
-impl<B: Backend> Settled<B> {
-    /// As [`Iterated::start`].
-    pub fn start(&self) -> Option<Start> {
-        self.of.start().filter(|_| self.status == Status::Converged)
-    }
-
-    /// Whether it is the field that the iteration had found.
-    pub fn is_as_iterated(&self) -> bool {
-        self.status == Status::Converged && !self.excluded.contains(&true)
-    }
-}
 
 impl<B: Backend> Correlator<B> {
     /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.

@@ -36,6 +36,7 @@ mod rigid;
 mod screen;
 mod search;
 mod series;
+mod settled;
 mod start;
 mod texture;
 mod uncertainty;

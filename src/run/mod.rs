@@ -32,6 +32,7 @@ mod explore;
 mod feed;
 mod folder;
 mod found;
+mod frames;
 mod heard;
 mod identification;
 mod in_memory;
@@ -67,6 +68,7 @@ mod tournament;
 mod wanted;
 mod watching;
 mod which_reference;
+mod worker;
 mod zones;
 
 pub use busy::Busy;

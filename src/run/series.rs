@@ -8,6 +8,7 @@ use super::event::{Event, Watcher};
 use super::feed::Feed;
 use super::folder::{About, RunFolder, csv_name, vtu_name};
 use super::found::{self, Found};
+use super::frames::{Done, Frames};
 use super::kept::Kept;
 use super::lock::Lock;
 use super::output::{Output, ToWrite};
@@ -288,7 +289,7 @@ impl<'a> PreparedSeries<'a> {
         let Session { stop, shard, .. } = session;
         let windows = windows(correlator.mesh());
         let flat = FlatBlocks::of(&self.reference);
-        let frames = pipeline::Frames {
+        let frames = Frames {
             known: &plan.deformed,
             settle: camera.as_ref().map(Camera::settle),
             accepted: plan.accepted.of_size(self.reference.width(), self.reference.height()),
@@ -352,7 +353,7 @@ impl<'a> PreparedSeries<'a> {
             let mut summary_every = SUMMARY_EVERY;
             let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
             let done = pipeline::run(engine, pool, &frames, next, |done| {
-                let pipeline::Done { sha256, summary: frame, result, news, kept } = done;
+                let Done { sha256, summary: frame, result, news, kept } = done;
                 tally.hashes.insert(frame.number, sha256.clone());
                 news.iter().for_each(|line| watcher(Event::Note(line)));
                 tally.take_notes(engine, watcher);

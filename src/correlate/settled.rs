@@ -1,0 +1,45 @@
+//! What an iteration has found, before and after it is known which elements match.
+
+use super::iterate::Outcome;
+use super::light::Light;
+use super::start::Start;
+use crate::backend::{Backend, Found};
+use crate::field::Status;
+
+/// What a finished iteration has found.
+pub(super) struct Iterated<B: Backend> {
+    pub outcome: Outcome<B>,
+    pub found: Found,
+    pub light: Option<Light>,
+}
+
+impl<B: Backend> Iterated<B> {
+    /// Where the next frame of a series may begin, if this field is confirmed. None where it has not converged, or is in a light of
+    /// its own.
+    pub fn start(&self) -> Option<Start> {
+        let is_field = self.outcome.status == Status::Converged && self.light.is_none();
+        let Found { displacement, transfer, .. } = &self.found;
+        is_field.then(|| Start { displacement: displacement.clone(), transfer: transfer.clone() })
+    }
+}
+
+/// A field whose iteration has ended, all that does not match left out.
+pub(super) struct Settled<B: Backend> {
+    pub of: Iterated<B>,
+    pub excluded: Vec<bool>,
+    /// Per zone.
+    pub matches: Vec<f64>,
+    pub status: Status,
+}
+
+impl<B: Backend> Settled<B> {
+    /// As [`Iterated::start`].
+    pub fn start(&self) -> Option<Start> {
+        self.of.start().filter(|_| self.status == Status::Converged)
+    }
+
+    /// Whether it is the field that the iteration had found.
+    pub fn is_as_iterated(&self) -> bool {
+        self.status == Status::Converged && !self.excluded.contains(&true)
+    }
+}
