@@ -1,7 +1,7 @@
 //! Where the frames of a run go: the store, tables, records.
 
 use super::busy::Spent;
-use super::error::Result;
+use super::error::{Result, RunError, thread};
 use super::folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
 use super::kept::Kept;
 use super::plan::Plan;
@@ -14,7 +14,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Instant;
 
 /// A frame on its way to the disk; without a result when it could not be read.
@@ -47,9 +48,31 @@ pub(super) struct Output<'a> {
     pub failed: &'a AtomicBool,
 }
 
-impl Output<'_> {
+/// A thread that writes.
+type Writer<'scope> = ScopedJoinHandle<'scope, Result<()>>;
+
+/// Waits until `writers` have written all; the first of their errors.
+pub(super) fn end(writers: Vec<Writer<'_>>) -> Result<()> {
+    let end = |writer: Writer<'_>| writer.join().map_err(|_| RunError::Bug("a writer stopped"))?;
+    writers.into_iter().map(end).collect::<Vec<_>>().into_iter().collect()
+}
+
+impl<'a> Output<'a> {
+    /// Begins to write with `n` threads. They alone hold what the frames come through: when all have stopped, nobody can send another.
+    pub fn begin<'scope>(self, scope: &'scope Scope<'scope, '_>, n: usize) -> Result<Vec<Writer<'scope>>>
+    where
+        'a: 'scope,
+    {
+        let output = Arc::new(self);
+        let writer = |_| {
+            let output = output.clone();
+            thread(scope, move || output.write_all())
+        };
+        (0..n).map(writer).collect()
+    }
+
     /// Writes the frames as they come; several threads share them.
-    pub fn write_all(&self) -> Result<()> {
+    fn write_all(&self) -> Result<()> {
         loop {
             let next = self.to_write.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(frame) = next else { return Ok(()) };

@@ -11,14 +11,15 @@ use super::found::{self, Found};
 use super::frames::{Done, Frames};
 use super::kept::Kept;
 use super::lock::Lock;
-use super::output::{Output, ToWrite};
+use super::output::{self, Output, ToWrite};
+use super::pipeline::Numbered;
 use super::plan::Plan;
 use super::reference::{Reference, about_reference, windows};
 use super::restart::{self, Earlier};
 use super::run_toml::RunToml;
 use super::session::{Existing, Outcome, Ran, Session};
 use super::store_of_run::{header_of, made_or_found};
-use super::tally::Tally;
+use super::tally::{Summaries, Tally};
 use super::text::chain;
 use super::which_reference::about_texts;
 use super::zones::Zones;
@@ -28,20 +29,18 @@ use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreWriter};
+use crate::mesh::Mesh;
 use crate::report::summary::{FrameSummary, Summary, counts, reference_updates};
+use crate::units::Px;
 use rayon::ThreadPool;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Results that wait to be written.
 const BEHIND: usize = 4;
-/// How often the summary is written while the series runs.
-const SUMMARY_EVERY: Duration = Duration::from_secs(10);
-/// Share of the time that this may take: that of a long series grows with it.
-const SUMMARY_SHARE: u32 = 50;
 
 /// Correlates the series of `plan` into `folder`: what is missing of it, or all. What is done stays done, however this ends: the same
 /// call goes on from there.
@@ -110,6 +109,19 @@ struct Before {
     /// Frames of this process, and those of them that are to be done.
     own: Vec<usize>,
     to_do: Vec<usize>,
+}
+
+impl Before {
+    /// The frames that are to be done.
+    fn frames(&self, plan: &Plan) -> VecDeque<Numbered> {
+        self.to_do.iter().filter_map(|&number| Some((number, plan.deformed.get(number - 1)?.clone()))).collect()
+    }
+}
+
+/// What makes the strains over a window, where one is asked for.
+fn strain_windows(plan: &Plan, mesh: &Mesh<Px>) -> Option<StrainWindows> {
+    let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
+    plan.strain_window.map(|window| StrainWindows::new(mesh, window, regularised))
 }
 
 impl<'a> PreparedSeries<'a> {
@@ -303,54 +315,31 @@ impl<'a> PreparedSeries<'a> {
         };
         let [writing, waiting] = &[Spent::default(), Spent::default()];
         let failed = &AtomicBool::new(false);
-        let mut feed = Feed {
-            to_do: before
-                .to_do
-                .iter()
-                .filter_map(|&number| Some((number, plan.deformed.get(number - 1)?.clone())))
-                .collect(),
-            camera: camera.as_mut(),
-            record,
-            store: writer,
-            engine,
-            waiting,
-        };
+        let mut feed =
+            Feed { to_do: before.frames(plan), camera: camera.as_mut(), record, store: writer, engine, waiting };
         let alone = shard.is_none();
         let written = std::thread::scope(|scope| -> Result<()> {
             let (finished, to_write) = sync_channel(BEHIND);
-            let in_series = std::mem::take(&mut tally.in_series);
-            let windows = plan.strain_window.map(|window| {
-                let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
-                StrainWindows::new(correlator.mesh(), window, regularised)
-            });
-            let in_series = Mutex::new(in_series);
-            let output = Arc::new(Output {
+            let output = Output {
                 plan,
                 folder,
                 store: writer,
                 fields: store,
                 about,
-                windows,
+                windows: strain_windows(plan, correlator.mesh()),
                 alone,
-                in_series,
+                in_series: Mutex::new(std::mem::take(&mut tally.in_series)),
                 writing,
                 to_write: Mutex::new(to_write),
                 failed,
-            });
+            };
             let n_writers = pipeline::widths(engine, pool, plan.options.start, plan.update).written;
-            let writers = (0..n_writers).map(|_| {
-                let output = output.clone();
-                thread(scope, move || output.write_all())
-            });
-            let writers = writers.collect::<Result<Vec<_>>>()?;
-            // From here on the writers alone hold it: when all have stopped, everybody does.
-            drop(output);
+            let writers = output.begin(scope, n_writers)?;
             // The mesh, where zones or cracks were found: the first of the shards draws it.
             let is_drawn = !drawn.is_empty() && shard.is_none_or(|shard| shard.i == 1);
             let draw = || found::draw(plan, reference, correlator, folder.path(), drawn);
             let drawing = is_drawn.then(|| thread(scope, draw)).transpose()?;
-            let mut last_summary = Instant::now();
-            let mut summary_every = SUMMARY_EVERY;
+            let mut summaries = Summaries::begin();
             let next = |wanted: &dyn Fn() -> bool| feed.next(wanted);
             let done = pipeline::run(engine, pool, &frames, next, |done| {
                 let Done { sha256, summary: frame, result, news, kept } = done;
@@ -360,20 +349,15 @@ impl<'a> PreparedSeries<'a> {
                 tally.busy.add(&frame, writing.time(), waiting.time());
                 watcher(Event::Frame { summary: &frame, busy: &tally.busy });
                 tally.summary.frames.push(frame.clone());
-                if alone && last_summary.elapsed() > summary_every {
-                    let begun = Instant::now();
-                    tally.write_summary(folder, *begin)?;
-                    summary_every = SUMMARY_EVERY.max(SUMMARY_SHARE * begun.elapsed());
-                    last_summary = Instant::now();
+                if alone {
+                    summaries.write(&mut tally, folder, *begin)?;
                 }
                 // When a writer has stopped, its error says why.
                 Ok(!failed.load(Ordering::SeqCst)
                     && finished.send(ToWrite { summary: frame, sha256, result, kept }).is_ok())
             });
             drop(finished);
-            let written =
-                writers.into_iter().map(|writer| writer.join().map_err(|_| RunError::Bug("a writer stopped"))?);
-            written.collect::<Vec<_>>().into_iter().collect::<Result<()>>()?;
+            output::end(writers)?;
             if let Some(drawing) = drawing {
                 drawing.join().map_err(|_| RunError::Bug("what draws the mesh stopped"))??;
             }

@@ -7,7 +7,7 @@ use super::event::{Event, Watcher};
 use super::folder::RunFolder;
 use crate::report::summary::{Summary, counts, reference_updates};
 use std::collections::{BTreeMap, BTreeSet};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What has come so far.
 pub(super) struct Tally {
@@ -17,6 +17,35 @@ pub(super) struct Tally {
     pub busy: Busy,
     /// Frames with a field.
     pub in_series: BTreeSet<usize>,
+}
+
+/// How often the summary is written while the series runs.
+const EVERY: Duration = Duration::from_secs(10);
+/// Share of the time that this may take: that of a long series grows with it.
+const SHARE: u32 = 50;
+
+/// When the summary is written while the series runs.
+pub(super) struct Summaries {
+    last: Instant,
+    every: Duration,
+}
+
+impl Summaries {
+    /// From now on.
+    pub fn begin() -> Self {
+        Self { last: Instant::now(), every: EVERY }
+    }
+
+    /// Writes it where it is time to; `begin` is when the run began.
+    pub fn write(&mut self, tally: &mut Tally, folder: &RunFolder, begin: Instant) -> Result<()> {
+        if self.last.elapsed() > self.every {
+            let begun = Instant::now();
+            tally.write_summary(folder, begin)?;
+            self.every = EVERY.max(SHARE * begun.elapsed());
+            self.last = Instant::now();
+        }
+        Ok(())
+    }
 }
 
 impl Tally {
