@@ -30,6 +30,7 @@ pub use inverse_diagonal::{inverse_diagonal, inverse_diagonal_with};
 pub use lu::{BANDED_UP_TO, LuChoice, LuFactor, LuPlan};
 pub use pivots::{PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;
+#[cfg(feature = "gpu")]
 pub(crate) use solver::REDUCTION_CHANGED;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
 pub use sparse::{SparseMatrix, SparsePattern};
