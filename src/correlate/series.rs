@@ -53,20 +53,19 @@ impl History {
             let ahead = number.saturating_sub(*last_number) as f64 / (last_number - before_number) as f64;
             for zone in 0..mesh.zones().len() {
                 let nodes = mesh.zone_nodes(zone);
-                let steps = nodes.clone().map(|node| {
-                    let at = |k: usize| mesh.nodes()[node][k] + before[node][k];
-                    ([at(0), at(1)], [0, 1].map(|k| last[node][k] - before[node][k]))
-                });
+                let points = mesh.nodes()[nodes.clone()].iter().zip(&before[nodes.clone()]).zip(&last[nodes.clone()]);
+                let steps = points
+                    .map(|((x, before), last)| ([0, 1].map(|k| x[k] + before[k]), [0, 1].map(|k| last[k] - before[k])));
                 let Some(motion) = RigidMotion::fit(steps.clone()) else { continue };
                 let turn = RigidMotion { translation: [0.0; 2], rotation_rad: ahead * motion.rotation_rad, ..motion };
                 let (rigid_at, turned_at) = (motion.field(), turn.field());
-                for (node, (x, step)) in nodes.zip(steps) {
+                for (displacement, (x, step)) in displacement[nodes].iter_mut().zip(steps) {
                     // From the middle of the zone after the step: where the point is, and what of its step is no rigid motion.
                     let rigid = rigid_at(x);
                     let rest = [0, 1].map(|k| step[k] - rigid[k]);
                     let place = [0, 1].map(|k| x[k] + step[k] - motion.translation[k] + ahead * rest[k]);
                     let turned = turned_at(place);
-                    (0..2).for_each(|k| displacement[node][k] += ahead * (motion.translation[k] + rest[k]) + turned[k]);
+                    (0..2).for_each(|k| displacement[k] += ahead * (motion.translation[k] + rest[k]) + turned[k]);
                 }
             }
         }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 const PIECE: usize = 2048;
 /// Rows of a product whose sums are kept beside each other.
 const ROWS: usize = 64;
-/// Up to this many nodes one thread does all pieces: waking others, three times in an iteration, costs more than they would save.
+/// Up to this many nodes one thread does all pieces: waking others, twice in an iteration, costs more than they would save.
 const ALONE_UP_TO: usize = 6144;
 
 /// The inverses of the 2x2 blocks on the diagonal.
@@ -44,6 +44,9 @@ impl BlockJacobi {
 
     /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction` or `max_iterations`
     /// are done. The same bits for any number of threads.
+    ///
+    /// The image of a direction follows from that of the preconditioned residual, as the direction itself does (Chronopoulos and Gear,
+    /// 1989): threads wait for each other twice in an iteration, not three times.
     pub fn solve(
         &self,
         matrix: &BlockMatrix,
@@ -54,39 +57,39 @@ impl BlockJacobi {
         let (n, isa) = (rhs.len(), Isa::detect());
         // Pieces that one thread takes at least.
         let pieces = if n <= ALONE_UP_TO { n.div_ceil(PIECE).max(1) } else { 1 };
-        let mut x = vec![[0.0; 2]; n];
+        let zero = || vec![[0.0; 2]; n];
+        // The directions p, their images q, and the images w of z.
+        let (mut x, mut p, mut q, mut w) = (zero(), zero(), zero(), zero());
         let mut r = rhs.to_vec();
-        let mut q = vec![[0.0; 2]; n];
-        let mut p: Vec<[f64; 2]> = self.inverse.iter().zip(&r).map(|(inverse, &r)| times(inverse, r)).collect();
-        let dots = r.chunks(PIECE).zip(p.chunks(PIECE));
-        let mut rz = in_order(dots.map(|(r, p)| r.iter().zip(p).map(|(r, p)| r[0] * p[0] + r[1] * p[1]).sum()));
+        let mut z: Vec<[f64; 2]> = self.inverse.iter().zip(&r).map(|(inverse, &r)| times(inverse, r)).collect();
+        let dots = r.chunks(PIECE).zip(z.chunks(PIECE));
+        let mut rz = in_order(dots.map(|(r, z)| r.iter().zip(z).map(|(r, z)| r[0] * z[0] + r[1] * z[1]).sum()));
         let rz_start = rz;
-        let mut iterations = 0;
+        let (mut alpha, mut beta, mut iterations) = (1.0, 0.0, 0);
         while iterations < max_iterations && rz > reduction * reduction * rz_start && rz > 0.0 {
-            let pq: Vec<f64> = q
+            let zw: Vec<f64> = w
                 .par_chunks_mut(PIECE)
                 .enumerate()
                 .with_min_len(pieces)
-                .map(|(piece, q)| product(isa, matrix, &p, piece * PIECE, q))
+                .map(|(piece, w)| product(isa, matrix, &z, piece * PIECE, w))
                 .collect();
-            let pq = in_order(pq);
+            // p . q of the new direction.
+            let pq = in_order(zw) - beta * rz / alpha;
             if pq <= 0.0 {
                 break; // not positive definite along p: what is reached so far stands
             }
-            let alpha = rz / pq;
+            alpha = rz / pq;
             let new_rz: Vec<f64> = x
                 .par_chunks_mut(PIECE)
                 .zip(r.par_chunks_mut(PIECE))
-                .zip(q.par_chunks_mut(PIECE))
-                .zip(p.par_chunks(PIECE).zip(self.inverse.par_chunks(PIECE)))
+                .zip(z.par_chunks_mut(PIECE))
+                .zip(p.par_chunks_mut(PIECE).zip(q.par_chunks_mut(PIECE)))
+                .zip(w.par_chunks(PIECE).zip(self.inverse.par_chunks(PIECE)))
                 .with_min_len(pieces)
-                .map(|(((x, r), q), (p, inverse))| update(isa, inverse, alpha, p, x, r, q))
+                .map(|((((x, r), z), (p, q)), (w, inverse))| update(isa, inverse, [alpha, beta], w, [p, q, x, r, z]))
                 .collect();
             let new_rz = in_order(new_rz);
-            let beta = new_rz / rz;
-            rz = new_rz;
-            let directions = p.par_chunks_mut(PIECE).zip(q.par_chunks(PIECE)).with_min_len(pieces);
-            directions.for_each(|(p, z)| direction(isa, beta, p, z));
+            (beta, rz) = (new_rz / rz, new_rz);
             iterations += 1;
         }
         let relative_residual = if rz_start > 0.0 { (rz / rz_start).max(0.0).sqrt() } else { 0.0 };
@@ -95,61 +98,51 @@ impl BlockJacobi {
 }
 
 multiversioned! {
-    fn product[][](matrix: &BlockMatrix, p: &[[f64; 2]], first: usize, q: &mut [[f64; 2]]) -> f64 => product_body
+    fn product[][](matrix: &BlockMatrix, z: &[[f64; 2]], first: usize, w: &mut [[f64; 2]]) -> f64 => product_body
 }
 multiversioned! {
-    fn update[][](inverse: &[[f64; 3]], alpha: f64, p: &[[f64; 2]], x: &mut [[f64; 2]], r: &mut [[f64; 2]], q: &mut [[f64; 2]]) -> f64
-        => update_body
-}
-multiversioned! {
-    fn direction[][](beta: f64, p: &mut [[f64; 2]], z: &[[f64; 2]]) => direction_body
+    fn update[][](inverse: &[[f64; 3]], alpha_and_beta: [f64; 2], w: &[[f64; 2]], vectors: [&mut [[f64; 2]]; 5]) -> f64 => update_body
 }
 
-/// q = matrix times p, at the nodes from `first` on; returns p . q there.
+/// w = matrix times z, at the nodes from `first` on; returns z . w there.
 #[inline(always)]
-fn product_body<const FMA: bool>(matrix: &BlockMatrix, p: &[[f64; 2]], first: usize, q: &mut [[f64; 2]]) -> f64 {
+fn product_body<const FMA: bool>(matrix: &BlockMatrix, z: &[[f64; 2]], first: usize, w: &mut [[f64; 2]]) -> f64 {
     let mut sum = [0.0; 2];
     // Sums of some rows first: added where they are made, the compiler would shuffle the entries of every block for it.
     let mut sums = [[0.0; 4]; ROWS];
-    for (q, first) in q.chunks_mut(ROWS).zip((first..).step_by(ROWS)) {
-        for (sums, node) in sums[..q.len()].iter_mut().zip(first..) {
-            *sums = matrix.row_sums(node, p);
+    for (w, first) in w.chunks_mut(ROWS).zip((first..).step_by(ROWS)) {
+        for (sums, node) in sums[..w.len()].iter_mut().zip(first..) {
+            *sums = matrix.row_sums(node, z);
         }
-        for ((q, [xx, xy, yx, yy]), p) in q.iter_mut().zip(&sums).zip(&p[first..]) {
-            *q = [xx + xy, yx + yy];
-            (0..2).for_each(|c| sum[c] += q[c] * p[c]);
+        for ((w, [xx, xy, yx, yy]), z) in w.iter_mut().zip(&sums).zip(&z[first..]) {
+            *w = [xx + xy, yx + yy];
+            (0..2).for_each(|c| sum[c] += w[c] * z[c]);
         }
     }
     sum[0] + sum[1]
 }
 
-/// x += alpha p, r -= alpha q, then q = inverse blocks times r, free until the next product; returns r . q.
+/// p = z + beta p and q = w + beta q, then x += alpha p, r -= alpha q, z = inverse blocks times r; returns r . z.
 #[inline(always)]
 fn update_body<const FMA: bool>(
     inverse: &[[f64; 3]],
-    alpha: f64,
-    p: &[[f64; 2]],
-    x: &mut [[f64; 2]],
-    r: &mut [[f64; 2]],
-    q: &mut [[f64; 2]],
+    [alpha, beta]: [f64; 2],
+    w: &[[f64; 2]],
+    [p, q, x, r, z]: [&mut [[f64; 2]]; 5],
 ) -> f64 {
     let mut sum = [0.0; 2];
-    for ((((inverse, p), x), r), q) in inverse.iter().zip(p).zip(x).zip(r).zip(q) {
-        for c in 0..2 {
-            x[c] += alpha * p[c];
-            r[c] -= alpha * q[c];
-        }
-        *q = times(inverse, *r);
-        (0..2).for_each(|c| sum[c] += r[c] * q[c]);
+    for ((((inverse, w), (p, q)), (x, r)), z) in
+        inverse.iter().zip(w).zip(p.iter_mut().zip(q)).zip(x.iter_mut().zip(r)).zip(z)
+    {
+        // Through values of its own: what is stored by halves and then read as a whole has to be waited for.
+        let (new_p, new_q) = ([0, 1].map(|c| z[c] + beta * p[c]), [0, 1].map(|c| w[c] + beta * q[c]));
+        let new_r = [0, 1].map(|c| r[c] - alpha * new_q[c]);
+        let new_z = times(inverse, new_r);
+        *x = [0, 1].map(|c| x[c] + alpha * new_p[c]);
+        (*p, *q, *r, *z) = (new_p, new_q, new_r, new_z);
+        (0..2).for_each(|c| sum[c] += new_r[c] * new_z[c]);
     }
     sum[0] + sum[1]
-}
-
-#[inline(always)]
-fn direction_body<const FMA: bool>(beta: f64, p: &mut [[f64; 2]], z: &[[f64; 2]]) {
-    for (p, z) in p.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
-        *p = z + beta * *p;
-    }
 }
 
 #[inline(always)]

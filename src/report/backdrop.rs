@@ -104,7 +104,7 @@ impl Backdrop {
         let (j, j1, t) = cell(y, self.size[1], drawn.height);
         let grey = |i: usize, j: usize| f64::from(drawn.grey[j * drawn.width + i]);
         let row = |j: usize| (1.0 - s) * grey(i, j) + s * grey(i1, j);
-        ((1.0 - t) * row(j) + t * row(j1)).round() as u8
+        ((1.0 - t) * row(j) + t * row(j1) + 0.5) as u8
     }
 }
 
@@ -131,7 +131,7 @@ impl Drawn {
             (low, high) = (quantile(0.0), quantile(1.0));
         }
         let stretch = |v: f32| if low < high { (f64::from(v) - low) / (high - low) } else { 0.5 };
-        let grey: Vec<u8> = values.iter().map(|&v| (255.0 * stretch(v).clamp(0.0, 1.0)).round() as u8).collect();
+        let grey: Vec<u8> = values.iter().map(|&v| (255.0 * stretch(v).clamp(0.0, 1.0) + 0.5) as u8).collect();
         let mean = grey.iter().map(|&v| u64::from(v)).sum::<u64>() / grey.len() as u64;
         let png = png(&grey, width, height, ExtendedColorType::L8);
         Self { grey, width: width as usize, height: height as usize, png, mean: mean as u8 }

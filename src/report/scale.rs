@@ -39,8 +39,8 @@ impl Palette {
             let share = |step| if self == Palette::BlueRed { 1.0 - share(step) } else { share(step) };
             (0..STEPS).map(|step| gradient.eval_continuous(share(step)).into_array()).collect()
         });
-        // No number is the first colour.
-        table[(t.clamp(0.0, 1.0) * (STEPS - 1) as f64).round() as usize]
+        // No number is the first colour. Rounded by cutting off: `round` is a call on processors of any age.
+        table[(t.clamp(0.0, 1.0) * (STEPS - 1) as f64 + 0.5) as usize]
     }
 
     /// Whether the middle of the row stands for zero.

@@ -32,7 +32,6 @@ impl Known {
 #[derive(Debug)]
 pub(super) struct Relay {
     state: Mutex<State>,
-    moved: Condvar,
 }
 
 #[derive(Debug)]
@@ -42,14 +41,16 @@ struct State {
     /// Frames that somebody does.
     taken: usize,
     is_over: bool,
+    /// By turn, what those who wait are woken by: each waits for the one before alone.
+    waiting: BTreeMap<usize, Arc<Condvar>>,
 }
 
 impl Relay {
     /// Before the first frame.
     pub fn new(history: History) -> Self {
         let first = After { known: Arc::new(Known { history, number: 0 }), is_final: true };
-        let state = State { after: BTreeMap::from([(0, first)]), taken: 0, is_over: false };
-        Self { state: Mutex::new(state), moved: Condvar::new() }
+        let after = BTreeMap::from([(0, first)]);
+        Self { state: Mutex::new(State { after, taken: 0, is_over: false, waiting: BTreeMap::new() }) }
     }
 
     /// The turn of the next frame; asked for in the order of the frames.
@@ -57,11 +58,6 @@ impl Relay {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.taken += 1;
         Turn { relay: self, at: state.taken, is_done: false }
-    }
-
-    fn change(&self, change: impl FnOnce(&mut State)) {
-        change(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        self.moved.notify_all();
     }
 }
 
@@ -76,15 +72,25 @@ pub(super) struct Turn<'a> {
 impl Turn<'_> {
     fn before(&self, mut is_wanted: impl FnMut(&After) -> bool) -> Option<Arc<Known>> {
         let mut state = self.relay.state.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
+        let known = loop {
             if state.is_over {
-                return None;
+                break None;
             }
             if let Some(after) = state.after.get(&(self.at - 1)).filter(|after| is_wanted(after)) {
-                return Some(after.known.clone());
+                break Some(after.known.clone());
             }
-            state = self.relay.moved.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
+            let moved = state.waiting.entry(self.at).or_default().clone();
+            state = moved.wait(state).unwrap_or_else(PoisonError::into_inner);
+        };
+        state.waiting.remove(&self.at);
+        known
+    }
+
+    /// Changes what this turn hands on, and wakes the one that waits for it.
+    fn change(&self, change: impl FnOnce(&mut State)) {
+        let mut state = self.relay.state.lock().unwrap_or_else(PoisonError::into_inner);
+        change(&mut state);
+        state.waiting.get(&(self.at + 1)).into_iter().for_each(|moved| moved.notify_one());
     }
 
     /// What is known of the frames before, as soon as there is a forecast; none when they are over.
@@ -100,13 +106,13 @@ impl Turn<'_> {
     /// Tells the next frame that this one, `number`, will be found at `start`.
     pub fn tell(&self, known: &Known, number: usize, start: Start) {
         let after = After { known: Arc::new(known.and(number, Some(start))), is_final: false };
-        self.relay.change(|state| _ = state.after.insert(self.at, after));
+        self.change(|state| _ = state.after.insert(self.at, after));
     }
 
     /// This frame, `number`, is done, after `known`: found at `start`, if it was. A forecast that was right stays what it is.
     pub fn done(mut self, known: &Known, number: usize, start: Option<Start>) {
         let found = known.and(number, start);
-        self.relay.change(|state| {
+        self.change(|state| {
             state.after.remove(&(self.at - 1));
             let after = state.after.remove(&self.at).filter(|after| after.known.history == found.history);
             let known = after.map_or_else(|| Arc::new(found), |after| after.known);
@@ -119,7 +125,10 @@ impl Turn<'_> {
 impl Drop for Turn<'_> {
     fn drop(&mut self) {
         if !self.is_done {
-            self.relay.change(|state| state.is_over = true);
+            self.change(|state| {
+                state.is_over = true;
+                state.waiting.values().for_each(|moved| moved.notify_one());
+            });
         }
     }
 }

@@ -30,6 +30,8 @@ use std::sync::Arc;
 
 /// Elements per piece of parallel work.
 const PIECE: usize = 32;
+/// Nodes per piece of parallel work.
+const NODES: usize = 2048;
 
 /// The CPU as a correlation device.
 #[derive(Debug, Clone)]
@@ -131,6 +133,8 @@ pub struct CpuField {
     change: Vec<[f64; 2]>,
     corners: Vec<Corners>,
     sums: Vec<ElementSums>,
+    /// What they come to, per piece of elements.
+    tallies: Vec<Tally>,
     /// Gain and offset per element.
     element_transfer: Vec<(f32, f32)>,
     /// Light per element, where it was set.
@@ -141,15 +145,49 @@ pub struct CpuField {
     excluded: Vec<bool>,
 }
 
-impl CpuField {
-    fn is_excluded(&self, element: usize) -> bool {
-        self.excluded.get(element).is_some_and(|&excluded| excluded)
-    }
+/// What a piece of elements adds to the sums of its zones, and how many of it are lost as a [`Step`] counts them.
+#[derive(Debug, Clone, Default)]
+struct Tally {
+    zones: Vec<(u32, PixelSums)>,
+    lost: usize,
+}
 
+impl CpuField {
     /// The sums of an element; none of one that is excluded.
     fn sums_of(&self, element: usize) -> ElementSums {
-        if self.is_excluded(element) { ElementSums::default() } else { self.sums[element] }
+        if is_excluded(&self.excluded, element) { ElementSums::default() } else { self.sums[element] }
     }
+
+    /// Moves the nodes by their corrections, each relaxed, times `(cos, sin)`. The largest component of the corrections, px, and its node.
+    fn moved(&mut self, correction: &[[f64; 2]], [cos, sin]: [f64; 2]) -> (f64, usize) {
+        let damping = cos.hypot(sin);
+        let [before, latest] = &mut self.relaxation;
+        latest.resize(correction.len(), Relaxation::new(None, [0.0; 2]));
+        // `max` would drop a NaN; a correction that is not a number must be seen.
+        let worse = |worst: (f64, usize), of: (f64, usize)| if of.0 > worst.0 || of.0.is_nan() { of } else { worst };
+        let of_piece = |(piece, ((u, du), latest)): (usize, ((&mut [[f64; 2]], &[[f64; 2]]), &mut [Relaxation]))| {
+            let mut worst = (0.0, 0);
+            for (node, ((u, du), latest)) in (piece * NODES..).zip(u.iter_mut().zip(du).zip(latest)) {
+                let relaxed = Relaxation::new(before.get(node), *du);
+                let by = relaxed.movement();
+                *latest = relaxed.damped(damping);
+                let turned = [cos * by[0] - sin * by[1], cos * by[1] + sin * by[0]];
+                for c in 0..2 {
+                    u[c] += turned[c];
+                    worst = worse(worst, (du[c].abs(), node));
+                }
+            }
+            worst
+        };
+        let pieces = self.displacement.par_chunks_mut(NODES).zip(correction.par_chunks(NODES));
+        let largest = pieces.zip(latest.par_chunks_mut(NODES)).enumerate().map(of_piece).collect::<Vec<_>>();
+        largest.into_iter().fold((0.0, 0), worse)
+    }
+}
+
+/// Whether an element is one of those that are `excluded`; an empty list says that none is.
+fn is_excluded(excluded: &[bool], element: usize) -> bool {
+    excluded.get(element).is_some_and(|&excluded| excluded)
 }
 
 impl CpuLevel {
@@ -159,12 +197,6 @@ impl CpuLevel {
 
     /// Evaluates residual and sums of all elements at the field's displacement.
     fn evaluate(&self, isa: Isa, deformed: &Plane, field: &mut CpuField) {
-        if !self.own_transfer() {
-            for (at, zone) in self.mesh.element_zone().iter().enumerate() {
-                let GreyTransfer { gain, offset } = field.transfer[*zone as usize];
-                field.element_transfer[at] = (gain as f32, offset as f32);
-            }
-        }
         let pass = Pass::new(isa, &self.reference, deformed);
         match (self.options.interpolation, self.narrow) {
             (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Cubic),
@@ -188,13 +220,21 @@ impl CpuLevel {
         let displacement = &field.displacement;
         let light = field.light.as_deref();
         let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
-        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE)).enumerate();
-        pieces.for_each_init(Scratch::default, |scratch, (piece, (((sums, transfer), out), corners))| {
+        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE));
+        let pieces = pieces.zip(&mut field.tallies).enumerate();
+        let (excluded, of_zones) = (&field.excluded, &field.transfer);
+        pieces.for_each_init(Scratch::default, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
             let first = piece * PIECE;
             for (corners, nodes) in corners.iter_mut().zip(&self.mesh.elements()[first..]) {
                 *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
             }
             let corners = &*corners;
+            if !self.own_transfer() {
+                for (of_element, zone) in transfer.iter_mut().zip(&self.mesh.element_zone()[first..]) {
+                    let GreyTransfer { gain, offset } = of_zones[*zone as usize];
+                    *of_element = (gain as f32, offset as f32);
+                }
+            }
             if self.own_transfer() || light.is_some() {
                 let light = light.map(|light| &light[first..]);
                 residual::residual_sums_two_passes::<S, K, L>(
@@ -211,6 +251,7 @@ impl CpuLevel {
                     *sums = ElementSums { f_lost: f as f32, ff_lost: ff as f32, ..Default::default() };
                 }
             }
+            self.tally(first, sums, excluded, tally);
         });
         for (sums, _) in field.sums.iter_mut().zip(&field.excluded).filter(|(_, excluded)| **excluded) {
             sums.b = [0.0; 8];
@@ -234,16 +275,29 @@ impl CpuLevel {
         }
     }
 
+    /// Writes into `tally` what the elements from `first` on come to, but for those that are `excluded`.
+    fn tally(&self, first: usize, sums: &[ElementSums], excluded: &[bool], tally: &mut Tally) {
+        tally.zones.clear();
+        tally.lost = 0;
+        for (element, sums) in (first..).zip(sums) {
+            let zone = self.mesh.element_zone()[element];
+            let none = ElementSums::default();
+            let of_element = self.pixel_sums(element, if is_excluded(excluded, element) { &none } else { sums });
+            match tally.zones.last_mut().filter(|(last, _)| *last == zone) {
+                Some((_, total)) => total.add(&of_element),
+                None => tally.zones.push((zone, of_element)),
+            }
+            let PixelSums { n, n_all, .. } = of_element;
+            tally.lost += usize::from(n < (1.0 - LOST_SHARE) * n_all) + usize::from(n == 0.0 && n_all > 0.0);
+        }
+    }
+
     fn zone_sums(&self, field: &CpuField) -> Vec<PixelSums> {
-        (0..self.mesh.zones().len())
-            .map(|zone| {
-                let mut total = PixelSums::default();
-                for element in self.mesh.zone_elements(zone) {
-                    total.add(&self.pixel_sums(element, &field.sums_of(element)));
-                }
-                total
-            })
-            .collect()
+        let mut zones = vec![PixelSums::default(); self.mesh.zones().len()];
+        for (zone, sums) in field.tallies.iter().flat_map(|tally| &tally.zones) {
+            zones[*zone as usize].add(sums);
+        }
+        zones
     }
 
     fn right_hand_side(&self, field: &CpuField) -> Vec<[f64; 2]> {
@@ -255,7 +309,7 @@ impl CpuLevel {
 
     /// Corrects the field by the sums of its last evaluation, over `zones`, and by what the transfer has changed since: the
     /// sums are of the residual before that.
-    fn corrected(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, [cos, sin]: [f64; 2]) -> Step {
+    fn corrected(&self, field: &mut CpuField, zones: &[PixelSums], solver: &Solver, scale: [f64; 2]) -> Step {
         let correlations: Vec<f64> = zones.iter().map(PixelSums::correlation).collect();
         if field.first.is_empty() {
             field.first = correlations.clone();
@@ -271,34 +325,14 @@ impl CpuLevel {
                 }
             }
         }
-        let (mut largest, mut worst_node) = (0.0f64, 0);
-        let damping = cos.hypot(sin);
-        let [before, latest] = &mut field.relaxation;
-        latest.clear();
-        for (node, (u, du)) in field.displacement.iter_mut().zip(&correction).enumerate() {
-            let relaxed = Relaxation::new(before.get(node), *du);
-            let by = relaxed.movement();
-            latest.push(relaxed.damped(damping));
-            let turned = [cos * by[0] - sin * by[1], cos * by[1] + sin * by[0]];
-            for c in 0..2 {
-                u[c] += turned[c];
-                // `max` would drop a NaN; a correction that is not a number must be seen.
-                if du[c].abs() > largest || du[c].is_nan() {
-                    (largest, worst_node) = (du[c].abs(), node);
-                }
-            }
-        }
-        let lost = |element: usize| {
-            let (n, n_all) = (f64::from(field.sums_of(element).n), self.whole[element][0]);
-            usize::from(n < (1.0 - LOST_SHARE) * n_all) + usize::from(n == 0.0 && n_all > 0.0)
-        };
+        let (largest, worst_node) = field.moved(&correction, scale);
         Step {
             correction_px: largest,
             worst_node,
             correlation: smallest(&mut correlations.iter().copied()),
             gained: smallest(&mut correlations.iter().zip(&field.first).map(|(now, first)| now - first)),
             counted: zones.iter().map(|zone| zone.n).sum(),
-            lost: (0..field.sums.len()).map(lost).sum(),
+            lost: field.tallies.iter().map(|tally| tally.lost).sum(),
         }
     }
 
@@ -433,6 +467,7 @@ impl Backend for CpuBackend {
             change: vec![[0.0; 2]; transfer.len()],
             corners: vec![Corners::new([[0.0; 2]; 4]); n],
             sums: vec![ElementSums::default(); n],
+            tallies: vec![Tally::default(); n.div_ceil(PIECE)],
             element_transfer: vec![(1.0, 0.0); n],
             light: None,
             out: vec![false; n],
@@ -560,13 +595,16 @@ impl Backend for CpuBackend {
 
     fn exclude(
         &self,
-        _: &CpuLevel,
+        level: &CpuLevel,
         _: &mut CpuFrame,
         field: &mut CpuField,
         excluded: &[bool],
     ) -> Result<(), BackendError> {
         let any = excluded.contains(&true);
         field.excluded = if any { excluded.to_vec() } else { Vec::new() };
+        for (piece, (sums, tally)) in field.sums.chunks(PIECE).zip(&mut field.tallies).enumerate() {
+            level.tally(piece * PIECE, sums, &field.excluded, tally);
+        }
         for (sums, _) in field.sums.iter_mut().zip(&field.excluded).filter(|(_, excluded)| **excluded) {
             sums.b = [0.0; 8];
         }
@@ -614,11 +652,11 @@ impl Backend for CpuBackend {
     }
 
     fn found(&self, level: &CpuLevel, _: &mut CpuFrame, field: &CpuField) -> Result<Found, BackendError> {
-        let sums = (0..field.sums.len()).map(|at| level.pixel_sums(at, &field.sums_of(at)));
+        let matched = |at: usize| ElementMatch::from(&level.pixel_sums(at, &field.sums_of(at)));
         Ok(Found {
             displacement: field.displacement.clone(),
             zones: level.zone_sums(field),
-            elements: sums.map(|sums| ElementMatch::from(&sums)).collect(),
+            elements: (0..field.sums.len()).into_par_iter().with_min_len(NODES).map(matched).collect(),
             transfer: level.transfer(field),
         })
     }

@@ -402,6 +402,8 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     while column < element.nx as usize {
         let (lanes, xi, mask) = chunk::<L>(element, column);
         let mut acc = Accumulators::<L>::new();
+        // Pixels counted in part, and the sums of f and f^2 over what is not.
+        let [mut counted, mut f_lost, mut ff_lost] = [[0.0; L]; 3];
         let x = element.x + column as i32;
         for k in 0..element.ny as i32 {
             let y = element.y + k;
@@ -422,15 +424,18 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 sums.n += lanes as f32;
             } else {
                 acc.add::<FMA>(f, fx, fy, &row.g, &row.counted, transfer, eta);
-                for i in 0..lanes {
-                    let lost = 1.0 - row.counted[i];
-                    sums.n += row.counted[i];
-                    sums.f_lost += lost * f[i];
-                    sums.ff_lost += lost * f[i] * f[i];
+                for i in 0..L {
+                    let lost = mask[i] * (1.0 - row.counted[i]);
+                    counted[i] += row.counted[i];
+                    f_lost[i] += lost * f[i];
+                    ff_lost[i] += lost * f[i] * f[i];
                 }
             }
         }
         acc.finish::<FMA>(&xi, &mut sums);
+        sums.n += total(&counted);
+        sums.f_lost += total(&f_lost);
+        sums.ff_lost += total(&ff_lost);
         column += L;
     }
     sums

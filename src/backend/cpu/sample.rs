@@ -37,6 +37,20 @@ pub(super) fn weight(at: i32, t: f32, n: usize) -> f32 {
     (1.0 - beyond / EDGE).max(0.0)
 }
 
+/// The [`weight`] of each lane, `u` beyond its `pixel`, times what is in `weights`. Without short-circuits: a branch per lane would undo the
+/// vectors.
+#[inline(always)]
+fn times_weights<const L: usize>(pixel: impl Fn(i32) -> i32, u: &[f32; L], n: usize, weights: &mut [f32; L]) {
+    let last = n as i32 - 1;
+    for i in 0..L {
+        let (at, t) = place(pixel(i as i32), u[i]);
+        let inside = (at >= 0) & ((at < last) | ((at == last) & (t == 0.0)));
+        let [below, above] = [(-1 - at) as f32 + (1.0 - t), (at - last) as f32 + t];
+        let faded = (1.0 - if at < 0 { below } else { above } / EDGE).max(0.0);
+        weights[i] *= if inside { 1.0 } else { faded };
+    }
+}
+
 /// `L` lanes at `at`.
 ///
 /// # Panics
@@ -150,6 +164,14 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     // A wild field lands everywhere.
     let combinations = (sx1 - sx0 + 1).saturating_mul(y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
+    let [last_x, last_y] = [c.width as i32 - 1, c.height as i32 - 1];
+    if y1 < -1
+        || y0 > last_y
+        || x.saturating_add(sx1).saturating_add(lanes as i32) < 0
+        || x.saturating_add(sx0) > last_x
+    {
+        return row; // beyond where pixels fade out
+    }
     // Rows beyond the image have nothing to read, and lanes left of it must begin within the border.
     let readable = x + sx0 >= before as i32 - BORDER as i32 && y0 >= -1 && y1 < c.height as i32;
     if !scalar && (all_inside || readable) && combinations <= 6 {
@@ -182,11 +204,12 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 }
             }
             if !all_inside {
+                row.counted = std::array::from_fn(|i| if i < lanes { 1.0 } else { 0.0 });
+                times_weights(|i| x + i, ux, c.width, &mut row.counted);
+                times_weights(|_| y, uy, c.height, &mut row.counted);
                 for i in 0..L {
-                    let ((px, tx), (py, ty)) = (place(x + i as i32, ux[i]), place(y, uy[i]));
-                    let counted = if i < lanes { weight(px, tx, c.width) * weight(py, ty, c.height) } else { 0.0 };
                     // What a lane beyond the image has read is nothing.
-                    (row.counted[i], row.g[i]) = (counted, if counted > 0.0 { row.g[i] } else { 0.0 });
+                    row.g[i] = if row.counted[i] > 0.0 { row.g[i] } else { 0.0 };
                 }
             }
             return row;

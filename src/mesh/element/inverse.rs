@@ -90,6 +90,7 @@ impl InverseMap {
     }
 
     /// The shape functions of the four nodes at a point; `None` outside.
+    #[inline]
     pub fn shape(&self, point: [f64; 2]) -> Option<[f64; 4]> {
         let inside = |v: f64| (-ROUND_OFF..=1.0 + ROUND_OFF).contains(&v);
         match self.0 {
