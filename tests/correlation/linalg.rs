@@ -249,3 +249,22 @@ fn inverse_diagonal_is_that_of_the_dense_inverse() {
         assert!(rms <= 0.005, "{isa}: {rms} rms");
     }
 }
+
+#[test]
+fn variances_of_a_mesh_that_is_done_in_parts_are_those_of_the_whole_matrix() {
+    let (nx, ny) = (100, 70); // 7171 nodes: four parts or so, whose borders run through the middle
+    let mesh = mesh(nx, ny);
+    let matrix = normal_matrix(&mesh);
+    let exact = Cholesky::new(&matrix, &nested_dissection(nx + 1, ny + 1)).unwrap();
+    let got = inverse_diagonal(Isa::detect(), &matrix, &BlockJacobi::new(&matrix), &five_apart(nx, ny));
+    let (mut worst, mut sum, mut n) = (0.0f64, 0.0, 0.0);
+    for unknown in (0..2 * mesh.n_nodes()).step_by(23) {
+        let mut load = vec![[0.0; 2]; mesh.n_nodes()];
+        load[unknown / 2][unknown % 2] = 1.0;
+        exact.solve(&mut load);
+        let off = (got[unknown / 2][unknown % 2] / load[unknown / 2][unknown % 2]).sqrt() - 1.0;
+        (worst, sum, n) = (worst.max(off.abs()), sum + off * off, n + 1.0);
+    }
+    // As in the test before: what is held beyond a part takes less than what leaks.
+    assert!(worst <= 0.015 && sum <= 0.005f64.powi(2) * n, "{worst} at most, {} rms", (sum / n).sqrt());
+}
