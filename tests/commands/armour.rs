@@ -271,7 +271,9 @@ fn memory_that_ends_is_an_error_and_no_crash() {
             format!("ulimit -v {kib:.0}; exec $Q correlate --threads 1 --output run{kib:.0} ref.png a.png b.png c.png");
         let ran = shell(&desk, &line);
         assert!(matches!(ran.status.code(), Some(0..=2)), "{kib:.0} KiB: {:?}: {}", ran.status, said(&ran));
-        assert!(!said(&ran).contains("panicked"), "{kib:.0} KiB: {}", said(&ran));
+        // Rust's own start of a thread may find no room for the stack of its signals: nothing of the program has run in that thread yet.
+        let panics = |line: &&str| line.contains("panicked") && !line.contains("sys/pal/unix/stack_overflow.rs");
+        assert_eq!(said(&ran).lines().find(panics), None, "{kib:.0} KiB: {}", said(&ran));
         kib *= 0.85;
     }
 }
