@@ -165,7 +165,7 @@ impl CpuField {
         latest.resize(correction.len(), Relaxation::new(None, [0.0; 2]));
         // `max` would drop a NaN; a correction that is not a number must be seen.
         let worse = |worst: (f64, usize), of: (f64, usize)| if of.0 > worst.0 || of.0.is_nan() { of } else { worst };
-        let of_piece = |(piece, ((u, du), latest)): (usize, ((&mut [[f64; 2]], &[[f64; 2]]), &mut [Relaxation]))| {
+        let of_piece = |piece: usize, u: &mut [[f64; 2]], du: &[[f64; 2]], latest: &mut [Relaxation]| {
             let mut worst = (0.0, 0);
             for (node, ((u, du), latest)) in (piece * NODES..).zip(u.iter_mut().zip(du).zip(latest)) {
                 let relaxed = Relaxation::new(before.get(node), *du);
@@ -180,8 +180,9 @@ impl CpuField {
             worst
         };
         let pieces = self.displacement.par_chunks_mut(NODES).zip(correction.par_chunks(NODES));
-        let largest = pieces.zip(latest.par_chunks_mut(NODES)).enumerate().map(of_piece).collect::<Vec<_>>();
-        largest.into_iter().fold((0.0, 0), worse)
+        let pieces = pieces.zip(latest.par_chunks_mut(NODES)).enumerate();
+        let largest = pieces.map(|(piece, ((u, du), latest))| of_piece(piece, u, du, latest));
+        largest.collect::<Vec<_>>().into_iter().fold((0.0, 0), worse)
     }
 }
 
