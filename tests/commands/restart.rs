@@ -177,9 +177,10 @@ fn a_finished_run_is_left_as_it_is_and_resume_says_the_same_as_nothing() {
 #[track_caller]
 fn overlapped(desk: &Desk, line: &str) {
     let frames = |threads: usize| {
-        // Frames may be no images: the exit code is that of the series, and the same for all.
-        let _ = desk.correlate(&format!("{line} --export csv --threads {threads} --overwrite --output out s/*.png"));
+        let ran = desk.correlate(&format!("{line} --export csv --threads {threads} --overwrite --output out s/*.png"));
         let mut all = results(desk, "out");
+        // Frames may be no images: the exit code is that of the series.
+        all.insert("exit code".into(), format!("{:?}", ran.code).into_bytes());
         let summary: Value = serde_json::from_slice(&all["summary.json"]).unwrap();
         all.insert("summary.json".into(), format!("{:#}", summary["frames"]).into_bytes());
         // All but the number of threads.

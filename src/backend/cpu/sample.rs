@@ -23,31 +23,25 @@ pub(super) fn place(pixel: i32, u: f32) -> (i32, f32) {
 #[inline(always)]
 fn inside(at: i32, t: f32, n: usize) -> bool {
     let last = n as i32 - 1;
-    at >= 0 && (at < last || (at == last && t == 0.0))
+    // Without short-circuits, here and in `weight`: a branch per lane would undo the vectors.
+    (at >= 0) & ((at < last) | ((at == last) & (t == 0.0)))
 }
 
 /// Weight of a position on an axis of `n` pixels: 1 inside, 0 from [`EDGE`] outside on.
 #[inline(always)]
 pub(super) fn weight(at: i32, t: f32, n: usize) -> f32 {
-    if inside(at, t, n) {
-        return 1.0;
-    }
     // Whole pixels and fraction apart: the sum would lose the fraction far from zero.
-    let beyond = if at < 0 { (-1 - at) as f32 + (1.0 - t) } else { (at - (n as i32 - 1)) as f32 + t };
-    (1.0 - beyond / EDGE).max(0.0)
+    let [below, above] = [(-1 - at) as f32 + (1.0 - t), (at - (n as i32 - 1)) as f32 + t];
+    let faded = (1.0 - if at < 0 { below } else { above } / EDGE).max(0.0);
+    if inside(at, t, n) { 1.0 } else { faded }
 }
 
-/// The [`weight`] of each lane, `u` beyond its `pixel`, times what is in `weights`. Without short-circuits: a branch per lane would undo the
-/// vectors.
+/// The [`weight`] of each lane, `u` beyond its `pixel`, times what is in `weights`.
 #[inline(always)]
 fn times_weights<const L: usize>(pixel: impl Fn(i32) -> i32, u: &[f32; L], n: usize, weights: &mut [f32; L]) {
-    let last = n as i32 - 1;
     for i in 0..L {
         let (at, t) = place(pixel(i as i32), u[i]);
-        let inside = (at >= 0) & ((at < last) | ((at == last) & (t == 0.0)));
-        let [below, above] = [(-1 - at) as f32 + (1.0 - t), (at - last) as f32 + t];
-        let faded = (1.0 - if at < 0 { below } else { above } / EDGE).max(0.0);
-        weights[i] *= if inside { 1.0 } else { faded };
+        weights[i] *= weight(at, t, n);
     }
 }
 
