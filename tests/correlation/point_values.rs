@@ -5,7 +5,7 @@ use crate::common;
 use common::*;
 use quadrille::correlate::{Options, Regularisation};
 use quadrille::field::{
-    ElementMark, Measurement, NodalNoise, PointField, PointFilter, Status, StrainDefinition, at_point,
+    ElementMark, Measurement, NodalNoise, PointField, PointFilter, PointFilters, Status, StrainDefinition, at_point,
 };
 use quadrille::imaging::Image;
 use quadrille::mesh::{Crack, Mesh, Roi, Zone, ZoneElements, shape_functions};
@@ -245,6 +245,26 @@ fn rigid_motions_and_what_lies_beyond_a_cut_change_nothing() {
     }
     field.displacement = side.iter().map(|&side| [0.0, side]).collect();
     assert_eq!(points_of(&field).displacement, field.displacement);
+}
+
+#[test]
+fn a_series_of_fields_with_other_holes_each_has_the_values_that_it_has_alone() {
+    for (what, mesh) in [("rectangle", rectangle(24.0, 18.0)), ("cut", cracked()), ("distorted", distorted())] {
+        let mesh = Arc::new(mesh);
+        let last = mesh.n_elements() - 1;
+        let series = PointFilters::default();
+        // Holes that come, stay and go, the first element, whose sides are those of its zone, among them.
+        for holes in
+            [vec![], vec![40], vec![40, 41], vec![0, 41, last], vec![0], vec![last / 2, last / 2 + 1, last - 3], vec![]]
+        {
+            let mut field = projected(Mesh::clone(&mesh), &holes, cubic);
+            field.mesh = Arc::clone(&mesh);
+            let (alone, found) = (points_of(&field), series.for_field(&field).of(&field));
+            assert_eq!(found.is_value, alone.is_value, "{what}, {holes:?}");
+            assert_eq!(found.displacement, alone.displacement, "{what}, {holes:?}");
+            assert_eq!(found.sigma, alone.sigma, "{what}, {holes:?}");
+        }
+    }
 }
 
 #[test]

@@ -6,6 +6,8 @@ pub(super) const MONOMIALS: [[i32; 2]; N_MONOMIALS] =
     [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [2, 1], [1, 2], [0, 3], [2, 2]];
 /// How many there are.
 pub(super) const N_MONOMIALS: usize = 11;
+/// The first ones, which bilinear elements have themselves.
+pub(super) const STRAIGHT: usize = 3;
 /// How many there are up to the third degree, and up to the second.
 const CUBIC: usize = 10;
 const QUADRATIC: usize = 6;

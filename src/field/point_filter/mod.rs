@@ -12,10 +12,11 @@ use super::{ElementMark, Measurement, PointField};
 use crate::mesh::Mesh;
 use crate::units::Length;
 use functional::Fit;
-use neighbours::{Extent, Neighbours};
-use patch::{Patch, in_frame, of_rectangle, within_reach};
+use neighbours::{Extent, Neighbours, Sides};
+use patch::{PATCH, Patch, Seen, in_frame, of_rectangle, within_reach};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Weight of the coefficient itself along an axis of a regular mesh; a twelfth is on either neighbour.
@@ -50,6 +51,8 @@ const PIECE: usize = 512;
 pub struct PointFilter {
     /// Whether an element is in the field, with all its nodes measured; empty where all coefficients are kept.
     live: Vec<bool>,
+    /// The sides of elements that count as regular.
+    sides: Sides,
     rows: Vec<Row>,
     made: Arc<Made>,
 }
@@ -70,6 +73,8 @@ enum Row {
 struct Made {
     rectangles: Mutex<HashMap<Extent, Option<Arc<Fit>>>>,
     patches: Mutex<HashMap<Vec<u16>, Option<Arc<Fit>>>>,
+    /// How many patches there were when those that nobody uses any more were last thrown away.
+    left: AtomicUsize,
 }
 
 impl Made {
@@ -85,25 +90,47 @@ impl Made {
             made.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_insert(fit).clone()
         })
     }
+
+    /// Throws patches away that no filter uses, once they may be more than half: where nodes are lost in noise each frame has others.
+    fn thin_out(&self) {
+        const FEW: usize = 4096;
+        let mut patches = self.patches.lock().unwrap_or_else(PoisonError::into_inner);
+        if patches.len() > FEW.max(2 * self.left.load(Ordering::Relaxed)) {
+            patches.retain(|_, fit| fit.as_ref().is_some_and(|fit| Arc::strong_count(fit) > 1));
+            patches.shrink_to_fit();
+            self.left.store(patches.len(), Ordering::Relaxed);
+        }
+    }
 }
 
 impl PointFilter {
     /// For fields on `mesh` where these nodes are measured; elements whose mark says that they are left out do not count.
     pub fn new<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[ElementMark]>) -> Self {
-        Self::with(mesh, live_elements(mesh, measured, marks), Arc::default())
+        Self::after(mesh, live_elements(mesh, measured, marks), None)
     }
 
     /// For fields that were regularised: all coefficients stay. They are none of a projection: what the penalty takes from a wave
     /// is of the size of what the projection adds, or more.
     pub fn none() -> Self {
-        Self { live: Vec::new(), rows: Vec::new(), made: Arc::default() }
+        Self { live: Vec::new(), sides: Sides::new(), rows: Vec::new(), made: Arc::default() }
     }
 
-    fn with<U: Length>(mesh: &Mesh<U>, live: Vec<bool>, made: Arc<Made>) -> Self {
-        let neighbours = Neighbours::new(mesh, &live);
-        let row = |node| Row::new(mesh, &neighbours, &made, node);
-        let rows = (0..mesh.n_nodes()).into_par_iter().with_min_len(PIECE / 8).map(row).collect();
-        Self { live, rows, made }
+    /// As [`PointFilter::new`], with the rows that it has in common with another filter for the same mesh.
+    fn after<U: Length>(mesh: &Mesh<U>, live: Vec<bool>, other: Option<&Self>) -> Self {
+        let (neighbours, sides) = Neighbours::new(mesh, &live);
+        let made = other.map_or_else(Arc::default, |other| Arc::clone(&other.made));
+        let (rows, changed) = match other.filter(|other| other.sides == sides) {
+            Some(other) => (&*other.rows, near_changes(mesh, &live, &other.live)),
+            None => (&[][..], Vec::new()),
+        };
+        let row = |seen: &mut Seen, node: usize| match (rows.get(node), changed.get(node)) {
+            (Some(row), Some(false)) => row.clone(),
+            _ => Row::new(mesh, &neighbours, &made, seen, node),
+        };
+        let nothing = || Seen::nothing(mesh.n_nodes(), mesh.n_elements());
+        let rows = (0..mesh.n_nodes()).into_par_iter().with_min_len(PIECE / 2).map_init(nothing, row).collect();
+        made.thin_out();
+        Self { live, sides, rows, made }
     }
 
     /// The values of a field whose live elements are those that this was made for.
@@ -176,6 +203,25 @@ fn live_elements<U: Length>(mesh: &Mesh<U>, measured: &[bool], marks: Option<&[E
     mesh.elements().iter().enumerate().map(|(element, nodes)| is_in(element) && is_whole(nodes)).collect()
 }
 
+/// The nodes near which an element lives in one of two fields alone: within a patch of it. All others have the same row in both.
+fn near_changes<U: Length>(mesh: &Mesh<U>, live: &[bool], other: &[bool]) -> Vec<bool> {
+    let mut near = vec![false; mesh.n_nodes()];
+    for ((nodes, a), b) in mesh.elements().iter().zip(live).zip(other) {
+        if a != b {
+            nodes.iter().for_each(|&node| near[node as usize] = true);
+        }
+    }
+    for _ in 0..PATCH {
+        let ring = near.clone();
+        for nodes in mesh.elements() {
+            if nodes.iter().any(|&node| ring[node as usize]) {
+                nodes.iter().for_each(|&node| near[node as usize] = true);
+            }
+        }
+    }
+    near
+}
+
 /// Weights of the filter of a regular mesh, row by row.
 fn of_nine() -> [f64; 9] {
     let along = [BESIDE, OWN, BESIDE];
@@ -183,7 +229,7 @@ fn of_nine() -> [f64; 9] {
 }
 
 impl Row {
-    fn new<U: Length>(mesh: &Mesh<U>, neighbours: &Neighbours, made: &Made, node: usize) -> Self {
+    fn new<U: Length>(mesh: &Mesh<U>, neighbours: &Neighbours, made: &Made, seen: &mut Seen, node: usize) -> Self {
         if neighbours.around(node).is_empty() {
             return Self::Coefficient;
         }
@@ -198,7 +244,7 @@ impl Row {
             let nodes = within_reach(extent, &nodes);
             return fit.map_or(Self::Coefficient, |fit| Self::Near { nodes: nodes.into(), fit, frame });
         }
-        let Some(patch) = Patch::new(mesh, neighbours, node) else { return Self::Coefficient };
+        let Some(patch) = Patch::new(mesh, neighbours, seen, node) else { return Self::Coefficient };
         let make = || patch.around()?.fit();
         let fit = match patch.is_regular {
             true => Made::of(&made.patches, patch.key(), make),
@@ -303,13 +349,54 @@ impl PointFilters {
     pub fn for_field<U: Length>(&self, field: &Measurement<U>) -> Arc<PointFilter> {
         let live = live_elements(&field.mesh, &field.measured, field.marks.as_deref());
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let made = match last {
-            Some(last) if last.live == live && last.rows.len() == field.mesh.n_nodes() => return last,
-            Some(last) => Arc::clone(&last.made),
-            None => Arc::default(),
-        };
-        let filter = Arc::new(PointFilter::with(&field.mesh, live, made));
+        let last = last.filter(|last| last.rows.len() == field.mesh.n_nodes());
+        if let Some(last) = &last
+            && last.live == live
+        {
+            return Arc::clone(last);
+        }
+        let filter = Arc::new(PointFilter::after(&field.mesh, live, last.as_deref()));
         *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&filter));
         filter
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Status;
+    use crate::mesh::{Roi, Zone};
+    use crate::units::Px;
+
+    #[test]
+    fn patches_of_frames_that_are_gone_are_not_kept() {
+        let roi = Roi { x0: 0.0, y0: 0.0, x1: 160.0, y1: 160.0 };
+        let mesh: Arc<Mesh<Px>> = Arc::new(Mesh::on_zones(&[Zone::rectangle("all", roi)], 4, 160, 160).unwrap());
+        let (n, filters) = (mesh.n_nodes(), PointFilters::default());
+        let mut most = 0;
+        for frame in 0..20usize {
+            let mut measured = vec![true; n];
+            // Other nodes are lost in every frame, one in 30 or so, so that hardly a patch is like another.
+            (0..n).filter(|node| (node * 7919 + frame * 104_729).wrapping_mul(2_654_435_761) >> 7 & 31 == 0).for_each(
+                |node| {
+                    measured[node] = false;
+                },
+            );
+            let field = Measurement {
+                status: Status::Converged,
+                displacement: vec![[0.0; 2]; n],
+                sigma: vec![[0.01; 2]; n],
+                measured,
+                element_residual: vec![1.0; mesh.n_elements()],
+                model_error: None,
+                marks: None,
+                points: None,
+                mesh: Arc::clone(&mesh),
+            };
+            let filter = filters.for_field(&field);
+            most = most.max(filter.made.patches.lock().unwrap().len());
+        }
+        // 20 frames of some 1500 patches would be 30 000. Up to 4096, or twice those of the last frames, are kept, and those of a frame come on top.
+        assert!((1000..6000).contains(&most), "{most} patches");
     }
 }

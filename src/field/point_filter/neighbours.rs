@@ -34,8 +34,12 @@ pub(super) struct Extent {
     pub after: [u8; 2],
 }
 
+/// The sides of the first live parallelogram of each zone, from its corner 0 to 1 and 3.
+pub(super) type Sides = Vec<Option<[[f64; 2]; 2]>>;
+
 impl Neighbours {
-    pub fn new<U: Length>(mesh: &Mesh<U>, live: &[bool]) -> Self {
+    /// Those of a mesh with these live elements, and the sides of elements that count as regular.
+    pub fn new<U: Length>(mesh: &Mesh<U>, live: &[bool]) -> (Self, Sides) {
         let n_nodes = mesh.n_nodes();
         let mut first = vec![0u32; n_nodes + 1];
         let corners = |element: usize| {
@@ -53,8 +57,7 @@ impl Neighbours {
         let mut elements = vec![0u32; first[n_nodes] as usize];
         let mut quadrants = vec![[NONE; 4]; n_nodes];
         let mut regular = vec![false; mesh.n_elements()];
-        // The sides of the first live parallelogram of each zone.
-        let mut sides: Vec<Option<[[f64; 2]; 2]>> = vec![None; mesh.zones().len()];
+        let mut sides: Sides = vec![None; mesh.zones().len()];
         for element in live_elements() {
             for &node in corners(element) {
                 elements[next[node as usize] as usize] = element as u32;
@@ -78,7 +81,7 @@ impl Neighbours {
         }
         let mut neighbours = Self { quadrants, first, elements, regular, depth: Vec::new() };
         neighbours.depth = neighbours.depths(mesh);
-        neighbours
+        (neighbours, sides)
     }
 
     /// Live elements around a node.
