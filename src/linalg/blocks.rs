@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use std::borrow::Borrow;
-use std::ops::Range;
+use std::ops::{Add, Mul, Range};
 use std::sync::Arc;
 
 /// The 8x8 symmetric matrix of one Q4 element, upper triangle by rows. Unknown `2 k + c` is component
@@ -454,21 +454,27 @@ impl BlockMatrix {
     /// The row of `node` times `x`.
     #[inline(always)]
     pub(crate) fn row_times(&self, node: usize, x: &[[f64; 2]]) -> [f64; 2] {
-        let [xx, xy, yx, yy] = self.row_sums(node, x);
+        let [xx, xy, yx, yy] = row_sums(&self.pattern, &self.blocks, node, x);
         [xx + xy, yx + yy]
     }
+}
 
-    /// The same entry by entry of the blocks: the parts of both components of `x` are not added yet.
-    #[inline(always)]
-    pub(super) fn row_sums(&self, node: usize, x: &[[f64; 2]]) -> [f64; 4] {
-        let range = self.pattern.row(node);
-        let mut sum = [0.0; 4];
-        for (block, &column) in self.blocks[range.clone()].iter().zip(&self.pattern.columns[range]) {
-            let [x, y] = x[column as usize];
-            for (k, v) in [x, y, x, y].into_iter().enumerate() {
-                sum[k] += block[k] * v;
-            }
+/// The row of `node` of a matrix of these `blocks` times `x`, entry by entry of the blocks: the parts of both components of `x` are not
+/// added yet.
+#[inline(always)]
+pub(super) fn row_sums<T: Copy + Default + Add<Output = T> + Mul<Output = T>>(
+    pattern: &Pattern,
+    blocks: &[[T; 4]],
+    node: usize,
+    x: &[[T; 2]],
+) -> [T; 4] {
+    let range = pattern.row(node);
+    let mut sum = [T::default(); 4];
+    for (block, &column) in blocks[range.clone()].iter().zip(&pattern.columns[range]) {
+        let [x, y] = x[column as usize];
+        for (k, v) in [x, y, x, y].into_iter().enumerate() {
+            sum[k] = sum[k] + block[k] * v;
         }
-        sum
     }
+    sum
 }

@@ -2,8 +2,8 @@
 
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
-use super::conjugate_gradients::BlockJacobi;
-use std::sync::Arc;
+use super::conjugate_gradients::{BlockJacobi, Single};
+use std::sync::{Arc, OnceLock};
 
 /// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
 /// (`benches/RESULTS.md`, table of solvers).
@@ -34,6 +34,8 @@ pub enum SolverChoice {
 pub struct Solver {
     matrix: BlockMatrix,
     jacobi: BlockJacobi,
+    /// What conjugate gradients run in, once they do.
+    single: OnceLock<Single>,
     factor: Option<Factor>,
     regularised: Option<Regularised>,
     /// Fall of the residual that conjugate gradients are asked for.
@@ -98,7 +100,8 @@ impl Solver {
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
     pub fn iterative(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
-        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION, responses: None }
+        let single = OnceLock::new();
+        Self { matrix, jacobi, single, factor: None, regularised: None, reduction: REDUCTION, responses: None }
     }
 
     /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
@@ -131,8 +134,9 @@ impl Solver {
         let mut matrix = self.matrix.clone();
         matrix.assemble_rows(nodes, elements, of_element);
         let jacobi = self.jacobi.changed(&matrix, nodes);
+        let single = self.single.get().map(|single| single.changed(&matrix, &jacobi, nodes).into()).unwrap_or_default();
         let responses = self.responses.clone();
-        Self { matrix, jacobi, factor: None, regularised: None, reduction: REDUCTION_CHANGED, responses }
+        Self { matrix, jacobi, single, factor: None, regularised: None, reduction: REDUCTION_CHANGED, responses }
     }
 
     /// The same with the solutions for two right-hand sides, which are wanted in every step.
@@ -215,24 +219,25 @@ impl Solver {
         self.jacobi.solve(&self.matrix, &rhs, reduction, most).1.iterations
     }
 
-    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less; any of
-    /// these is enough inside an outer iteration.
+    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less, in single
+    /// precision; any of these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
-        match &self.factor {
-            Some(Factor::Double(factor)) => {
-                factor.solve(&mut rhs);
-                rhs
-            }
-            Some(Factor::Single(factor)) => {
-                // Scaled, so that neither a tiny nor a huge right-hand side leaves the range of single precision.
-                let largest = rhs.as_flattened().iter().fold(0.0f64, |largest, b| largest.max(b.abs()));
-                let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
-                let mut single: Vec<[f32; 2]> = rhs.iter().map(|b| b.map(|b| (b / scale) as f32)).collect();
-                factor.solve(&mut single);
-                single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
-            }
-            None => self.jacobi.solve(&self.matrix, &rhs, self.reduction, MAX_ITERATIONS).0,
+        if let Some(Factor::Double(factor)) = &self.factor {
+            factor.solve(&mut rhs);
+            return rhs;
         }
+        // Scaled, so that neither a tiny nor a huge right-hand side leaves the range of single precision.
+        let largest = rhs.as_flattened().iter().fold(0.0f64, |largest, b| largest.max(b.abs()));
+        let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+        let mut single: Vec<[f32; 2]> = rhs.iter().map(|b| b.map(|b| (b / scale) as f32)).collect();
+        match &self.factor {
+            Some(Factor::Single(factor)) => factor.solve(&mut single),
+            _ => {
+                let of_matrix = self.single.get_or_init(|| Single::new(&self.matrix, &self.jacobi));
+                single = of_matrix.solve(self.matrix.pattern(), &single, self.reduction, MAX_ITERATIONS);
+            }
+        }
+        single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
     }
 }
