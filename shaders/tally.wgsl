@@ -8,7 +8,7 @@
 struct Tally {
     n_elements: u32,
     n_groups: u32,
-    // Shares of its pixels that an element must keep, and must get back (KEPT_SHARE, BACK_SHARE), and below which it
+    // Shares of its pixels that an element must keep, and must get back (`kept_and_back_share`), and below which it
     // is lossy (1 - LOST_SHARE).
     kept_share: f32,
     back_share: f32,

@@ -339,8 +339,10 @@ class Level {
     this.n_groups = n_groups;
     this.groups = device.filled(packed('Group', groups), 'groups of elements');
     this.zone_groups = device.filled(packed('ZoneGroups', { first: 0, count: n_groups, n_elements: n }), 'zones');
+    const { KEPT_PX, KEPT_SHARE, KEPT_MOST, BACK_MORE } = CONSTANTS;
+    const kept_share = Math.min(Math.max(KEPT_PX / Math.sqrt(grid.hx * grid.hy), KEPT_SHARE), KEPT_MOST);
     this.tally = device.uniform('Tally', {
-      n_elements: n, n_groups, kept_share: CONSTANTS.KEPT_SHARE, back_share: CONSTANTS.BACK_SHARE,
+      n_elements: n, n_groups, kept_share, back_share: kept_share + BACK_MORE,
       lossy_share: 1 - CONSTANTS.LOST_SHARE, own_transfer: 0,
     });
     // Where each node's elements begin, then 4 element + corner.
@@ -587,7 +589,7 @@ const WILD_ELEMENTS = 8;
 const ROUGH_PX = 0.25;
 /** The matrix of what is left is renewed when other elements have lost pixels, or so much has changed while corrections fall slowly. */
 const SLOW_RATE = 0.25;
-const RENEW_SHARE = 0.1;
+const RENEW_SHARE = 0.02;
 
 /** What the corrections still to come add up to. */
 function errorLeft(correction, [last, one_before]) {

@@ -1551,7 +1551,7 @@ fn largest(@builtin(local_invocation_index) thread: u32) {
 struct Tally {
     n_elements: u32,
     n_groups: u32,
-    // Shares of its pixels that an element must keep, and must get back (KEPT_SHARE, BACK_SHARE), and below which it
+    // Shares of its pixels that an element must keep, and must get back (\`kept_and_back_share\`), and below which it
     // is lossy (1 - LOST_SHARE).
     kept_share: f32,
     back_share: f32,
@@ -1735,7 +1735,9 @@ const LAYOUTS = {
 
 const CONSTANTS = {
   KEPT_SHARE: 0.5,
-  BACK_SHARE: 0.6,
+  KEPT_PX: 6.4,
+  KEPT_MOST: 0.8,
+  BACK_MORE: 0.1,
   LOST_SHARE: 0.05,
   // What noise of variance one adds to the mean square of a component of the gradient.
   GRADIENT_NOISE_GAIN: 1.392305,

@@ -121,9 +121,19 @@ pub struct KernelOptions {
 /// An element of which less than this share of its pixels is inside the deformed image is left out: it
 /// would say too little about its far nodes.
 pub const KEPT_SHARE: f64 = 0.5;
+/// Of small elements it is so many px of a side, in which one row of pixels more or less does not decide where the node beyond it goes,
+pub const KEPT_PX: f64 = 6.4;
+/// but never more than this share.
+pub const KEPT_MOST: f64 = 0.8;
+/// It comes back only with this share more, so that it does not flicker while the field settles.
+pub const BACK_MORE: f64 = 0.1;
 
-/// and comes back only with this share, so that it does not flicker while the field settles.
-pub const BACK_SHARE: f64 = 0.6;
+/// Shares of its pixels that an element of this size, px, must keep inside the deformed image, and get back once it has been left out.
+/// Twin: web/quadrille.js.
+pub fn kept_and_back_share(element_size: f64) -> [f64; 2] {
+    let kept = (KEPT_PX / element_size).clamp(KEPT_SHARE, KEPT_MOST);
+    [kept, kept + BACK_MORE]
+}
 
 /// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows it.
 pub const COUPLED: f64 = 0.9;

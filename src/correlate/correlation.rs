@@ -74,7 +74,7 @@ pub struct Correlation {
     /// Nodes not measured because their elements have left the deformed image.
     pub nodes_left: usize,
     /// Nodes not measured because their texture does not stand out of the noise that the residual shows around them
-    /// (THEORY 2).
+    /// (THEORY 2), or because it kept them from settling.
     pub nodes_in_noise: usize,
     /// Nodes whose neighbourhood holds so little beside noise that their standard uncertainty is a lower bound
     /// (THEORY 10).

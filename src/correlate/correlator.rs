@@ -5,8 +5,8 @@ use super::correlation::{Correlation, StartUsed};
 use super::error::CorrelationError;
 use super::features::Features;
 use super::finest::{Finest, finest_level};
-use super::gradient_noise::{AssumedNoise, gradient_sums};
-use super::iterate::{Limits, Turn, WILD_ELEMENTS, iterate, nothing};
+use super::gradient_noise::AssumedNoise;
+use super::iterate::{Enough, Limits, Turn, WILD_ELEMENTS, iterate, nothing};
 use super::level::Level;
 use super::misfit::MisfitTest;
 use super::model_error::MeshLines;
@@ -38,12 +38,10 @@ const WORSE: f64 = 0.02;
 const PREDICTION_OFF_PX: f64 = 1.0;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 pub(super) const ENOUGH_BY_SIGMA: f64 = 0.1;
-/// Where noise is more than this share of the mean square gradient it slows the iteration down.
-const NOISY: f64 = 0.3;
 /// On coarse levels: good enough for the next finer one.
 pub(super) const COARSE: Limits<'_> = Limits {
     tolerance_px: 0.03,
-    enough_px: &[],
+    enough: &[],
     max_iterations: 12,
     wild_elements: WILD_ELEMENTS,
     turn: Turn::NONE,
@@ -83,7 +81,8 @@ pub struct Correlator<B: Backend> {
     pub(super) probe: Option<NoiseProbe>,
     pub(super) misfit_test: MisfitTest,
     pub(super) mesh_lines: MeshLines,
-    pub(super) enough_px: Vec<f64>,
+    /// See [`Limits::enough`].
+    pub(super) enough: Vec<Enough>,
     /// What the nodes see; none where the noise is stated or a regularisation holds them.
     pub(super) seen: Vec<SeenByNode>,
     /// Standard deviation of the rounding to integer grey levels.
@@ -154,12 +153,9 @@ impl<B: Backend> Correlator<B> {
             true => options.tolerance_px.max(options.tolerance_by_sigma * smallest),
             false => options.tolerance_px,
         };
-        let power: f64 = level.moments.iter().map(|m| gradient_sums(m)[0] + gradient_sums(m)[2]).sum();
-        let of_noise: f64 = 2.0 * level.lambda * level.moments.iter().map(|m| m.n).sum::<f64>();
-        let enough_px = match of_noise > NOISY * power {
-            true => sigma.iter().map(|sigma| ENOUGH_BY_SIGMA * sigma).collect(),
-            false => Vec::new(),
-        };
+        let is_noisy = |node: usize| level.lambda > 0.0 && level.keep[node] && seen[node].is_noisy(level.lambda);
+        let of_node = |node: usize| Enough { px: ENOUGH_BY_SIGMA * sigma[node], is_noisy: is_noisy(node) };
+        let enough: Vec<Enough> = (0..seen.len()).map(of_node).collect();
         let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
@@ -211,7 +207,7 @@ impl<B: Backend> Correlator<B> {
             probe,
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
-            enough_px,
+            enough,
             seen: if reference.is_regularised || reference.options.noise.constant().is_some() {
                 Vec::new()
             } else {
@@ -328,7 +324,8 @@ impl<B: Backend> Correlator<B> {
     pub(super) fn limits(&self, turn: Turn) -> Limits<'_> {
         Limits {
             tolerance_px: self.tolerance_px,
-            enough_px: &self.enough_px,
+            // Who wants the tolerance whatever the noise is waits for it.
+            enough: if self.options.tolerance_by_sigma > 0.0 { &self.enough } else { &[] },
             max_iterations: self.options.max_iterations,
             wild_elements: WILD_ELEMENTS,
             turn,

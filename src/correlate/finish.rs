@@ -14,7 +14,7 @@ use super::model_error::{self, model_error};
 use super::noise_correlation::factors;
 use super::noise_model::Elements;
 use super::own::Own;
-use super::screen::{LEAST_LEFT, continued};
+use super::screen::{LEAST_LEFT, continued, filled};
 use super::settled::{Iterated, Settled};
 use super::texture::lost_in_noise;
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
@@ -104,8 +104,20 @@ impl<B: Backend> Correlator<B> {
         field: &mut B::Field,
         mut outcome: Outcome<B>,
     ) -> Result<Iterated<B>, CorrelationError> {
-        let (found, light) = self.found(frame, field, &mut outcome)?;
+        let (mut found, light) = self.found(frame, field, &mut outcome)?;
+        self.fill_unsettled(&outcome, &mut found);
         Ok(Iterated { outcome, found, light })
+    }
+
+    /// Puts nodes that noise has kept from settling where the field around them would have them: what comes after may be begun from there.
+    fn fill_unsettled(&self, outcome: &Outcome<B>, found: &mut Found) {
+        if outcome.unsettled.is_empty() {
+            return;
+        }
+        let mesh = &self.levels[0].mesh;
+        let mut known = vec![true; mesh.n_nodes()];
+        outcome.unsettled.iter().for_each(|&node| known[node] = false);
+        found.displacement = filled(mesh, &found.displacement, known);
     }
 
     /// Its field without the elements that are `excluded` and those that turn out not to match: the end of what the device has to
@@ -123,6 +135,7 @@ impl<B: Backend> Correlator<B> {
         if excluded.contains(&true) {
             found.displacement = continued(mesh, &found.displacement, &found.elements);
         }
+        self.fill_unsettled(&outcome, &mut found);
         let matches = self.zone_matches(&found.zones, &found.elements);
         let status = self.judge(&outcome, &found.elements, &matches, &excluded);
         Ok(Settled { of: Iterated { outcome, found, light }, excluded, matches, status })
@@ -204,7 +217,8 @@ impl<B: Backend> Correlator<B> {
             }
         }
         let [x, y] = sigma[outcome.worst_node];
-        let enough = !self.enough_px.is_empty() && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
+        let is_noisy = self.enough.get(outcome.worst_node).is_some_and(|enough| enough.is_noisy);
+        let enough = is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
         if status == Status::IterationLimit && enough {
             status = Status::Converged;
         }
@@ -227,6 +241,9 @@ impl<B: Backend> Correlator<B> {
         // What is misfit everywhere is no noise to be lost in.
         let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
         in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.extend(outcome.unsettled.iter().filter(|&&node| measured[node]));
+        in_noise.sort_unstable();
+        in_noise.dedup();
         in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
         if !in_noise.is_empty() {
             for (zone, result) in zones.iter_mut().enumerate() {

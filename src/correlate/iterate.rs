@@ -13,9 +13,8 @@ use crate::units::Px;
 #[derive(Clone, Copy)]
 pub(super) struct Limits<'a> {
     pub tolerance_px: f64,
-    /// Per node, what is good enough where corrections fall slowly, px: a tenth of its standard uncertainty. Empty where
-    /// noise is not what slows them down.
-    pub enough_px: &'a [f64],
+    /// Per node, what is good enough where corrections fall slowly; empty where that is not known.
+    pub enough: &'a [Enough],
     pub max_iterations: usize,
     /// Corrections of this many element sizes belong to no displacement field.
     pub wild_elements: f64,
@@ -29,6 +28,15 @@ pub(super) struct Limits<'a> {
     pub own: bool,
     /// What holds the displacement of the frame's own solver in place of what the level has.
     pub regulariser: Option<&'a Regulariser>,
+}
+
+/// What is good enough at a node where corrections fall slowly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Enough {
+    /// A tenth of its standard uncertainty, px.
+    pub px: f64,
+    /// Whether noise is so large a part of its texture that its corrections fall slowly for that.
+    pub is_noisy: bool,
 }
 
 /// How far a field is turned as a whole, for steps: the normal matrix is made of gradients of the reference, which are
@@ -74,8 +82,14 @@ impl Turn {
     }
 }
 
-/// From this iteration on corrections count as slow, and as stalled from the second on.
-const SLOW: [usize; 2] = [7, 12];
+/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from the
+/// third on nodes that have not settled are not waited for.
+const SLOW: [usize; 3] = [7, 12, 20];
+/// What may be left of them before and after that, in parts of what is good enough.
+const LEFT: [f64; 2] = [3.0, 10.0];
+
+/// Of more nodes than this share none is given up.
+const FEW_UNSETTLED: f64 = 0.05;
 
 /// How an iteration ended.
 pub(super) struct Outcome<B: Backend> {
@@ -84,6 +98,8 @@ pub(super) struct Outcome<B: Backend> {
     pub correction_px: f64,
     /// The node of that correction.
     pub worst_node: usize,
+    /// Nodes that noise keeps from settling: they are still on their way, and their uncertainty is not known.
+    pub unsettled: Vec<usize>,
     /// Largest correction of the first step: how far off the start was.
     pub first_correction_px: f64,
     /// Smallest correlation coefficient of a zone at the start.
@@ -102,12 +118,59 @@ const ROUGH_PX: f64 = 0.25;
 /// The frame's own matrix is renewed when elements have been left out or have come back, and when corrections fall by less
 /// than this while the pixels counted have changed by this share of an element.
 const SLOW_RATE: f64 = 0.25;
-const RENEW_SHARE: f64 = 0.1;
+const RENEW_SHARE: f64 = 0.02;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
 /// limit this many times in a row: long enough for the half step of an overshoot to have its effect.
 const TOO_SLOW: [usize; 2] = [12, 8];
 /// [`Limits::wild_elements`] of what nothing but the images holds.
 pub(super) const WILD_ELEMENTS: f64 = 8.0;
+
+/// How single nodes are moved from iteration to iteration, towards the end of those that noise makes long.
+#[derive(Default)]
+struct Watch {
+    displacement: Vec<[f64; 2]>,
+    /// The last two movements of each node, px, the latest first; empty until they are known.
+    movements: [Vec<f64>; 2],
+}
+
+impl Watch {
+    fn note(&mut self, displacement: Vec<[f64; 2]>) {
+        let moved = |(now, then): (&[f64; 2], &[f64; 2])| (now[0] - then[0]).hypot(now[1] - then[1]);
+        let movement = displacement.iter().zip(&self.displacement).map(moved).collect();
+        self.movements.swap(0, 1);
+        self.movements[0] = movement;
+        self.displacement = displacement;
+    }
+
+    /// Sets the nodes apart that noise keeps from settling, if they are few: that move by more than what is enough there, or have more than
+    /// `may_be_left` times that still before them. `None` where another node has not settled, or the last two movements are not known yet.
+    fn without_unsettled(&self, enough: &[Enough], tolerance_px: f64, may_be_left: f64) -> Option<Rest> {
+        let [last, before] = &self.movements;
+        if before.len() != enough.len() {
+            return None;
+        }
+        let mut rest = Rest { unsettled: Vec::new(), worst: (0, 0.0) };
+        for (node, ((&now, &then), enough)) in last.iter().zip(before).zip(enough).enumerate() {
+            let rate = if then > 0.0 { (now / then).min(0.99) } else { 0.0 };
+            let left = now * rate / (1.0 - rate);
+            let px = enough.px.max(tolerance_px);
+            match now < px && left < may_be_left * px {
+                true if now > rest.worst.1 => rest.worst = (node, now),
+                true => {}
+                false if enough.is_noisy => rest.unsettled.push(node),
+                false => return None,
+            }
+        }
+        (rest.unsettled.len() as f64 <= FEW_UNSETTLED * enough.len() as f64).then_some(rest)
+    }
+}
+
+/// What has settled, and what has not.
+struct Rest {
+    unsettled: Vec<usize>,
+    /// The node of the others that moved the most, and by how much, px.
+    worst: (usize, f64),
+}
 
 /// Nothing follows the field but what its steps move.
 pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
@@ -120,6 +183,9 @@ const LAST: f64 = 10.0;
 const LAST_PX: f64 = 0.01;
 /// Corrections below this, px, may be round-off, whose rate means nothing: the smallest elements under noise reach it.
 const ROUND_OFF_PX: f64 = 5e-6;
+/// So may those below this part of what is good enough at their node, a thousandth of its standard uncertainty, where it is poorly determined: did they
+/// fall by a hundredth only, a tenth of it would be left.
+const ROUND_OFF_SHARE: f64 = 0.01;
 
 /// Iterates `field` on `level` until the error that the last correction leaves is below the tolerance. After each step
 /// that another one follows comes `between`: what else is to follow the field.
@@ -138,13 +204,14 @@ pub(super) fn iterate<B: Backend>(
         iterations: 0,
         correction_px: f64::INFINITY,
         worst_node: 0,
+        unsettled: Vec::new(),
         first_correction_px: 0.0,
         first_correlation: 0.0,
         gained: 0.0,
         own: None,
         turn: limits.turn,
     };
-    let (mut pace, mut late) = (Pace::default(), 0);
+    let (mut pace, mut late, mut watch) = (Pace::default(), 0, Watch::default());
     // Pixels counted and elements lost when the own solver was made.
     let mut made_at = (0.0, 0);
     for iteration in 1..=limits.max_iterations {
@@ -185,19 +252,29 @@ pub(super) fn iterate<B: Backend>(
         let left = LONGEST * pace.left(correction, is_even);
         let last_px = limits.tolerance_px.max(LAST_PX.min(LAST * limits.tolerance_px));
         let is_small = correction < last_px && left < limits.tolerance_px;
-        if is_small || correction < limits.tolerance_px.min(ROUND_OFF_PX) {
+        let enough = limits.enough.get(step.worst_node);
+        let round_off_px = enough.map_or(0.0, |enough| ROUND_OFF_SHARE * enough.px).max(ROUND_OFF_PX);
+        if is_small || correction < limits.tolerance_px.min(round_off_px) {
             outcome.status = Status::Converged;
             break;
         }
-        if let Some(&enough) = limits.enough_px.get(step.worst_node).filter(|enough| correction < **enough) {
-            let slow = iteration >= SLOW[0] && left < 3.0 * enough;
-            if slow || iteration >= SLOW[1] {
+        let enough = enough.filter(|enough| enough.is_noisy);
+        if iteration >= SLOW[0] && enough.is_some() {
+            // Behind the largest correction there may be one that is not good enough at its node.
+            watch.note(backend.found(&level.prepared, frame, field)?.displacement);
+            let left = LEFT[usize::from(iteration >= SLOW[1])];
+            let rest = watch.without_unsettled(limits.enough, limits.tolerance_px, left);
+            if let Some(rest) = rest.filter(|rest| rest.unsettled.is_empty() || iteration >= SLOW[2]) {
                 outcome.status = Status::Converged;
+                (outcome.worst_node, outcome.correction_px) = rest.worst;
+                outcome.unsettled = rest.unsettled;
                 break;
             }
+        } else {
+            watch = Watch::default();
         }
-        let target =
-            limits.enough_px.get(step.worst_node).map_or(limits.tolerance_px, |px| px.max(limits.tolerance_px));
+        let enough = enough.map_or(0.0, |enough| enough.px);
+        let target = enough.max(limits.tolerance_px);
         let arrives = pace.iterations_left(correction, target) <= (limits.max_iterations - iteration) as f64;
         late = if arrives || iteration < TOO_SLOW[0] { 0 } else { late + 1 };
         if late == TOO_SLOW[1] {
@@ -209,4 +286,47 @@ pub(super) fn iterate<B: Backend>(
         }
     }
     Ok(outcome)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Enough, Watch};
+
+    /// What a watch says of nodes that made these two movements along x, px.
+    fn told(movements: &[[f64; 2]], enough: &[Enough]) -> Option<(Vec<usize>, (usize, f64))> {
+        let mut watch = Watch::default();
+        let mut at = vec![[1.0, 2.0]; movements.len()];
+        watch.note(at.clone());
+        for k in 0..2 {
+            assert!(watch.without_unsettled(enough, 1e-4, 3.0).is_none(), "two movements are needed");
+            at.iter_mut().zip(movements).for_each(|(at, by)| at[0] += by[k]);
+            watch.note(at.clone());
+        }
+        watch.without_unsettled(enough, 1e-4, 3.0).map(|rest| (rest.unsettled, rest.worst))
+    }
+
+    #[test]
+    fn nodes_that_noise_keeps_from_settling_are_given_up_if_they_are_few_and_no_other_node_is() {
+        let noisy = Enough { px: 0.02, is_noisy: true };
+        let clear = Enough { px: 0.002, is_noisy: false };
+        let many = |first: [f64; 2]| {
+            let mut all = vec![[1e-3, 1e-4]; 40];
+            all[7] = first;
+            all
+        };
+        let mut enough = vec![clear; 40];
+        enough[7] = noisy;
+        // It goes on by nearly as much each time: 0.01 / (1 - 0.9) is still to come.
+        let (unsettled, (worst, px)) = told(&many([0.01, 0.009]), &enough).unwrap();
+        assert_eq!((unsettled, worst), (vec![7], 0));
+        assert!((px - 1e-4).abs() < 1e-12);
+        // It falls fast, from where it is good enough: nothing is left out.
+        assert_eq!(told(&many([0.02, 0.008]), &enough).unwrap().0, Vec::<usize>::new());
+        // The same movements where noise is not the reason: the frame goes on.
+        assert!(told(&many([0.01, 0.009]), &[clear; 40]).is_none());
+        // Three of 40 are more than a twentieth.
+        let mut three = many([0.01, 0.009]);
+        (three[1], three[2], enough[1], enough[2]) = ([0.01, 0.009], [0.01, 0.009], noisy, noisy);
+        assert!(told(&three, &enough).is_none());
+    }
 }

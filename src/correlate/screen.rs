@@ -318,7 +318,7 @@ impl<B: Backend> Correlator<B> {
     fn smooth_limits<'a>(&self, regulariser: Option<&'a Regulariser>) -> Limits<'a> {
         Limits {
             tolerance_px: SMOOTH_TOLERANCE_PX,
-            enough_px: &[],
+            enough: &[],
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
             regulariser,
@@ -411,14 +411,21 @@ fn poor(mesh: &Mesh<Px>, elements: &[ElementMatch]) -> Vec<bool> {
     poor
 }
 
-/// The displacement with that of nodes without elements that count as the field around them would have it: the affine
-/// motion of the zone, and what is beyond it harmonic.
+/// The displacement with that of nodes without elements that count as the field around them would have it, see [`filled`].
 pub(super) fn continued(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[ElementMatch]) -> Vec<[f64; 2]> {
     let mut known = vec![false; mesh.n_nodes()];
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
     for (nodes, found) in mesh.elements().iter().zip(elements) {
+        nodes.iter().for_each(|&node| known[node as usize] |= found.n > 0.0);
+    }
+    filled(mesh, displacement, known)
+}
+
+/// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine motion of the zone, and
+/// what is beyond it harmonic.
+pub(super) fn filled(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
+    for nodes in mesh.elements() {
         for k in 0..4 {
-            known[nodes[k] as usize] |= found.n > 0.0;
             let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
             if a != b {
                 neighbours[a as usize].push(b);

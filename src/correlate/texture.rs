@@ -76,6 +76,12 @@ pub(super) fn seen_by_nodes(matrix: &BlockMatrix, support: &[f64]) -> Vec<SeenBy
 }
 
 impl SeenByNode {
+    /// Whether noise that adds `from_noise` is so large a part of it that corrections of the node fall slowly: from a share of a quarter in many
+    /// pixels on, and from a smaller one in few, of which the noise scatters.
+    pub fn is_noisy(self, from_noise: f64) -> bool {
+        self.weakest <= 2.0 * noise_margin(self.support, false) * from_noise
+    }
+
     /// Whether nothing of it stands out of noise that adds `from_noise` to the mean square of each component of the
     /// gradient: noise that was seen, so that it is enough that more is there than it can scatter by.
     pub fn is_noise(self, from_noise: f64) -> bool {

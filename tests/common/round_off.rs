@@ -4,7 +4,7 @@
 //! Nothing is shared with the library but the pixels of the elements.
 
 use super::plain::{basis, basis_slopes};
-use quadrille::backend::KEPT_SHARE;
+use quadrille::backend::kept_and_back_share;
 use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::mesh::{PixelMesh, shape_functions};
@@ -569,9 +569,10 @@ impl Evaluator<'_> {
         let [f_lost, ff_lost] = lost.map(|sum| sum.along(path));
         let (f, ff) = (whole.f.minus(f_lost), whole.ff.minus(ff_lost));
         let n_all = whole.n.value;
-        let out = if n.value + n.error < KEPT_SHARE * n_all {
+        let [kept, _] = kept_and_back_share(self.task.mesh.mesh.element_size());
+        let out = if n.value + n.error < kept * n_all {
             Some(true)
-        } else if n.value - n.error >= KEPT_SHARE * n_all {
+        } else if n.value - n.error >= kept * n_all {
             Some(false)
         } else {
             None

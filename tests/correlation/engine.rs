@@ -394,6 +394,61 @@ fn the_whole_image_takes_at_most_one_iteration_more_than_a_zone_that_stays_insid
 }
 
 #[test]
+fn small_elements_cut_by_the_edge_of_the_image_settle_as_the_others_do() {
+    // A column of pixels more or less decides where the nodes of a cut element of 8 px go, and where they are whether it is in: with elements
+    // that kept half of their pixels some of these frames took 78 to 148 iterations.
+    const SIZE: [usize; 2] = [128, 1024];
+    const MOST: usize = 14;
+    let image = |shift: [f64; 2], frame: u64| {
+        let noisy = RenderOptions { noise: 1.0, frame, ..eight_bit(SIZE[0], SIZE[1]) };
+        picture(&Translation(shift), &noisy)
+    };
+    let options = Options { element_size: 8, ..Options::default() };
+    let correlator = prepared(&image([0.0; 2], 0), &whole(SIZE[0], SIZE[1]), options);
+    for (frame, x) in (1..).zip([1.3, 2.3, 2.6, 3.5, 3.7, 4.6]) {
+        let found = cold(&correlator, &image([x, 0.3], frame));
+        assert_eq!(found.measurement.status, Status::Converged, "{x} px");
+        assert!(found.iterations <= MOST, "{x} px: {} iterations", found.iterations);
+        // All but the outermost nodes are measured at least.
+        let left = found.measurement.measured.iter().filter(|measured| !**measured).count();
+        assert!(left <= SIZE[1] / 8 + 3, "{x} px: {left} nodes are not measured");
+    }
+}
+
+#[test]
+fn small_elements_in_noise_end_within_20_iterations_and_scatter_as_they_state() {
+    // Noise of three grey levels in elements of 5 px: some nodes see little else, and wander for up to a hundred iterations if they are waited for.
+    const SIDE: usize = 224;
+    let (mut squares, mut n, mut iterations) = (0.0, 0.0, Vec::new());
+    let [still, moved] = [0.0, 0.6].map(|amplitude| Sinusoids { amplitude, wavelength: 256.0 });
+    for seed in 1..=7 {
+        let image = |motion: &Sinusoids, frame| {
+            picture(motion, &RenderOptions { noise: 3.0, seed, frame, ..eight_bit(SIDE, SIDE) })
+        };
+        let options = Options { element_size: 5, drop_textureless: true, ..Options::default() };
+        let correlator = prepared(&image(&still, 0), &inside(SIDE, SIDE, 17), options);
+        let found = cold(&correlator, &image(&moved, 1));
+        assert_eq!(found.measurement.status, Status::Converged);
+        iterations.push(found.iterations);
+        let Measurement { mesh, displacement, sigma, measured, .. } = &found.measurement;
+        let share = measured.iter().filter(|measured| **measured).count() as f64 / mesh.n_nodes() as f64;
+        assert!(share > 0.9, "{share} of the nodes are measured");
+        let errors = node_errors(mesh, displacement, &moved);
+        for (node, error) in errors.iter().enumerate().filter(|(node, _)| measured[*node]) {
+            (0..2).for_each(|c| squares += (error[c] / sigma[node][c]).powi(2));
+            n += 2.0;
+        }
+    }
+    // One of them may have an element that matches nothing, which takes several rounds.
+    iterations.sort_unstable();
+    assert!(iterations[3] <= 20, "{iterations:?} iterations");
+    // 20 000 deviates or so, of which neighbours are correlated: 1 % by chance; and speckles are as large as these elements.
+    let scatter = (squares / n).sqrt();
+    assert!((scatter - 1.0).abs() < 0.06, "{scatter} of what is stated");
+    println!("{iterations:?} iterations, {scatter:.3} of what is stated");
+}
+
+#[test]
 fn where_pixels_leave_the_image_the_field_does_not_depend_on_the_start() {
     const SIDE: usize = 512;
     const TOLERANCE_PX: f64 = 1e-6;

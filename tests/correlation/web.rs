@@ -11,7 +11,7 @@ use naga::common::wgsl::TryToWgsl;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::{Binding, KERNELS, Kernel, source};
 use quadrille::backend::{
-    BACK_SHARE, Backend, ElementMoments, GreyTransfer, KEPT_SHARE, KernelOptions, LOST_SHARE, Place,
+    BACK_MORE, Backend, ElementMoments, GreyTransfer, KEPT_MOST, KEPT_PX, KEPT_SHARE, KernelOptions, LOST_SHARE, Place,
 };
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Brightness, Status};
@@ -93,7 +93,8 @@ fn shaders() -> String {
     }
     writeln!(
         text,
-        "}};\n\nconst CONSTANTS = {{\n  KEPT_SHARE: {KEPT_SHARE},\n  BACK_SHARE: {BACK_SHARE},\n  LOST_SHARE: {LOST_SHARE},\n  \
+        "}};\n\nconst CONSTANTS = {{\n  KEPT_SHARE: {KEPT_SHARE},\n  KEPT_PX: {KEPT_PX},\n  KEPT_MOST: {KEPT_MOST},\n  \
+         BACK_MORE: {BACK_MORE},\n  LOST_SHARE: {LOST_SHARE},\n  \
          // What noise of variance one adds to the mean square of a component of the gradient.\n  GRADIENT_NOISE_GAIN: {:.6},\n}};",
         Interpolation::Cubic.gradient_noise_gain(),
     )

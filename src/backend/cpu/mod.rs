@@ -14,8 +14,8 @@ use crate::backend::pyramid::Pyramid;
 use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
-    BACK_SHARE, Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KEPT_SHARE,
-    KernelOptions, LOST_SHARE, PixelSums, Place, Step,
+    Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions,
+    LOST_SHARE, PixelSums, Place, Step, kept_and_back_share,
 };
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Levels};
@@ -106,6 +106,8 @@ pub struct CpuLevel {
     reference: Reference,
     /// Pixels, sum of f and of f^2 of each element.
     whole: Vec<[f64; 3]>,
+    /// See [`kept_and_back_share`].
+    kept_and_back: [f64; 2],
     level: usize,
     narrow: bool,
     options: KernelOptions,
@@ -223,6 +225,7 @@ impl CpuLevel {
         let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
         let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE));
         let pieces = pieces.zip(&mut field.tallies).enumerate();
+        let [kept, back] = self.kept_and_back;
         let (excluded, of_zones) = (&field.excluded, &field.transfer);
         pieces.for_each_init(Scratch::default, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
             let first = piece * PIECE;
@@ -246,7 +249,7 @@ impl CpuLevel {
             }
             for (k, sums) in sums.iter_mut().enumerate() {
                 let [n_all, f, ff] = self.whole[first + k];
-                let share = if out[k] { BACK_SHARE } else { KEPT_SHARE };
+                let share = if out[k] { back } else { kept };
                 out[k] = f64::from(sums.n) < share * n_all;
                 if out[k] {
                     *sums = ElementSums { f_lost: f as f32, ff_lost: ff as f32, ..Default::default() };
@@ -433,7 +436,10 @@ impl Backend for CpuBackend {
         let whole = moments.iter().map(|m| [m.n, m.f, m.ff]).collect();
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
         let places = Vec::new();
-        Ok((CpuLevel { mesh, pattern, reference, whole, level, narrow, options: *options, places }, moments))
+        let kept_and_back = kept_and_back_share(mesh.element_size());
+        let level =
+            CpuLevel { mesh, pattern, reference, whole, kept_and_back, level, narrow, options: *options, places };
+        Ok((level, moments))
     }
 
     fn link(&self, level: &mut CpuLevel, places: Vec<Place>) -> Result<(), BackendError> {

@@ -4,7 +4,7 @@ use super::device::{Bound, Buffer, Gpu, values};
 use super::layout::{self, Element};
 use super::plane::{GpuFrame, Reference, too_wide, windows};
 use super::shader::Kernel;
-use crate::backend::{BACK_SHARE, BackendError, ElementMoments, KEPT_SHARE, KernelOptions, LOST_SHARE, Place, Traffic};
+use crate::backend::{BackendError, ElementMoments, KernelOptions, LOST_SHARE, Place, Traffic, kept_and_back_share};
 use crate::field::Brightness;
 use crate::linalg::Pattern;
 use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
@@ -115,11 +115,12 @@ impl GpuLevel {
         }
         let n_nodes = mesh.n_nodes() as u32;
         let n_elements = elements.len() as u32;
+        let [kept, back] = kept_and_back_share(mesh.element_size());
         let tally = layout::Tally {
             n_elements,
             n_groups: groups.len() as u32,
-            kept_share: KEPT_SHARE as f32,
-            back_share: BACK_SHARE as f32,
+            kept_share: kept as f32,
+            back_share: back as f32,
             lossy_share: (1.0 - LOST_SHARE) as f32,
             own_transfer: u32::from(options.brightness == Brightness::Element),
             unused: [0; 2],
