@@ -15,7 +15,9 @@ struct Tally {
     lossy_share: f32,
     // Whether each element has a gain and offset of its own.
     own_transfer: u32,
-    unused: vec2<u32>,
+    // How often an element is left out before it stays so.
+    stays_out: f32,
+    unused: u32,
 }
 
 // Elements of one zone, at most TOGETHER.
@@ -79,7 +81,10 @@ fn main(
         let e = mine.first + k;
         let at = e * SUMS;
         let all = whole[e];
-        let share = select(tally.kept_share, tally.back_share, sums[at + OUT] != 0.0);
+        let times = floor(sums[at + OUT]);
+        let was_out = sums[at + OUT] != times;
+        let share = select(tally.kept_share, tally.back_share, was_out);
+        let stays = was_out && times >= tally.stays_out;
         let n = sums[at + N];
         total[1] += all.x;
         if tally.own_transfer != 0u {
@@ -94,16 +99,16 @@ fn main(
                 sums[at + N] = 0.0;
             }
             total[8] += 2.0;
-        } else if n < share * all.x {
+        } else if stays || n < share * all.x {
             for (var i = 0u; i < OUT; i++) {
                 sums[at + i] = 0.0;
             }
             sums[at + F_LOST] = all.y;
             sums[at + FF_LOST] = all.z;
-            sums[at + OUT] = 1.0;
+            sums[at + OUT] = select(times + 1.0, times, was_out) + 0.5;
             total[8] += 2.0;
         } else if all.x > 0.0 {
-            sums[at + OUT] = 0.0;
+            sums[at + OUT] = times;
             total[0] += n;
             total[2] += all.y - sums[at + F_LOST];
             total[3] += all.z - sums[at + FF_LOST];

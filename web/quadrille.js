@@ -339,11 +339,11 @@ class Level {
     this.n_groups = n_groups;
     this.groups = device.filled(packed('Group', groups), 'groups of elements');
     this.zone_groups = device.filled(packed('ZoneGroups', { first: 0, count: n_groups, n_elements: n }), 'zones');
-    const { KEPT_PX, KEPT_SHARE, KEPT_MOST, BACK_MORE } = CONSTANTS;
+    const { KEPT_PX, KEPT_SHARE, KEPT_MOST, BACK_MORE, STAYS_OUT } = CONSTANTS;
     const kept_share = Math.min(Math.max(KEPT_PX / Math.sqrt(grid.hx * grid.hy), KEPT_SHARE), KEPT_MOST);
     this.tally = device.uniform('Tally', {
-      n_elements: n, n_groups, kept_share, back_share: kept_share + BACK_MORE,
-      lossy_share: 1 - CONSTANTS.LOST_SHARE, own_transfer: 0,
+      n_elements: n, n_groups, kept_share, back_share: Math.min(kept_share + BACK_MORE, 1),
+      lossy_share: 1 - CONSTANTS.LOST_SHARE, own_transfer: 0, stays_out: STAYS_OUT,
     });
     // Where each node's elements begin, then 4 element + corner.
     const of_node = Array.from({ length: grid.n_nodes }, () => []);

@@ -1326,8 +1326,8 @@ struct Pass {
 const BORDER: i32 = 4;
 
 // Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
+// last is how often the element has been left out, half more while it is, and negative while the host excludes it: its
+// sums are kept then, but for the right-hand side, and count nowhere.
 const SUMS: u32 = 16u;
 const N: u32 = 8u;
 const RR: u32 = 9u;
@@ -1337,7 +1337,7 @@ const FG: u32 = 12u;
 const F_LOST: u32 = 13u;
 const FF_LOST: u32 = 14u;
 const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
+const EXCLUDED: f32 = -1.0;
 `,
   'summary': `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
 // component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
@@ -1558,7 +1558,9 @@ struct Tally {
     lossy_share: f32,
     // Whether each element has a gain and offset of its own.
     own_transfer: u32,
-    unused: vec2<u32>,
+    // How often an element is left out before it stays so.
+    stays_out: f32,
+    unused: u32,
 }
 
 // Elements of one zone, at most TOGETHER.
@@ -1622,7 +1624,10 @@ fn main(
         let e = mine.first + k;
         let at = e * SUMS;
         let all = whole[e];
-        let share = select(tally.kept_share, tally.back_share, sums[at + OUT] != 0.0);
+        let times = floor(sums[at + OUT]);
+        let was_out = sums[at + OUT] != times;
+        let share = select(tally.kept_share, tally.back_share, was_out);
+        let stays = was_out && times >= tally.stays_out;
         let n = sums[at + N];
         total[1] += all.x;
         if tally.own_transfer != 0u {
@@ -1637,16 +1642,16 @@ fn main(
                 sums[at + N] = 0.0;
             }
             total[8] += 2.0;
-        } else if n < share * all.x {
+        } else if stays || n < share * all.x {
             for (var i = 0u; i < OUT; i++) {
                 sums[at + i] = 0.0;
             }
             sums[at + F_LOST] = all.y;
             sums[at + FF_LOST] = all.z;
-            sums[at + OUT] = 1.0;
+            sums[at + OUT] = select(times + 1.0, times, was_out) + 0.5;
             total[8] += 2.0;
         } else if all.x > 0.0 {
-            sums[at + OUT] = 0.0;
+            sums[at + OUT] = times;
             total[0] += n;
             total[2] += all.y - sums[at + F_LOST];
             total[3] += all.z - sums[at + FF_LOST];
@@ -1726,7 +1731,7 @@ const LAYOUTS = {
   Report: { size: 16, fields: { n_elements: [0, 'u32'], n_nodes: [4, 'u32'], unused: [8, 'u32'] } },
   Step: { size: 32, fields: { worst: [0, 'Worst'], correlation: [8, 'f32'], gained: [12, 'f32'], counted: [16, 'f32'], lossy: [20, 'f32'], unused: [24, 'u32'] } },
   Summary: { size: 16, fields: { n_zones: [0, 'u32'], n_worst: [4, 'u32'], brightness: [8, 'u32'], first: [12, 'u32'] } },
-  Tally: { size: 32, fields: { n_elements: [0, 'u32'], n_groups: [4, 'u32'], kept_share: [8, 'f32'], back_share: [12, 'f32'], lossy_share: [16, 'f32'], own_transfer: [20, 'u32'], unused: [24, 'u32'] } },
+  Tally: { size: 32, fields: { n_elements: [0, 'u32'], n_groups: [4, 'u32'], kept_share: [8, 'f32'], back_share: [12, 'f32'], lossy_share: [16, 'f32'], own_transfer: [20, 'u32'], stays_out: [24, 'f32'], unused: [28, 'u32'] } },
   Unpack: { size: 32, fields: { width: [0, 'u32'], rows: [4, 'u32'], stride: [8, 'u32'], depth: [12, 'u32'], skip: [16, 'u32'], first: [20, 'u32'], offset: [24, 'f32'], unused: [28, 'u32'] } },
   Worst: { size: 8, fields: { bits: [0, 'u32'], node: [4, 'u32'] } },
   Zone: { size: 48, fields: { n: [0, 'f32'], n_all: [4, 'f32'], f: [8, 'f32'], ff: [12, 'f32'], g: [16, 'f32'], gg: [20, 'f32'], fg: [24, 'f32'], rr: [28, 'f32'], gain: [32, 'f32'], offset: [36, 'f32'], first: [40, 'f32'], unused: [44, 'f32'] } },
@@ -1736,8 +1741,9 @@ const LAYOUTS = {
 const CONSTANTS = {
   KEPT_SHARE: 0.5,
   KEPT_PX: 6.4,
-  KEPT_MOST: 0.8,
+  KEPT_MOST: 0.95,
   BACK_MORE: 0.1,
+  STAYS_OUT: 3,
   LOST_SHARE: 0.05,
   // What noise of variance one adds to the mean square of a component of the gradient.
   GRADIENT_NOISE_GAIN: 1.392305,

@@ -49,8 +49,8 @@ struct Pass {
 const BORDER: i32 = 4;
 
 // Sums of an element: right-hand side, then pixels counted, r^2, g, g^2, f g, and f, f^2 over those lost; the
-// last is 1 while the element is left out, and 2 while the host excludes it: its sums are kept, but for the right-hand
-// side, and count nowhere.
+// last is how often the element has been left out, half more while it is, and negative while the host excludes it: its
+// sums are kept then, but for the right-hand side, and count nowhere.
 const SUMS: u32 = 16u;
 const N: u32 = 8u;
 const RR: u32 = 9u;
@@ -60,4 +60,4 @@ const FG: u32 = 12u;
 const F_LOST: u32 = 13u;
 const FF_LOST: u32 = 14u;
 const OUT: u32 = 15u;
-const EXCLUDED: f32 = 2.0;
+const EXCLUDED: f32 = -1.0;

@@ -124,15 +124,17 @@ pub const KEPT_SHARE: f64 = 0.5;
 /// Of small elements it is so many px of a side, in which one row of pixels more or less does not decide where the node beyond it goes,
 pub const KEPT_PX: f64 = 6.4;
 /// but never more than this share.
-pub const KEPT_MOST: f64 = 0.8;
-/// It comes back only with this share more, so that it does not flicker while the field settles.
+pub const KEPT_MOST: f64 = 0.95;
+/// It comes back only with this share more, or whole, so that it does not flicker while the field settles.
 pub const BACK_MORE: f64 = 0.1;
+/// One that has been left out so often in a field stays so: a node beside it would go in and out with it for ever.
+pub const STAYS_OUT: u32 = 3;
 
 /// Shares of its pixels that an element of this size, px, must keep inside the deformed image, and get back once it has been left out.
 /// Twin: web/quadrille.js.
 pub fn kept_and_back_share(element_size: f64) -> [f64; 2] {
     let kept = (KEPT_PX / element_size).clamp(KEPT_SHARE, KEPT_MOST);
-    [kept, kept + BACK_MORE]
+    [kept, (kept + BACK_MORE).min(1.0)]
 }
 
 /// Where the two images are correlated less than this, a change of light says nothing of how the displacement follows it.
@@ -285,6 +287,9 @@ pub trait Backend: Clone + Send + Sync + 'static {
     ) -> Result<Self::Solver, BackendError> {
         self.solver(level, solver)
     }
+
+    /// The solver that was brought to the device, which no longer needs it; none where something else still does.
+    fn reclaimed(&self, solver: Self::Solver) -> Option<Solver>;
 
     /// Starts an iteration at `displacement` (px of the level, per node) and `transfer` (per zone).
     ///

@@ -34,10 +34,12 @@ use std::sync::{Arc, OnceLock};
 pub(super) const MATCHED: f64 = 0.5;
 /// A level that takes more than this from a zone's correlation coefficient has harmed it.
 const WORSE: f64 = 0.02;
-/// A prediction this far off (px) may have locked on the wrong speckles: the pyramid checks it.
+/// A prediction this far off (px) at more than a few nodes may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 pub(super) const ENOUGH_BY_SIGMA: f64 = 0.1;
+/// A node less certain than this, px, counts as noisy: it may find no rest where the grey levels do not run straight over its uncertainty.
+const UNSURE_PX: f64 = 0.1;
 /// On coarse levels: good enough for the next finer one.
 pub(super) const COARSE: Limits<'_> = Limits {
     tolerance_px: 0.03,
@@ -50,6 +52,9 @@ pub(super) const COARSE: Limits<'_> = Limits {
     own: false,
     regulariser: None,
 };
+/// Elements of coarse levels are at least so large, px of the level: smaller ones are lost in noise, or astray at borders, and larger ones do not
+/// follow what the smallest of the finest level can.
+const COARSE_ELEMENTS_PX: usize = 8;
 /// The search works on images of about this many pixels a side.
 const SEARCH_SIDE: f64 = 320.0;
 /// and zones at least this wide there, px.
@@ -153,7 +158,9 @@ impl<B: Backend> Correlator<B> {
             true => options.tolerance_px.max(options.tolerance_by_sigma * smallest),
             false => options.tolerance_px,
         };
-        let is_noisy = |node: usize| level.lambda > 0.0 && level.keep[node] && seen[node].is_noisy(level.lambda);
+        let is_noisy = |node: usize| {
+            level.lambda > 0.0 && level.keep[node] && (seen[node].is_noisy(level.lambda) || sigma[node] > UNSURE_PX)
+        };
         let of_node = |node: usize| Enough { px: ENOUGH_BY_SIGMA * sigma[node], is_noisy: is_noisy(node) };
         let enough: Vec<Enough> = (0..seen.len()).map(of_node).collect();
         let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
@@ -163,7 +170,8 @@ impl<B: Backend> Correlator<B> {
             let mut levels = Vec::new();
             for level in 1..=search_level(&laid.mesh) {
                 let size = size.map(|n| n >> level);
-                let Some(coarse) = laid.halved(options.element_size, size) else { break };
+                let size_there = options.element_size.max(COARSE_ELEMENTS_PX);
+                let Some(coarse) = laid.halved(size_there, size) else { break };
                 let regularisation = options.regularisation;
                 levels.push(Level::coarse(&backend, &mut frame, level, &coarse, &noise, &kernel, regularisation)?);
                 laid = coarse;
@@ -367,7 +375,7 @@ impl<B: Backend> Correlator<B> {
         let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
         let limits = Limits { near_px: PREDICTION_OFF_PX, ..self.limits(self.turn(finest, displacement)) };
         let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
-        if outcome.first_correction_px >= PREDICTION_OFF_PX || outcome.first_correlation <= MATCHED {
+        if outcome.is_far || outcome.first_correlation <= MATCHED {
             return Ok(None);
         }
         let iterated = self.iterated(frame, &mut field, outcome)?;

@@ -1,16 +1,18 @@
 //! The finest level of a reference, with its texture check.
 
 use super::error::{CorrelationError, TextureFault};
-use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
-use super::level::{Level, elimination_order, support};
+use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
+use super::level::{Level, elimination_order, support_of};
 use super::options::Options;
+use super::own::Changed;
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::backend::{Backend, KernelOptions, coupled};
+use crate::backend::{Backend, ElementMoments, KernelOptions, coupled};
 use crate::linalg::{BlockMatrix, Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
+use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -27,8 +29,60 @@ pub(super) struct Finest<B: Backend> {
     pub held: Vec<TextureFault>,
 }
 
+/// What the pixels of the finest level say of its elements and nodes, while some are left out.
+struct Seen<'a> {
+    mesh: &'a Mesh<Px>,
+    pattern: &'a Pattern,
+    moments: Vec<ElementMoments>,
+    of_elements: Vec<OfElement>,
+    /// Elements that are not left out.
+    active: Vec<bool>,
+    /// Per node, its block with the noise of the gradient.
+    blocks: Vec<[f64; 3]>,
+    /// See [`support_of`].
+    support: Vec<f64>,
+}
+
+impl<'a> Seen<'a> {
+    fn new(
+        (mesh, pattern): (&'a Mesh<Px>, &'a Pattern),
+        moments: Vec<ElementMoments>,
+        options: &KernelOptions,
+        lambda: f64,
+    ) -> Self {
+        let of_elements = OfElement::all(mesh, &moments, options, lambda);
+        let (active, blocks, support) = (vec![true; mesh.n_elements()], Vec::new(), Vec::new());
+        let mut seen = Self { mesh, pattern, moments, of_elements, active, blocks, support };
+        let of_nodes = (0..mesh.n_nodes()).into_par_iter().with_min_len(2048).map(|node| seen.of_node(node));
+        (seen.blocks, seen.support) = of_nodes.unzip();
+        seen
+    }
+
+    fn of_node(&self, node: usize) -> ([f64; 3], f64) {
+        let block = diagonal_with_noise(self.mesh, self.pattern, &self.of_elements, node);
+        (block, support_of(self.pattern, &self.moments, node))
+    }
+
+    /// Leaves out the elements of `nodes`: one of which a node is left out would be read at a guess there. Returns those that were not
+    /// left out before.
+    fn leave_out(&mut self, nodes: &[u32]) -> Vec<u32> {
+        let mut left_out = self.pattern.elements_around(nodes);
+        left_out.retain(|&element| self.active[element as usize]);
+        for element in left_out.iter().map(|&element| element as usize) {
+            self.active[element] = false;
+            (self.moments[element], self.of_elements[element]) = (ElementMoments::default(), OfElement::NONE);
+        }
+        for node in left_out.iter().flat_map(|&element| self.mesh.elements()[element as usize]) {
+            (self.blocks[node as usize], self.support[node as usize]) = self.of_node(node as usize);
+        }
+        left_out
+    }
+}
+
 /// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused, left out or held by
 /// the regularisation, until what remains is determined.
+///
+/// That may take a dozen rounds, each of which leaves out a few nodes: what does not change with them is kept from one to the next.
 pub(super) fn finest_level<B: Backend>(
     backend: &B,
     frame: &mut B::Frame,
@@ -38,21 +92,17 @@ pub(super) fn finest_level<B: Backend>(
     kernel: &KernelOptions,
     options: &Options,
 ) -> Result<Finest<B>, CorrelationError> {
-    let (mut prepared, mut moments) = backend.reference(frame, 0, mesh, kernel)?;
+    let (mut prepared, moments) = backend.reference(frame, 0, mesh, kernel)?;
     let mesh = mesh.mesh.clone();
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-    let mut keep = vec![true; mesh.n_nodes()];
-    let mut active = vec![true; mesh.n_elements()];
-    let mut dropped: Vec<TextureFault> = Vec::new();
     let lambda = noise.lambda(kernel.interpolation);
+    let mut seen = Seen::new((&mesh, &pattern), moments, kernel, lambda);
+    let mut keep = vec![true; mesh.n_nodes()];
+    let mut dropped: Vec<TextureFault> = Vec::new();
+    // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
+    let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
-        let matrices = element_matrices(&moments, kernel);
-        let masses = mass_matrices(&mesh, &moments);
-        let support = support(&mesh, &moments);
-        let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-        let mut found = faults(&mesh, &with_noise, &support, noise, kernel.interpolation);
-        let seen_by_nodes = seen_by_nodes(&with_noise, &support);
-        drop(with_noise);
+        let mut found = faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
         if !options.drop_textureless && options.regularisation != Regularisation::None {
@@ -60,15 +110,31 @@ pub(super) fn finest_level<B: Backend>(
             found = of_blank_zones(&mesh, &held);
         }
         if found.is_empty() {
-            let seen = textured(&keep, &held);
-            let taken_off = element_lambda(&matrices, &masses, lambda);
-            let mut matrix = without_noise(&mesh, &pattern, &matrices, &masses, &taken_off);
+            let changed = {
+                left_out.sort_unstable();
+                let lost: Vec<_> = left_out.drain(..).map(|at| (at as usize, ElementMoments::default())).collect();
+                Changed::new((&mesh, &pattern), &seen.moments, &lost, lambda, kernel)
+            };
+            let (mut matrix, spread) = match made.take() {
+                Some((mut matrix, spread)) => {
+                    let of_element = |element: u32| &seen.of_elements[element as usize].matrix;
+                    matrix.assemble_rows(&changed.nodes, mesh.elements(), of_element);
+                    (matrix, Some(spread))
+                }
+                None => (without_noise(&mesh, &pattern, &seen.of_elements), None),
+            };
             matrix.hold(&keep);
             let spread_of = |solver: &Solver, regulariser: Option<&Regulariser>| {
-                spread_of(backend.host_isa(), &mesh, solver, regulariser, &masses, &taken_off)
+                let before = spread.as_ref().filter(|_| regulariser.is_none());
+                let level = (&*mesh, &*seen.moments);
+                before
+                    .and_then(|spread| spread.changed(backend.host_isa(), level, &pattern, (solver, None), &changed))
+                    .unwrap_or_else(|| spread_of(backend.host_isa(), &mesh, solver, regulariser, &seen.of_elements))
             };
-            let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &seen };
-            let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &active, &texture);
+            let textured = textured(&keep, &held);
+            let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &textured };
+            let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &seen.active, &texture);
+            let regulariser = regulariser.map(|regulariser| regulariser.factored(&mesh));
             let (solver, spread, has_factor) = match &regulariser {
                 Some(regulariser) => match regulariser.solver(matrix.clone()) {
                     Ok(solver) => {
@@ -104,12 +170,17 @@ pub(super) fn finest_level<B: Backend>(
                 found = least_determined(&mesh, spread.variance(), &keep);
             }
             if found.is_empty() {
+                let seen_by_nodes = seen_by_nodes(&seen.blocks, &seen.support);
+                let Seen { moments, active, .. } = seen;
                 backend.restrict(&mut prepared, &active)?;
                 let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, kernel.brightness))?;
                 dropped.sort_by_key(|fault| fault.node);
                 let moments = Arc::new(moments);
                 let level = Level { mesh, prepared, moments, pattern, solver, keep, regulariser, lambda };
                 return Ok(Finest { level, spread, seen: seen_by_nodes, dropped, held });
+            }
+            if regulariser.is_none() {
+                made = Some((solver.into_matrix(), spread));
             }
         }
         if !options.drop_textureless {
@@ -118,17 +189,10 @@ pub(super) fn finest_level<B: Backend>(
         if found.len() == keep.iter().filter(|&&kept| kept).count() {
             return Err(CorrelationError::Textureless);
         }
-        // An element with a node that is left out would be read at a guess there, so it is left out
-        // too; that may leave further nodes without texture.
-        for fault in &found {
-            keep[fault.node] = false;
-        }
-        for (element, nodes) in mesh.elements().iter().enumerate() {
-            if active[element] && nodes.iter().any(|&node| !keep[node as usize]) {
-                active[element] = false;
-                moments[element] = Default::default();
-            }
-        }
+        found.iter().for_each(|fault| keep[fault.node] = false);
+        // That may leave further nodes without texture.
+        let nodes: Vec<u32> = found.iter().map(|fault| fault.node as u32).collect();
+        left_out.extend(seen.leave_out(&nodes));
         dropped.extend(found);
     }
 }
@@ -174,4 +238,48 @@ fn of_blank_zones(mesh: &Mesh<Px>, faults: &[TextureFault]) -> Vec<TextureFault>
     let mut left: Vec<usize> = (0..mesh.zones().len()).map(|zone| mesh.zone_nodes(zone).len()).collect();
     faults.iter().for_each(|fault| left[zone_of(fault)] -= 1);
     faults.iter().filter(|fault| left[zone_of(fault)] == 0).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Brightness;
+    use crate::imaging::Interpolation;
+    use crate::mesh::{Roi, Zone};
+
+    #[test]
+    fn what_is_kept_from_round_to_round_is_what_would_be_made_anew() {
+        let zones = [Zone::rectangle("zone", Roi { x0: 0.0, y0: 0.0, x1: 96.0, y1: 80.0 })];
+        let mesh = PixelMesh::on_zones(&zones, 8, 0.5, [96, 80]).unwrap().mesh;
+        let pattern = Pattern::new(mesh.n_nodes(), mesh.elements());
+        let noise = |k: usize| 0.5 + f64::from((k as u32).wrapping_mul(2_654_435_769) >> 16) / 65536.0;
+        // The means of the nine weights, as of a gradient that is even over the element.
+        const EVEN: [f64; 3] = [1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0];
+        let of_element = |element: usize| ElementMoments {
+            gradient: [0, 1, 2].map(|p| {
+                let square = if p == 1 { 5.0 } else { 640.0 } * noise(3 * element + p);
+                EVEN.map(|row| EVEN.map(|column| square * row * column))
+            }),
+            n: 64.0,
+            ..ElementMoments::default()
+        };
+        let moments: Vec<ElementMoments> = (0..mesh.n_elements()).map(of_element).collect();
+        let options =
+            KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 0.0, brightness: Brightness::Zone };
+        let new = |moments: Vec<ElementMoments>| Seen::new((&mesh, &pattern), moments, &options, 0.5);
+        let mut seen = new(moments);
+        assert!(seen.of_elements.iter().all(|of| of.lambda == 0.5), "the noise is taken off");
+        let [corner, beside, middle] =
+            [[0.0, 0.0], [8.0, 0.0], [48.0, 40.0]].map(|at| mesh.nodes().iter().position(|&x| x == at).unwrap() as u32);
+        let rounds = [(vec![middle, corner], 5), (vec![beside], 1), (vec![corner], 0)];
+        for (nodes, want) in rounds {
+            assert_eq!(seen.leave_out(&nodes).len(), want);
+            let anew = new(seen.moments.clone());
+            assert_eq!((&seen.blocks, &seen.support), (&anew.blocks, &anew.support));
+            let matrices = [&seen, &anew].map(|of| without_noise(&mesh, &Arc::new(pattern.clone()), &of.of_elements));
+            assert_eq!(matrices[0].blocks(), matrices[1].blocks());
+        }
+        assert_eq!(seen.active.iter().filter(|active| !**active).count(), 6);
+        assert_eq!((seen.blocks[corner as usize], seen.support[corner as usize]), ([0.0; 3], 0.0));
+    }
 }

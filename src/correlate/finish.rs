@@ -289,6 +289,9 @@ impl<B: Backend> Correlator<B> {
         let displacement =
             full_displacement.iter().zip(&measured).map(|(u, &m)| if m { *u } else { [0.0; 2] }).collect();
         let rigid = rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes());
+        if let Some(own) = outcome.own {
+            own.give_back(&self.backend, level);
+        }
         Correlation {
             measurement: Measurement {
                 mesh: mesh.clone(),
@@ -373,9 +376,8 @@ impl<B: Backend> Correlator<B> {
             Ok(_) => *own.changed.of(element as u32),
             Err(_) => OfElement::new(mesh, element, &moments[element], &self.kernel, *lambda),
         };
-        let of_elements = (0..mesh.n_elements()).into_par_iter().with_min_len(64).map(of_element);
-        let (masses, lambda): (Vec<_>, Vec<_>) = of_elements.map(|element| (element.mass, element.lambda)).unzip();
-        spread_of(isa, mesh, &own.solver, regulariser.as_ref(), &masses, &lambda)
+        let of_elements: Vec<_> = (0..mesh.n_elements()).into_par_iter().with_min_len(64).map(of_element).collect();
+        spread_of(isa, mesh, &own.solver, regulariser.as_ref(), &of_elements)
     }
 
     /// How well each zone matches: its correlation coefficient, or what stands for it.

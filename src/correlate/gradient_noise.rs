@@ -56,11 +56,7 @@ impl AssumedNoise {
     }
 }
 
-/// Normal matrices of the elements, that of the transfer eliminated where each element has its own.
-pub(super) fn element_matrices(moments: &[ElementMoments], options: &KernelOptions) -> Vec<ElementMatrix> {
-    moments.iter().map(|m| element_matrix(m, options)).collect()
-}
-
+/// The normal matrix of an element, that of the transfer eliminated where each element has its own.
 fn element_matrix(moments: &ElementMoments, options: &KernelOptions) -> ElementMatrix {
     match options.brightness {
         Brightness::Element => moments.matrix_without_transfer(),
@@ -68,27 +64,14 @@ fn element_matrix(moments: &ElementMoments, options: &KernelOptions) -> ElementM
     }
 }
 
-/// `sum psi_i psi_j` over the pixels of each element. Of an element that is cut by the border of its zone only the number
-/// of pixels counts, as if they lay evenly.
-pub(super) fn mass_matrices(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<ElementMatrix> {
-    let mass = |(element, m): (usize, &ElementMoments)| mass_matrix(mesh, element, m);
-    moments.par_iter().enumerate().with_min_len(256).map(mass).collect()
-}
-
-/// The same of one of them.
+/// `sum psi_i psi_j` over the pixels of an element. Of one that is cut by the border of its zone only the number of pixels counts, as
+/// if they lay evenly.
 pub(super) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMoments) -> ElementMatrix {
     alike(mean_products(mesh.corners(element)), moments.n)
 }
 
-/// What is taken off each element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
+/// What is taken off an element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
 /// its matrix in every direction. So `M0` is positive definite where `M` is.
-pub(super) fn element_lambda(matrices: &[ElementMatrix], masses: &[ElementMatrix], lambda: f64) -> Vec<f64> {
-    if lambda <= 0.0 {
-        return vec![0.0; matrices.len()];
-    }
-    matrices.par_iter().zip(masses).with_min_len(64).map(|(matrix, mass)| taken_off(matrix, mass, lambda)).collect()
-}
-
 fn taken_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
     /// Less than this part of it is not worth taking off.
     const LEAST: f64 = 0.02;
@@ -114,8 +97,10 @@ pub(super) struct OfElement {
 }
 
 impl OfElement {
-    /// From its moments, as [`element_matrices`], [`mass_matrices`], [`element_lambda`] and [`without_noise`] make them of
-    /// all elements.
+    /// Nothing, of an element that is left out.
+    pub const NONE: Self = Self { matrix: [0.0; 36], mass: [0.0; 36], lambda: 0.0 };
+
+    /// From its moments, for noise that adds `lambda` to the mean square of each component of the gradient.
     pub fn new(
         mesh: &Mesh<Px>,
         element: usize,
@@ -130,6 +115,30 @@ impl OfElement {
         let lambda = taken_off(&matrix, &mass, lambda);
         Self { matrix: std::array::from_fn(|k| matrix[k] - lambda * mass[k]), mass, lambda }
     }
+
+    /// Of all elements.
+    pub fn all(mesh: &Mesh<Px>, moments: &[ElementMoments], options: &KernelOptions, lambda: f64) -> Vec<Self> {
+        let of_element = |(element, moments)| Self::new(mesh, element, moments, options, lambda);
+        moments.par_iter().enumerate().with_min_len(64).map(of_element).collect()
+    }
+}
+
+/// `M0 = M - lambda P`, assembled.
+pub(super) fn without_noise(mesh: &Mesh<Px>, pattern: &Arc<Pattern>, of_elements: &[OfElement]) -> BlockMatrix {
+    BlockMatrix::assemble_by(pattern, mesh.elements(), |element| &of_elements[element as usize].matrix)
+}
+
+/// The block of `M`, which has the noise of the gradient, on the diagonal at a node: `[xx, xy, yy]`.
+pub(super) fn diagonal_with_noise(
+    mesh: &Mesh<Px>,
+    pattern: &Pattern,
+    of_elements: &[OfElement],
+    node: usize,
+) -> [f64; 3] {
+    pattern.diagonal_block(mesh.elements(), node, |element, at| {
+        let OfElement { matrix, mass, lambda } = &of_elements[element as usize];
+        matrix[at] + lambda * mass[at]
+    })
 }
 
 /// Whether a symmetric matrix has a Cholesky factor.
@@ -147,21 +156,6 @@ fn is_positive_definite(mut matrix: ElementMatrix) -> bool {
         }
     }
     true
-}
-
-/// `M0 = M - lambda P`, element by element.
-pub(super) fn without_noise(
-    mesh: &Mesh<Px>,
-    pattern: &Arc<Pattern>,
-    matrices: &[ElementMatrix],
-    masses: &[ElementMatrix],
-    lambda: &[f64],
-) -> BlockMatrix {
-    BlockMatrix::assemble_by(pattern, mesh.elements(), |element| -> ElementMatrix {
-        let element = element as usize;
-        let (matrix, mass) = (&matrices[element], &masses[element]);
-        std::array::from_fn(|k| matrix[k] - lambda[element] * mass[k])
-    })
 }
 
 /// Sums of `f_x^2`, `f_x f_y`, `f_y^2` over the pixels of an element.

@@ -6,6 +6,7 @@ use super::pace::Pace;
 use super::regularisation::Regulariser;
 use crate::backend::{Backend, BackendError, COUPLED, KernelOptions, LONGEST};
 use crate::field::{Brightness, RigidMotion, Status};
+use crate::linalg::Pattern;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -22,7 +23,7 @@ pub(super) struct Limits<'a> {
     pub turn: Turn,
     /// Whether fields of light follow the displacement one iteration late.
     pub late_light: bool,
-    /// A first correction of more than this, px, ends it: the start is to be looked for elsewhere.
+    /// First corrections of more than this, px, at more than [`FEW_FAR`] of a zone end it: the start is to be looked for elsewhere.
     pub near_px: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
     pub own: bool,
@@ -35,7 +36,7 @@ pub(super) struct Limits<'a> {
 pub(super) struct Enough {
     /// A tenth of its standard uncertainty, px.
     pub px: f64,
-    /// Whether noise is so large a part of its texture that its corrections fall slowly for that.
+    /// Whether noise is so large a part of its texture, or leaves it so uncertain, that its corrections may fall slowly for that.
     pub is_noisy: bool,
 }
 
@@ -85,11 +86,14 @@ impl Turn {
 /// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from the
 /// third on nodes that have not settled are not waited for.
 const SLOW: [usize; 3] = [7, 12, 20];
-/// What may be left of them before and after that, in parts of what is good enough.
+/// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the first.
 const LEFT: [f64; 2] = [3.0, 10.0];
 
 /// Of more nodes than this share none is given up.
 const FEW_UNSETTLED: f64 = 0.05;
+
+/// So many steps along mesh lines away others follow a node that does not settle, each by a quarter of the one before.
+const PULLED_ALONG: usize = 2;
 
 /// How an iteration ended.
 pub(super) struct Outcome<B: Backend> {
@@ -100,8 +104,8 @@ pub(super) struct Outcome<B: Backend> {
     pub worst_node: usize,
     /// Nodes that noise keeps from settling: they are still on their way, and their uncertainty is not known.
     pub unsettled: Vec<usize>,
-    /// Largest correction of the first step: how far off the start was.
-    pub first_correction_px: f64,
+    /// Whether it ended because the start was far off, see [`Limits::near_px`].
+    pub is_far: bool,
     /// Smallest correlation coefficient of a zone at the start.
     pub first_correlation: f64,
     /// Smallest change of a zone's correlation coefficient from the start to the last evaluation.
@@ -111,6 +115,9 @@ pub(super) struct Outcome<B: Backend> {
     /// How far the field was turned.
     pub turn: Turn,
 }
+
+/// A start is not far off for the sake of this share of the nodes of a zone, which noise may have put anywhere.
+const FEW_FAR: f64 = 1e-3;
 
 /// A first correction of more than this, px, comes from a start that is too rough for what the frame has lost to be known: full steps
 /// beside the border would overshoot, and elements be lost that have most of their pixels.
@@ -129,46 +136,66 @@ pub(super) const WILD_ELEMENTS: f64 = 8.0;
 #[derive(Default)]
 struct Watch {
     displacement: Vec<[f64; 2]>,
-    /// The last two movements of each node, px, the latest first; empty until they are known.
-    movements: [Vec<f64>; 2],
+    /// The last step was so many times the corrections.
+    factor: f64,
+    /// The last two corrections of each node, px, the latest first; empty until they are known.
+    corrections: [Vec<f64>; 2],
 }
 
 impl Watch {
-    fn note(&mut self, displacement: Vec<[f64; 2]>) {
-        let moved = |(now, then): (&[f64; 2], &[f64; 2])| (now[0] - then[0]).hypot(now[1] - then[1]);
-        let movement = displacement.iter().zip(&self.displacement).map(moved).collect();
-        self.movements.swap(0, 1);
-        self.movements[0] = movement;
+    /// Takes notice of where the nodes are after a step of `factor` times their corrections.
+    fn note(&mut self, displacement: Vec<[f64; 2]>, factor: f64) {
+        let moved = |(now, then): (&[f64; 2], &[f64; 2])| (now[0] - then[0]).hypot(now[1] - then[1]) / factor;
+        let corrections = displacement.iter().zip(&self.displacement).map(moved).collect();
+        self.corrections.swap(0, 1);
+        self.corrections[0] = corrections;
+        self.factor = factor;
         self.displacement = displacement;
     }
 
-    /// Sets the nodes apart that noise keeps from settling, if they are few: that move by more than what is enough there, or have more than
-    /// `may_be_left` times that still before them. `None` where another node has not settled, or the last two movements are not known yet.
-    fn without_unsettled(&self, enough: &[Enough], tolerance_px: f64, may_be_left: f64) -> Option<Rest> {
-        let [last, before] = &self.movements;
+    /// Sets the nodes apart that noise keeps from settling, if they are few: whose correction is more than what is enough there, or that have
+    /// more than `may_be_left` times that still before them; and those beside them that they pull along. `None` where another node has not
+    /// settled, or the last two corrections are not known yet.
+    fn without_unsettled(
+        &self,
+        pattern: &Pattern,
+        enough: &[Enough],
+        tolerance_px: f64,
+        may_be_left: f64,
+    ) -> Option<Rest> {
+        let [last, before] = &self.corrections;
         if before.len() != enough.len() {
             return None;
         }
-        let mut rest = Rest { unsettled: Vec::new(), worst: (0, 0.0) };
+        let (mut unsettled, mut others, mut worst) = (Vec::new(), Vec::new(), (0, 0.0));
         for (node, ((&now, &then), enough)) in last.iter().zip(before).zip(enough).enumerate() {
             let rate = if then > 0.0 { (now / then).min(0.99) } else { 0.0 };
-            let left = now * rate / (1.0 - rate);
-            let px = enough.px.max(tolerance_px);
-            match now < px && left < may_be_left * px {
-                true if now > rest.worst.1 => rest.worst = (node, now),
+            // Of the correction itself a step of another length has left something too.
+            let left = now * (rate / (1.0 - rate) + (1.0 - self.factor).abs());
+            let (px, most) = (enough.px.max(tolerance_px), if enough.is_noisy { may_be_left } else { LEFT[0] });
+            match now < px && left < most * px {
+                true if now > worst.1 => worst = (node, now),
                 true => {}
-                false if enough.is_noisy => rest.unsettled.push(node),
-                false => return None,
+                false if enough.is_noisy => unsettled.push(node as u32),
+                false => others.push(node as u32),
             }
         }
-        (rest.unsettled.len() as f64 <= FEW_UNSETTLED * enough.len() as f64).then_some(rest)
+        if !others.is_empty() {
+            let beside = pattern.around(&unsettled, PULLED_ALONG);
+            if !others.iter().all(|node| beside.binary_search(node).is_ok()) {
+                return None;
+            }
+            unsettled.append(&mut others);
+        }
+        let unsettled: Vec<usize> = unsettled.into_iter().map(|node| node as usize).collect();
+        (unsettled.len() as f64 <= FEW_UNSETTLED * enough.len() as f64).then_some(Rest { unsettled, worst })
     }
 }
 
 /// What has settled, and what has not.
 struct Rest {
     unsettled: Vec<usize>,
-    /// The node of the others that moved the most, and by how much, px.
+    /// The node of the others with the largest correction, and that, px.
     worst: (usize, f64),
 }
 
@@ -186,6 +213,26 @@ const ROUND_OFF_PX: f64 = 5e-6;
 /// So may those below this part of what is good enough at their node, a thousandth of its standard uncertainty, where it is poorly determined: did they
 /// fall by a hundredth only, a tenth of it would be left.
 const ROUND_OFF_SHARE: f64 = 0.01;
+
+/// Whether the first step has moved more than a few nodes of a zone by `near_px` or more.
+fn is_far<B: Backend>(
+    backend: &B,
+    level: &Level<B>,
+    frame: &mut B::Frame,
+    field: &B::Field,
+    near_px: f64,
+) -> Result<bool, BackendError> {
+    let (start, _) = backend.started(&level.prepared, frame, field)?;
+    let now = backend.found(&level.prepared, frame, field)?.displacement;
+    // What is no number is far as well.
+    let is_near = |node: usize| (0..2).all(|c| (now[node][c] - start[node][c]).abs() < near_px);
+    let is_far = |zone: usize| {
+        let nodes = level.mesh.zone_nodes(zone);
+        let few = FEW_FAR * nodes.len() as f64;
+        nodes.filter(|&node| !is_near(node)).count() as f64 > few
+    };
+    Ok((0..level.mesh.zones().len()).any(is_far))
+}
 
 /// Iterates `field` on `level` until the error that the last correction leaves is below the tolerance. After each step
 /// that another one follows comes `between`: what else is to follow the field.
@@ -205,7 +252,7 @@ pub(super) fn iterate<B: Backend>(
         correction_px: f64::INFINITY,
         worst_node: 0,
         unsettled: Vec::new(),
-        first_correction_px: 0.0,
+        is_far: false,
         first_correlation: 0.0,
         gained: 0.0,
         own: None,
@@ -226,6 +273,9 @@ pub(super) fn iterate<B: Backend>(
             Some(_) => step.lost != made_at.1 || (moved && step.correction_px > SLOW_RATE * pace.last()),
         };
         if renew {
+            if let Some(own) = outcome.own.take() {
+                own.give_back(backend, level);
+            }
             let own = Own::new(backend, level, frame, field, options, limits.regulariser)?;
             step = backend.solve_again(&level.prepared, frame, field, &own.solver, scale)?;
             (outcome.own, made_at) = (Some(own), (step.counted, step.lost));
@@ -237,8 +287,8 @@ pub(super) fn iterate<B: Backend>(
         outcome.gained = step.gained;
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
-            outcome.first_correction_px = correction;
-            if correction >= limits.near_px {
+            if correction >= limits.near_px && is_far(backend, level, frame, field, limits.near_px)? {
+                outcome.is_far = true;
                 break;
             }
         }
@@ -261,9 +311,9 @@ pub(super) fn iterate<B: Backend>(
         let enough = enough.filter(|enough| enough.is_noisy);
         if iteration >= SLOW[0] && enough.is_some() {
             // Behind the largest correction there may be one that is not good enough at its node.
-            watch.note(backend.found(&level.prepared, frame, field)?.displacement);
+            watch.note(backend.found(&level.prepared, frame, field)?.displacement, pace.factor());
             let left = LEFT[usize::from(iteration >= SLOW[1])];
-            let rest = watch.without_unsettled(limits.enough, limits.tolerance_px, left);
+            let rest = watch.without_unsettled(&level.pattern, limits.enough, limits.tolerance_px, left);
             if let Some(rest) = rest.filter(|rest| rest.unsettled.is_empty() || iteration >= SLOW[2]) {
                 outcome.status = Status::Converged;
                 (outcome.worst_node, outcome.correction_px) = rest.worst;
@@ -291,18 +341,40 @@ pub(super) fn iterate<B: Backend>(
 #[cfg(test)]
 mod tests {
     use super::{Enough, Watch};
+    use crate::linalg::Pattern;
 
-    /// What a watch says of nodes that made these two movements along x, px.
-    fn told(movements: &[[f64; 2]], enough: &[Enough]) -> Option<(Vec<usize>, (usize, f64))> {
+    /// Of a strip of elements, two nodes high.
+    fn strip(n_nodes: usize) -> Pattern {
+        let elements: Vec<[u32; 4]> =
+            (0..n_nodes as u32 / 2 - 1).map(|e| [2 * e, 2 * e + 2, 2 * e + 3, 2 * e + 1]).collect();
+        Pattern::new(n_nodes, &elements)
+    }
+
+    /// What a watch says of nodes with these two corrections along x, px, made by steps of these factors, where `may_be_left`.
+    fn told_by(
+        corrections: &[[f64; 2]],
+        enough: &[Enough],
+        factors: [f64; 2],
+        may_be_left: f64,
+    ) -> Option<(Vec<usize>, (usize, f64))> {
         let mut watch = Watch::default();
-        let mut at = vec![[1.0, 2.0]; movements.len()];
-        watch.note(at.clone());
-        for k in 0..2 {
-            assert!(watch.without_unsettled(enough, 1e-4, 3.0).is_none(), "two movements are needed");
-            at.iter_mut().zip(movements).for_each(|(at, by)| at[0] += by[k]);
-            watch.note(at.clone());
+        let mut at = vec![[1.0, 2.0]; corrections.len()];
+        watch.note(at.clone(), 1.0);
+        for (k, factor) in factors.into_iter().enumerate() {
+            assert!(
+                watch.without_unsettled(&strip(enough.len()), enough, 1e-4, 3.0).is_none(),
+                "two corrections are needed"
+            );
+            at.iter_mut().zip(corrections).for_each(|(at, by)| at[0] += factor * by[k]);
+            watch.note(at.clone(), factor);
         }
-        watch.without_unsettled(enough, 1e-4, 3.0).map(|rest| (rest.unsettled, rest.worst))
+        watch
+            .without_unsettled(&strip(enough.len()), enough, 1e-4, may_be_left)
+            .map(|rest| (rest.unsettled, rest.worst))
+    }
+
+    fn told(corrections: &[[f64; 2]], enough: &[Enough]) -> Option<(Vec<usize>, (usize, f64))> {
+        told_by(corrections, enough, [1.0; 2], 3.0)
     }
 
     #[test]
@@ -322,8 +394,24 @@ mod tests {
         assert!((px - 1e-4).abs() < 1e-12);
         // It falls fast, from where it is good enough: nothing is left out.
         assert_eq!(told(&many([0.02, 0.008]), &enough).unwrap().0, Vec::<usize>::new());
-        // The same movements where noise is not the reason: the frame goes on.
+        // The same corrections where noise is not the reason: the frame goes on.
         assert!(told(&many([0.01, 0.009]), &[clear; 40]).is_none());
+        // More may be left of it later on, and no more of another than before.
+        let later = |corrections: &[[f64; 2]], enough: &[Enough]| told_by(corrections, enough, [1.0; 2], 10.0);
+        assert_eq!(later(&many([0.01, 0.009]), &enough).unwrap().0, Vec::<usize>::new());
+        let mut slow_elsewhere = many([0.02, 0.008]);
+        slow_elsewhere[3] = [1.5e-3, 1.3e-3]; // 8.4e-3 is left, 4.2 times what is enough
+        assert!(later(&slow_elsewhere, &enough).is_none());
+        // Half a step leaves half the correction, and twice as long a one says nothing of the rate.
+        assert_eq!(told_by(&many([0.02, 0.008]), &enough, [1.0, 0.5], 0.4).unwrap().0, vec![7]);
+        assert_eq!(told_by(&many([0.02, 0.008]), &enough, [2.0, 1.0], 0.4).unwrap().0, Vec::<usize>::new());
+        // What follows a node that does not settle is given up with it, two steps away but not three.
+        for (node, want) in [(11, Some(vec![7, 11])), (13, None)] {
+            let mut pulled = many([0.01, 0.009]);
+            pulled[node] = [3e-3, 2.9e-3];
+            let enough: Vec<Enough> = (0..40).map(|node| if node == 7 { noisy } else { clear }).collect();
+            assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), want);
+        }
         // Three of 40 are more than a twentieth.
         let mut three = many([0.01, 0.009]);
         (three[1], three[2], enough[1], enough[2]) = ([0.01, 0.009], [0.01, 0.009], noisy, noisy);

@@ -1,6 +1,6 @@
 //! One scale of the pyramid: its mesh, its prepared reference, its factor.
 
-use super::gradient_noise::{AssumedNoise, element_lambda, element_matrices, mass_matrices, without_noise};
+use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
 use crate::field::RigidMotion;
@@ -40,23 +40,6 @@ fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 
-/// The normal matrix of the given moments without the noise of the gradient, for steps.
-pub(super) fn step_matrix(
-    mesh: &Mesh<Px>,
-    pattern: &Arc<Pattern>,
-    moments: &[ElementMoments],
-    options: &KernelOptions,
-    lambda: f64,
-) -> BlockMatrix {
-    let matrices = element_matrices(moments, options);
-    if lambda <= 0.0 {
-        return BlockMatrix::assemble(pattern, mesh.elements(), &matrices);
-    }
-    let masses = mass_matrices(mesh, moments);
-    let taken_off = element_lambda(&matrices, &masses, lambda);
-    without_noise(mesh, pattern, &matrices, &masses, &taken_off)
-}
-
 /// Elimination order of all zones, one after the other.
 pub(super) fn elimination_order(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<usize> {
     let mut order = Vec::with_capacity(mesh.n_nodes());
@@ -84,14 +67,14 @@ pub(super) fn elimination_order(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<usize
 
 /// `sum psi^2` per node over the pixels of its elements (about 4/9 l^2 inside): what a gradient of one
 /// grey level per pixel in one direction would give on the diagonal.
-pub(super) fn support(mesh: &Mesh<Px>, moments: &[ElementMoments]) -> Vec<f64> {
-    let mut support = vec![0.0; mesh.n_nodes()];
-    for (nodes, moments) in mesh.elements().iter().zip(moments) {
-        for &node in nodes {
-            support[node as usize] += moments.n / 9.0; // the mean of psi^2 over an element
-        }
-    }
-    support
+pub(super) fn support(pattern: &Pattern, moments: &[ElementMoments]) -> Vec<f64> {
+    (0..pattern.n_nodes()).map(|node| support_of(pattern, moments, node)).collect()
+}
+
+/// That of one node.
+pub(super) fn support_of(pattern: &Pattern, moments: &[ElementMoments], node: usize) -> f64 {
+    // The mean of psi^2 over an element is a ninth.
+    pattern.elements_of(node).iter().fold(0.0, |sum, &(element, _)| sum + moments[element as usize].n / 9.0)
 }
 
 impl<B: Backend> Level<B> {
@@ -112,17 +95,20 @@ impl<B: Backend> Level<B> {
         // Averaging 2^l by 2^l pixels divides the noise by 2^l.
         let noise = noise.at_level(level);
         let mut keep = vec![true; mesh.n_nodes()];
-        let support = support(&mesh, &moments);
-        let with_noise = BlockMatrix::assemble(&pattern, mesh.elements(), &element_matrices(&moments, options));
-        for fault in super::texture::faults(&mesh, &with_noise, &support, &noise, options.interpolation) {
+        let support = support(&pattern, &moments);
+        let lambda = noise.lambda(options.interpolation);
+        let of_elements = OfElement::all(&mesh, &moments, options, lambda);
+        let blocks: Vec<_> =
+            (0..mesh.n_nodes()).map(|node| diagonal_with_noise(&mesh, &pattern, &of_elements, node)).collect();
+        for fault in super::texture::faults(&mesh, &blocks, &support, &noise, options.interpolation) {
             keep[fault.node] = false;
         }
-        let lambda = noise.lambda(options.interpolation);
         let moments = Arc::new(moments);
-        let mut matrix = step_matrix(&mesh, &pattern, &moments, options, lambda);
+        let mut matrix = without_noise(&mesh, &pattern, &of_elements);
         let active = vec![true; mesh.n_elements()];
         let texture = PenaltyScale { matrix: &matrix, support: &support, seen: &keep };
         let regulariser = Regulariser::new(regularisation.at_level(level), &mesh, &pattern, &active, &texture);
+        let regulariser = regulariser.map(|regulariser| regulariser.factored(&mesh));
         if let Some(regulariser) = regulariser
             && let Ok(solver) = regulariser.solver(matrix.clone())
         {

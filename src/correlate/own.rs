@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 /// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
 const HELD_SHARE: f64 = 1e-3;
+
 /// A frame's own solver, of the pixels that are inside the deformed image, and in what it differs from that of the level.
 pub(super) struct Own<B: Backend> {
     pub solver: B::Solver,
@@ -46,6 +47,13 @@ impl<B: Backend> Own<B> {
             None => level.solver.changed(nodes, elements, |element| &changed.of(element).matrix),
         };
         Ok(Self { solver: backend.solver_like(&level.prepared, solver, &level.solver)?, changed })
+    }
+
+    /// Gives its memory to the next one of the level.
+    pub fn give_back(self, backend: &B, level: &Level<B>) {
+        if let Some(solver) = backend.reclaimed(self.solver) {
+            level.solver.take_back(solver);
+        }
     }
 }
 

@@ -146,6 +146,7 @@ impl Regularisation {
 #[derive(Debug)]
 pub(super) struct Regulariser {
     penalty: Arc<BlockMatrix>,
+    /// Elimination order of factors; empty where it has none, see [`Regulariser::factored`].
     order: Vec<usize>,
     /// How far what happens at a node reaches, px.
     reach_px: f64,
@@ -181,13 +182,21 @@ impl Regulariser {
         }
         let gradient = mean_square_gradient(mesh, texture);
         let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
-        let order = dissection(penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
         let reach_px = REACH * regularisation.cutoff_px().unwrap_or(0.0);
-        Some(Self { penalty: Arc::new(penalty), order, reach_px })
+        Some(Self { penalty: Arc::new(penalty), order: Vec::new(), reach_px })
+    }
+
+    /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in steps.
+    pub fn factored(mut self, mesh: &Mesh<Px>) -> Self {
+        self.order = dissection(self.penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
+        self
     }
 
     /// The solver of the data's matrix with the penalty. Nodes that are not kept must be out of both.
     pub fn solver(&self, data: BlockMatrix) -> Result<Solver, NotPositiveDefinite> {
+        if self.order.is_empty() {
+            return Ok(Solver::smoothed(data, self.penalty.clone()));
+        }
         Solver::regularised(data, self.penalty.clone(), &self.order)
     }
 

@@ -4,9 +4,9 @@ use super::error::{Lack, TextureFault};
 use super::gradient_noise::AssumedNoise;
 use crate::backend::ElementMatch;
 use crate::imaging::Interpolation;
-use crate::linalg::BlockMatrix;
 use crate::mesh::Mesh;
 use crate::units::Px;
+use rayon::prelude::*;
 
 /// A node is without texture when its weakest gradient direction carries less than this many times what
 /// image noise alone would put there on average. The sums over few pixels scatter: a node of `support` (sum
@@ -24,19 +24,21 @@ fn noise_margin(support: f64, is_stated: bool) -> f64 {
 /// those without any pixel (`support` zero) among them.
 ///
 /// The block is `sum psi^2 grad f grad f^T`; its smallest eigenvalue over `sum psi^2` is the mean square
-/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: `matrix` is the
-/// one with its noise.
+/// gradient in the weakest direction. White noise alone gives `noise^2` times the gain of the gradient: the `blocks`, as
+/// `[xx, xy, yy]`, are those with their noise.
 pub(super) fn faults(
     mesh: &Mesh<Px>,
-    matrix: &BlockMatrix,
+    blocks: &[[f64; 3]],
     support: &[f64],
     noise: &AssumedNoise,
     interpolation: Interpolation,
 ) -> Vec<TextureFault> {
     let from_noise = noise.of_check * noise.of_check * interpolation.gradient_noise_gain();
     (0..mesh.n_nodes())
+        .into_par_iter()
+        .with_min_len(2048)
         .filter_map(|node| {
-            let [xx, xy, yy] = matrix.diagonal(node);
+            let [xx, xy, yy] = blocks[node];
             let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
             let weight = support[node].max(f64::MIN_POSITIVE);
             let needed = noise_margin(weight, noise.is_stated) * from_noise;
@@ -65,14 +67,13 @@ pub(super) struct SeenByNode {
     support: f64,
 }
 
-/// What every node sees, by the `matrix` with its noise.
-pub(super) fn seen_by_nodes(matrix: &BlockMatrix, support: &[f64]) -> Vec<SeenByNode> {
-    let seen = |(node, &support): (usize, &f64)| {
-        let [xx, xy, yy] = matrix.diagonal(node);
+/// What every node sees, by its block with its noise.
+pub(super) fn seen_by_nodes(blocks: &[[f64; 3]], support: &[f64]) -> Vec<SeenByNode> {
+    let seen = |(&[xx, xy, yy], &support): (&[f64; 3], &f64)| {
         let (mean, half) = (0.5 * (xx + yy), (0.25 * (xx - yy).powi(2) + xy * xy).sqrt());
         SeenByNode { weakest: (mean - half).max(0.0) / support.max(f64::MIN_POSITIVE), support }
     };
-    support.iter().enumerate().map(seen).collect()
+    blocks.iter().zip(support).map(seen).collect()
 }
 
 impl SeenByNode {
@@ -122,9 +123,15 @@ const LEAST_CERTAIN_PX: f64 = 0.5;
 
 /// The nodes that their neighbourhood does not determine, whose standard uncertainty would be `sigma_px`: texture confined to a spot gives every node
 /// around it a regular block, but not all of them together a displacement.
-pub(super) fn undetermined(mesh: &Mesh<Px>, keep: &[bool], sigma_px: impl Fn(usize) -> [f64; 2]) -> Vec<TextureFault> {
+pub(super) fn undetermined(
+    mesh: &Mesh<Px>,
+    keep: &[bool],
+    sigma_px: impl Fn(usize) -> [f64; 2] + Sync,
+) -> Vec<TextureFault> {
     let sigma = |node: usize| larger(sigma_px(node));
     (0..mesh.n_nodes())
+        .into_par_iter()
+        .with_min_len(2048)
         .filter(|&node| keep[node] && sigma(node) > LEAST_CERTAIN_PX)
         .map(|node| fault_of_precision(mesh, node, sigma(node)))
         .collect()

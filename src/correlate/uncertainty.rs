@@ -2,7 +2,7 @@
 //! `Cov(a) = sigma^2 [(1/k + gain^2) M0^-1 + gain^2 v lambda M0^-1 P M0^-1]`, with regularisation `A^-1 . A^-1` around
 //! `M0` and `P`, `A = M0 + w R`.
 
-use super::gradient_noise::{LEAST_SHARE_OF_VARIANCE, mass_matrix};
+use super::gradient_noise::{LEAST_SHARE_OF_VARIANCE, OfElement, mass_matrix};
 use super::own::Changed;
 use super::regularisation::Regulariser;
 use crate::backend::{ElementMoments, GreyTransfer, PixelSums};
@@ -135,18 +135,17 @@ impl NodalSpread {
     }
 }
 
-/// The spread of a solution with `solver`, whose matrix is that of `moments` without the noise `lambda` (per element).
+/// The spread of a solution with `solver`, whose matrix is that of these elements without their noise.
 pub(super) fn spread_of(
     isa: Isa,
     mesh: &Mesh<Px>,
     solver: &Solver,
     regulariser: Option<&Regulariser>,
-    masses: &[ElementMatrix],
-    lambda: &[f64],
+    of_elements: &[OfElement],
 ) -> NodalSpread {
     let pattern = solver.data().pattern().clone();
-    let mut mass = BlockMatrix::assemble(&pattern, mesh.elements(), masses);
-    let lambda = nodal_lambda(mesh, &pattern, masses, lambda);
+    let mut mass = BlockMatrix::assemble_by(&pattern, mesh.elements(), |element| &of_elements[element as usize].mass);
+    let lambda = nodal_lambda(mesh, &pattern, of_elements);
     // A solver without penalty is that of a frame which the regularisation could not hold.
     if let (Some(regulariser), Some(_)) = (regulariser, solver.penalty())
         && let Ok(Spread { variance, freedom }) = regulariser.spread(solver.data())
@@ -184,9 +183,12 @@ pub(super) fn spread_of(
 }
 
 /// The mean of what was taken off the elements around each node, by their share of it.
-fn nodal_lambda(mesh: &Mesh<Px>, pattern: &Pattern, masses: &[ElementMatrix], lambda: &[f64]) -> Vec<f64> {
-    let of_element = |element: u32| (&masses[element as usize], lambda[element as usize]);
-    (0..mesh.n_nodes()).map(|node| mean_lambda(pattern, node, of_element)).collect()
+fn nodal_lambda(mesh: &Mesh<Px>, pattern: &Pattern, of_elements: &[OfElement]) -> Vec<f64> {
+    let of_element = |element: u32| {
+        let OfElement { mass, lambda, .. } = &of_elements[element as usize];
+        (mass, *lambda)
+    };
+    (0..mesh.n_nodes()).into_par_iter().with_min_len(2048).map(|node| mean_lambda(pattern, node, of_element)).collect()
 }
 
 /// That of one node, from the mass of its elements and what was taken off them.
@@ -372,7 +374,7 @@ impl NoiseGain {
 mod tests {
     use super::*;
     use crate::backend::KernelOptions;
-    use crate::correlate::gradient_noise::OfElement;
+    use crate::correlate::gradient_noise::{OfElement, without_noise};
     use crate::correlate::level::support;
     use crate::correlate::regularisation::{PenaltyScale, Regularisation};
     use crate::field::Brightness;
@@ -425,11 +427,12 @@ mod tests {
         assert_eq!(lost.len(), 20 * columns.div_ceil(ELEMENT));
         let changed = Changed::new((mesh, &pattern), &all, &lost, lambda, &options);
         let nothing = Changed::new((mesh, &pattern), &all, &[], lambda, &options);
-        let (support, seen, active) = (support(mesh, &all), vec![true; mesh.n_nodes()], vec![true; all.len()]);
+        let (support, seen, active) = (support(&pattern, &all), vec![true; mesh.n_nodes()], vec![true; all.len()]);
         let matrices: Vec<ElementMatrix> = all.iter().map(|moments| moments.matrix()).collect();
         let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
         let scale = PenaltyScale { matrix: &matrix, support: &support, seen: &seen };
         let regulariser = Regulariser::new(regularisation, mesh, &pattern, &active, &scale);
+        let regulariser = regulariser.map(|regulariser| regulariser.factored(mesh));
         let with_penalty = |data: BlockMatrix| match &regulariser {
             Some(regulariser) => regulariser.solver(data).unwrap(),
             None => Solver::iterative(data),
@@ -441,11 +444,8 @@ mod tests {
                     Err(_) => OfElement::new(mesh, element, &all[element], &options, lambda),
                 })
                 .collect();
-            let matrices: Vec<ElementMatrix> = of.iter().map(|of| of.matrix).collect();
-            let masses: Vec<ElementMatrix> = of.iter().map(|of| of.mass).collect();
-            let lambda: Vec<f64> = of.iter().map(|of| of.lambda).collect();
-            let solver = with_penalty(BlockMatrix::assemble(&pattern, mesh.elements(), &matrices));
-            let spread = spread_of(isa, mesh, &solver, regulariser.as_ref(), &masses, &lambda);
+            let solver = with_penalty(without_noise(mesh, &pattern, &of));
+            let spread = spread_of(isa, mesh, &solver, regulariser.as_ref(), &of);
             (solver, spread)
         };
         let (level, before) = spread_with(&nothing);

@@ -162,6 +162,26 @@ impl Pattern {
         &self.incidence[self.incidence_starts[node] as usize..self.incidence_starts[node + 1] as usize]
     }
 
+    /// The block on the diagonal at `node` of an assembled matrix, as `[xx, xy, yy]`; `entry` is that of an element at a place of its
+    /// [`ElementMatrix`].
+    pub(crate) fn diagonal_block(
+        &self,
+        elements: &[[u32; 4]],
+        node: usize,
+        entry: impl Fn(u32, usize) -> f64,
+    ) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for &(element, corner) in self.elements_of(node) {
+            // A triangle has two corners at one of its nodes.
+            let same = (0..4).filter(|&other| elements[element as usize][other] as usize == node);
+            for (a, b) in same.map(|other| (2 * corner as usize, 2 * other)) {
+                let places = [upper(a, b), upper(a, b + 1), upper(a + 1, b + 1)];
+                sum.iter_mut().zip(places).for_each(|(sum, at)| *sum += entry(element, at));
+            }
+        }
+        sum
+    }
+
     /// Colours of the nodes in `nodes` such that two of one colour are at least `steps` apart: each node gets
     /// the first colour that is free.
     pub fn colours(&self, nodes: Range<usize>, steps: usize) -> Vec<u32> {
@@ -290,11 +310,11 @@ impl BlockMatrix {
 
     /// Assembles the rows of `nodes` anew, bit for bit as [`BlockMatrix::assemble`] and [`BlockMatrix::hold`] would: for a
     /// matrix of which some elements have changed, and `nodes` all of theirs.
-    pub(crate) fn assemble_rows<'a>(
+    pub(crate) fn assemble_rows<M: Borrow<ElementMatrix>>(
         &mut self,
         nodes: &[u32],
         elements: &[[u32; 4]],
-        matrix: impl Fn(u32) -> &'a ElementMatrix,
+        matrix: impl Fn(u32) -> M,
     ) {
         for &node in nodes {
             let range = self.pattern.row(node as usize);
@@ -310,6 +330,13 @@ impl BlockMatrix {
                     *block = if node == column { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
                 }
             }
+        }
+    }
+
+    /// Takes the rows of `nodes` from a matrix on the same pattern.
+    pub(super) fn copy_rows(&mut self, from: &Self, nodes: &[u32]) {
+        for row in nodes.iter().map(|&node| self.pattern.row(node as usize)) {
+            self.blocks[row.clone()].copy_from_slice(&from.blocks[row]);
         }
     }
 

@@ -37,11 +37,9 @@ impl BlockJacobi {
         Self { inverse: (0..matrix.pattern().n_nodes()).map(|node| inverted(matrix.diagonal(node))).collect() }
     }
 
-    /// The same where the blocks of `nodes` have changed.
-    pub(super) fn changed(&self, matrix: &BlockMatrix, nodes: &[u32]) -> Self {
-        let mut inverse = self.inverse.clone();
-        nodes.iter().for_each(|&node| inverse[node as usize] = inverted(matrix.diagonal(node as usize)));
-        Self { inverse }
+    /// Follows the matrix, in which the blocks of `nodes` have changed.
+    pub(super) fn follow(&mut self, matrix: &BlockMatrix, nodes: &[u32]) {
+        nodes.iter().for_each(|&node| self.inverse[node as usize] = inverted(matrix.diagonal(node as usize)));
     }
 
     /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction` or `max_iterations`
@@ -72,15 +70,13 @@ impl Single {
         Self { blocks, inverse: jacobi.inverse.iter().map(single).collect() }
     }
 
-    /// The same where the rows of `nodes` have changed.
-    pub fn changed(&self, matrix: &BlockMatrix, jacobi: &BlockJacobi, nodes: &[u32]) -> Self {
-        let mut changed = self.clone();
+    /// Follows the matrix, in which the rows of `nodes` have changed.
+    pub fn follow(&mut self, matrix: &BlockMatrix, jacobi: &BlockJacobi, nodes: &[u32]) {
         for node in nodes.iter().map(|&node| node as usize) {
-            changed.inverse[node] = single(&jacobi.inverse[node]);
+            self.inverse[node] = single(&jacobi.inverse[node]);
             let row = matrix.pattern().row(node);
-            changed.blocks[row.clone()].iter_mut().zip(&matrix.blocks()[row]).for_each(|(to, from)| *to = single(from));
+            self.blocks[row.clone()].iter_mut().zip(&matrix.blocks()[row]).for_each(|(to, from)| *to = single(from));
         }
-        changed
     }
 
     /// As [`BlockJacobi::solve`].

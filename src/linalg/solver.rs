@@ -3,7 +3,7 @@
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
 use super::conjugate_gradients::{BlockJacobi, Single};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
 /// (`benches/RESULTS.md`, table of solvers).
@@ -32,16 +32,45 @@ pub enum SolverChoice {
 /// A symmetric positive definite matrix, ready to be solved with.
 #[derive(Debug)]
 pub struct Solver {
-    matrix: BlockMatrix,
-    jacobi: BlockJacobi,
-    /// What conjugate gradients run in, once they do.
-    single: OnceLock<Single>,
+    system: System,
     factor: Option<Factor>,
     regularised: Option<Regularised>,
     /// Fall of the residual that conjugate gradients are asked for.
     reduction: f64,
     /// See [`Solver::with_responses`].
     responses: Option<Arc<[Vec<[f64; 2]>; 2]>>,
+    /// Of one that was made of another, the nodes whose rows differ, see [`Solver::changed`].
+    changed: Option<Vec<u32>>,
+    /// Systems of solvers that were made of this one and are no longer used, with the nodes whose rows differ: what the next one is made
+    /// in, since to copy a whole matrix takes longer than the rows that change.
+    spare: Mutex<Vec<(System, Vec<u32>)>>,
+}
+
+/// Spare systems that are kept.
+const SPARE: usize = 8;
+
+/// A matrix, and what conjugate gradients need of it.
+#[derive(Debug, Clone)]
+struct System {
+    matrix: BlockMatrix,
+    jacobi: BlockJacobi,
+    /// What conjugate gradients run in, once they do.
+    single: OnceLock<Single>,
+}
+
+impl System {
+    fn new(matrix: BlockMatrix) -> Self {
+        let jacobi = BlockJacobi::new(&matrix);
+        Self { matrix, jacobi, single: OnceLock::new() }
+    }
+
+    /// Follows the matrix at `nodes`.
+    fn follow(&mut self, nodes: &[u32]) {
+        self.jacobi.follow(&self.matrix, nodes);
+        if let Some(single) = self.single.get_mut() {
+            single.follow(&self.matrix, &self.jacobi, nodes);
+        }
+    }
 }
 
 /// A factor of the matrix.
@@ -85,11 +114,11 @@ impl Solver {
         order: impl FnOnce() -> Vec<usize>,
     ) -> Result<Option<Cholesky>, NotPositiveDefinite> {
         let direct = match choice {
-            SolverChoice::Auto => self.matrix.pattern().n_nodes() <= DIRECT_UP_TO,
+            SolverChoice::Auto => self.system.matrix.pattern().n_nodes() <= DIRECT_UP_TO,
             SolverChoice::Direct => true,
             SolverChoice::Iterative => false,
         };
-        direct.then(|| Cholesky::new(&self.matrix, &order())).transpose()
+        direct.then(|| Cholesky::new(self.matrix(), &order())).transpose()
     }
 
     /// The same with a factor of its matrix, made by [`Solver::factor`].
@@ -99,9 +128,13 @@ impl Solver {
 
     /// Prepares `matrix` for conjugate gradients, which need no factor and cannot fail.
     pub fn iterative(matrix: BlockMatrix) -> Self {
-        let jacobi = BlockJacobi::new(&matrix);
-        let single = OnceLock::new();
-        Self { matrix, jacobi, single, factor: None, regularised: None, reduction: REDUCTION, responses: None }
+        Self::of(System::new(matrix))
+    }
+
+    fn of(system: System) -> Self {
+        let (factor, regularised, responses) = (None, None, None);
+        let (changed, spare) = (None, Mutex::default());
+        Self { system, factor, regularised, reduction: REDUCTION, responses, changed, spare }
     }
 
     /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
@@ -123,6 +156,17 @@ impl Solver {
         Ok(Self { factor, regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) })
     }
 
+    /// The solver of `data` and a penalty that acts over a few elements only: conditioned well enough for conjugate gradients, which on a
+    /// large mesh cost less than a factor.
+    ///
+    /// # Panics
+    /// When the pattern of `data` does not lie within that of `penalty`.
+    pub(crate) fn smoothed(data: BlockMatrix, penalty: Arc<BlockMatrix>) -> Self {
+        let mut sum = BlockMatrix::clone(&penalty);
+        sum.add(&data, 1.0);
+        Self { regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) }
+    }
+
     /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]: for a
     /// solver without penalty of which some elements have changed, and `nodes` all of theirs.
     pub(crate) fn changed<'a>(
@@ -131,12 +175,22 @@ impl Solver {
         elements: &[[u32; 4]],
         of_element: impl Fn(u32) -> &'a ElementMatrix,
     ) -> Self {
-        let mut matrix = self.matrix.clone();
-        matrix.assemble_rows(nodes, elements, of_element);
-        let jacobi = self.jacobi.changed(&matrix, nodes);
-        let single = self.single.get().map(|single| single.changed(&matrix, &jacobi, nodes).into()).unwrap_or_default();
-        let responses = self.responses.clone();
-        Self { matrix, jacobi, single, factor: None, regularised: None, reduction: REDUCTION_CHANGED, responses }
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let (mut system, before) = spare.unwrap_or_else(|| (self.system.clone(), Vec::new()));
+        system.matrix.copy_rows(&self.system.matrix, &before);
+        system.matrix.assemble_rows(nodes, elements, of_element);
+        system.follow(&before);
+        system.follow(nodes);
+        let (responses, changed) = (self.responses.clone(), Some(nodes.to_vec()));
+        Self { reduction: REDUCTION_CHANGED, responses, changed, ..Self::of(system) }
+    }
+
+    /// Takes back a solver that [`Solver::changed`] has made of this one, for the next one.
+    pub(crate) fn take_back(&self, Self { system, changed, .. }: Self) {
+        let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(changed) = changed.filter(|_| spare.len() < SPARE) {
+            spare.push((system, changed));
+        }
     }
 
     /// The same with the solutions for two right-hand sides, which are wanted in every step.
@@ -157,7 +211,7 @@ impl Solver {
 
     /// The matrix of the data alone: the part of [`Solver::matrix`] that is not penalty.
     pub fn data(&self) -> &BlockMatrix {
-        self.regularised.as_ref().map_or(&self.matrix, |parts| &parts.data)
+        self.regularised.as_ref().map_or(&self.system.matrix, |parts| &parts.data)
     }
 
     /// The penalty, if the matrix is regularised.
@@ -178,9 +232,14 @@ impl Solver {
         self.solve(rhs)
     }
 
+    /// The matrix, of which something else is to be made.
+    pub(crate) fn into_matrix(self) -> BlockMatrix {
+        self.system.matrix
+    }
+
     /// The matrix.
     pub fn matrix(&self) -> &BlockMatrix {
-        &self.matrix
+        &self.system.matrix
     }
 
     /// Fall of the residual that conjugate gradients are asked for: a graphics device has its own.
@@ -191,7 +250,7 @@ impl Solver {
 
     /// The inverse nodal blocks.
     pub fn jacobi(&self) -> &BlockJacobi {
-        &self.jacobi
+        &self.system.jacobi
     }
 
     /// Memory of the factor, bytes; 0 without one.
@@ -214,15 +273,15 @@ impl Solver {
         // Multiplicative hashing: as good as noise, and the same every time.
         let noise = |k: usize| f64::from((k as u32).wrapping_mul(2_654_435_769) >> 16) / 32768.0 - 1.0;
         let mut rhs: Vec<[f64; 2]> =
-            (0..self.matrix.pattern().n_nodes()).map(|node| [noise(2 * node + 1), noise(2 * node + 2)]).collect();
-        self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
-        self.jacobi.solve(&self.matrix, &rhs, reduction, most).1.iterations
+            (0..self.matrix().pattern().n_nodes()).map(|node| [noise(2 * node + 1), noise(2 * node + 2)]).collect();
+        self.matrix().held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
+        self.jacobi().solve(self.matrix(), &rhs, reduction, most).1.iterations
     }
 
     /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less, in single
     /// precision; any of these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-        self.matrix.held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
+        self.matrix().held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
         if let Some(Factor::Double(factor)) = &self.factor {
             factor.solve(&mut rhs);
             return rhs;
@@ -234,10 +293,101 @@ impl Solver {
         match &self.factor {
             Some(Factor::Single(factor)) => factor.solve(&mut single),
             _ => {
-                let of_matrix = self.single.get_or_init(|| Single::new(&self.matrix, &self.jacobi));
-                single = of_matrix.solve(self.matrix.pattern(), &single, self.reduction, MAX_ITERATIONS);
+                let System { matrix, jacobi, single: of_matrix } = &self.system;
+                let of_matrix = of_matrix.get_or_init(|| Single::new(matrix, jacobi));
+                single = of_matrix.solve(matrix.pattern(), &single, self.reduction, MAX_ITERATIONS);
             }
         }
         single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::{Pattern, alike};
+
+    const SIDE: u32 = 12;
+
+    fn elements() -> Vec<[u32; 4]> {
+        let node = |i: u32, j: u32| j * (SIDE + 1) + i;
+        let of = |(i, j): (u32, u32)| [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+        (0..SIDE).flat_map(|j| (0..SIDE).map(move |i| (i, j))).map(of).collect()
+    }
+
+    /// Means of products of shape functions over a square, and of their gradients.
+    const MASS: [[f64; 4]; 4] =
+        [[4.0, 2.0, 1.0, 2.0], [2.0, 4.0, 2.0, 1.0], [1.0, 2.0, 4.0, 2.0], [2.0, 1.0, 2.0, 4.0]];
+    const STIFFNESS: [[f64; 4]; 4] =
+        [[4.0, -1.0, -2.0, -1.0], [-1.0, 4.0, -1.0, -2.0], [-2.0, -1.0, 4.0, -1.0], [-1.0, -2.0, -1.0, 4.0]];
+
+    fn noise(k: u32) -> f64 {
+        f64::from(k.wrapping_mul(2_654_435_769) >> 16) / 65536.0
+    }
+
+    /// Mass matrices of elements that weigh differently, those of which `lost` is true hardly anything.
+    fn matrices(lost: impl Fn(u32) -> bool) -> Vec<ElementMatrix> {
+        (0..SIDE * SIDE).map(|e| alike(MASS, if lost(e) { 0.01 } else { 0.5 + noise(e) })).collect()
+    }
+
+    fn assembled(matrices: &[ElementMatrix]) -> BlockMatrix {
+        let elements = elements();
+        let pattern = Arc::new(Pattern::new(((SIDE + 1) * (SIDE + 1)) as usize, &elements));
+        BlockMatrix::assemble(&pattern, &elements, matrices)
+    }
+
+    fn load() -> Vec<[f64; 2]> {
+        (0..(SIDE + 1) * (SIDE + 1)).map(|node| [noise(2 * node + 1) - 0.5, noise(2 * node + 2) - 0.5]).collect()
+    }
+
+    #[test]
+    fn a_solver_made_in_the_memory_of_another_is_bit_for_bit_that_made_anew() {
+        let elements = elements();
+        let changed = |level: &Solver, lost: fn(u32) -> bool| {
+            let matrices = matrices(lost);
+            let mut nodes: Vec<u32> =
+                (0..SIDE * SIDE).filter(|&e| lost(e)).flat_map(|e| elements[e as usize]).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            level.changed(&nodes, &elements, |e| &matrices[e as usize])
+        };
+        let [first, second]: [fn(u32) -> bool; 2] = [|e| e < 2 * SIDE, |e| e % SIDE == 5 || e == 3];
+        let level = || {
+            let level = Solver::iterative(assembled(&matrices(|_| false)));
+            level.solve(load());
+            level
+        };
+        let (one, other) = (level(), level());
+        let before = changed(&one, first);
+        before.solve(load());
+        one.take_back(before);
+        let (got, want) = (changed(&one, second), changed(&other, second));
+        assert!(one.spare.lock().unwrap().is_empty(), "it is made in what was taken back");
+        assert_eq!(got.matrix().blocks(), want.matrix().blocks());
+        assert_eq!(got.matrix().blocks(), assembled(&matrices(second)).blocks());
+        assert_eq!(got.jacobi().inverse, want.jacobi().inverse);
+        assert_eq!(got.solve(load()), want.solve(load()));
+        // What was made of no other solver is nothing to be kept.
+        one.take_back(other);
+        assert!(one.spare.lock().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_penalty_over_a_few_elements_is_solved_with_without_a_factor() {
+        let data = assembled(&matrices(|e| (40..44).contains(&e)));
+        let stiffness: Vec<ElementMatrix> = (0..SIDE * SIDE).map(|_| alike(STIFFNESS, 1.0)).collect();
+        let penalty = Arc::new(assembled(&stiffness));
+        let order: Vec<usize> = (0..data.pattern().n_nodes()).collect();
+        let want = Solver::regularised(data.clone(), penalty.clone(), &order).unwrap();
+        let got = Solver::smoothed(data, penalty);
+        assert_eq!((want.name(), got.name()), ("direct", "iterative"));
+        assert_eq!(got.data().blocks(), want.data().blocks());
+        let displacement: Vec<[f64; 2]> = (0..order.len()).map(|node| [0.1 * node as f64, 1.0]).collect();
+        let [want, got] = [&want, &got].map(|solver| solver.correction(load(), &displacement));
+        let square = |all: &[[f64; 2]]| all.as_flattened().iter().map(|v| v * v).sum::<f64>();
+        let apart: Vec<[f64; 2]> = want.iter().zip(&got).map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
+        // The residual has fallen to 1 %; the error, in another norm, by a little less.
+        let ratio = (square(&apart) / square(&want)).sqrt();
+        assert!(ratio < 0.03, "{ratio}");
     }
 }

@@ -5,7 +5,7 @@ use crate::common;
 use common::*;
 use quadrille::backend::GreyTransfer;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::correlate::{Correlation, CorrelationError, History, Options, Start, TextureFault, Tracker};
+use quadrille::correlate::{Correlation, CorrelationError, History, Options, Start, StartUsed, TextureFault, Tracker};
 use quadrille::field::{Brightness, Measurement, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::isa::Isa;
@@ -412,6 +412,58 @@ fn small_elements_cut_by_the_edge_of_the_image_settle_as_the_others_do() {
         // All but the outermost nodes are measured at least.
         let left = found.measurement.measured.iter().filter(|measured| !**measured).count();
         assert!(left <= SIZE[1] / 8 + 3, "{x} px: {left} nodes are not measured");
+    }
+}
+
+#[test]
+fn elements_of_4_px_settle_from_a_prediction_as_they_leave_the_image() {
+    // Elements that went in and out of the image with the nodes beside them kept such frames from settling for 50 iterations, after which they were
+    // looked for again: the pyramid, then a second try.
+    const SIZE: [usize; 2] = [256, 640];
+    let noisy = |frame: u64| RenderOptions { noise: 1.0, frame, ..eight_bit(SIZE[0], SIZE[1]) };
+    let image = |shift: [f64; 2], frame: u64| picture(&Moved(shift), &noisy(frame));
+    let options = Options { element_size: 4, drop_textureless: true, ..Options::default() };
+    let correlator = prepared(&picture(&REST, &noisy(0)), &whole(SIZE[0], SIZE[1]), options);
+    let mut before = cold(&correlator, &image([1.4, 0.2], 1));
+    let mut iterations = Vec::new();
+    for (frame, x) in (2..).zip([2.3, 3.2, 4.1, 5.0]) {
+        let start = beside(&before, [0.9, 0.0]);
+        before = correlator.correlate(image([x, 0.2], frame), Some(&start)).unwrap();
+        assert_eq!(before.measurement.status, Status::Converged, "{x} px");
+        assert_eq!(before.start, StartUsed::Predicted, "{x} px");
+        iterations.push(before.iterations);
+        let Measurement { measured, sigma, displacement, mesh, .. } = &before.measurement;
+        let lost = measured.iter().filter(|measured| !**measured).count();
+        // Those that have left, and a few in noise.
+        let gone = SIZE[1] / 4 + 1;
+        assert!(lost < gone * (x / 4.0).ceil() as usize + gone, "{x} px: {lost} nodes are not measured");
+        let errors = node_errors(mesh, displacement, &Moved([x, 0.2]));
+        let far = (0..measured.len())
+            .filter(|&node| measured[node] && (0..2).any(|c| (errors[node][c] / sigma[node][c]).abs() > 8.0));
+        assert_eq!(far.count(), 0, "{x} px: nodes that are off by more than eight standard uncertainties");
+    }
+    println!("{iterations:?} iterations");
+    assert!(iterations.iter().all(|&iterations| iterations <= 40), "{iterations:?} iterations");
+}
+
+#[test]
+fn a_prediction_that_is_off_at_a_few_nodes_is_not_looked_for_anew() {
+    // Of a mesh of many nodes noise has put one somewhere in most frames.
+    const SIDE: usize = 512;
+    let motion = Sinusoids { amplitude: 0.6, wavelength: 256.0 };
+    let (reference, deformed) = (picture(&REST, &eight_bit(SIDE, SIDE)), picture(&motion, &eight_bit(SIDE, SIDE)));
+    let correlator = prepared(&reference, &whole(SIDE, SIDE), Options::default());
+    let found = cold(&correlator, &deformed);
+    let n = found.measurement.mesh.n_nodes();
+    assert_eq!(n, 1089);
+    // One of 1089 is less than a thousandth, and so is none of what is left of it; four are more.
+    for (off, want) in [(1, StartUsed::Predicted), (4, StartUsed::PredictedCoarse)] {
+        let mut start = beside(&found, [0.0; 2]);
+        (0..off).for_each(|k| start.displacement[n / 2 + 7 * k][0] += 1.3);
+        let again = correlator.correlate(deformed.clone(), Some(&start)).unwrap();
+        assert_eq!((again.measurement.status, again.start), (Status::Converged, want), "{off} nodes");
+        let apart = largest_difference(&again.measurement.displacement, &found.measurement.displacement);
+        assert!(apart < 5e-4, "{off} nodes: {apart} px apart"); // each has settled to 1e-4 px
     }
 }
 

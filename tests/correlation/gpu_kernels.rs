@@ -8,7 +8,7 @@ use common::gpu::device;
 use common::round_off::{Evaluation, Moments, Near, Task, correlation};
 use common::*;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::backend::{Backend, ElementMoments, Found, GreyTransfer, KernelOptions, PixelSums, Place};
+use quadrille::backend::{Backend, ElementMoments, Found, GreyTransfer, KernelOptions, PixelSums, Place, STAYS_OUT};
 use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice};
@@ -634,16 +634,62 @@ fn nodes_that_are_far_off_are_moved_by_all_of_their_correction_on_both_devices()
 
 // ---- Elements that leave and come back ---------------------------------------------------------------
 
+/// Elements of 16 px up to the border of an image that moves by 6.8 px.
+struct Leaving<B: Backend> {
+    laid: Laid,
+    frame: B::Frame,
+    level: B::Level,
+    moments: Vec<ElementMoments>,
+}
+
+impl<B: Backend> Leaving<B> {
+    fn new(backend: &B) -> Self {
+        let (width, height) = (160, 480);
+        let options = eight_bit(width, height);
+        let pair = [picture(&REST, &options), picture(&Translation([6.8, 0.0]), &options)];
+        let laid = case("", &pair, inside(width, height, 0), 16).laid();
+        let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
+        let frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
+        let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+        Self { laid, frame, level, moments }
+    }
+}
+
+#[track_caller]
+fn assert_stays_out<B: Backend>(device: &str, backend: &B) {
+    let Leaving { laid, mut frame, level, .. } = Leaving::new(backend);
+    let mesh = &laid.mesh.mesh;
+    let [inside, outside] = [0.0, 9.6].map(|x| vec![[x, 0.0]; mesh.n_nodes()]);
+    let last = (0..mesh.n_elements()).find(|&e| mesh.corners(e)[0][0] == 144.0).unwrap();
+    let mut field = backend.start(&level, &mut frame, &inside, &[GreyTransfer::NONE]).unwrap();
+    let mut left = Vec::new();
+    for _ in 0..STAYS_OUT + 1 {
+        for at in [&outside, &inside] {
+            backend.place(&level, &mut frame, &mut field, at).unwrap();
+            backend.observe(&level, &mut frame, &mut field).unwrap();
+            let found = backend.found(&level, &mut frame, &field).unwrap();
+            assert!(found.elements[0].n > 0.0, "{device}: an element that never left");
+            left.push(found.elements[last].n);
+        }
+    }
+    // It comes back whole each time, but not from the third time on.
+    assert_eq!(left, [0.0, 256.0, 0.0, 256.0, 0.0, 0.0, 0.0, 0.0], "{device}");
+    // In another field it is in.
+    let mut field = backend.start(&level, &mut frame, &inside, &[GreyTransfer::NONE]).unwrap();
+    backend.observe(&level, &mut frame, &mut field).unwrap();
+    assert_eq!(backend.found(&level, &mut frame, &field).unwrap().elements[last].n, 256.0, "{device}");
+}
+
+#[test]
+fn an_element_that_has_left_three_times_stays_out() {
+    let Some(gpu) = device() else { return };
+    assert_stays_out("CPU", &CpuBackend::default());
+    assert_stays_out("GPU", &gpu);
+}
+
 #[track_caller]
 fn assert_hysteresis<B: Backend>(device: &str, backend: &B) {
-    let (width, height) = (160, 480);
-    let options = eight_bit(width, height);
-    let pair = [picture(&REST, &options), picture(&Translation([6.8, 0.0]), &options)];
-    let at = case("", &pair, inside(width, height, 0), 16);
-    let laid = at.laid();
-    let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
-    let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
-    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let Leaving { laid, mut frame, level, moments } = Leaving::new(backend);
     let mesh = &laid.mesh.mesh;
     let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
     let matrices: Vec<_> = moments.iter().map(ElementMoments::matrix).collect();

@@ -367,7 +367,7 @@ fn printed_uncertainty_is_the_error_at_noise_that_is_not_small() {
 }
 
 #[test]
-fn frames_as_noisy_as_a_third_of_their_contrast_converge_in_about_a_dozen_iterations() {
+fn frames_as_noisy_as_a_third_of_their_contrast_converge_in_twenty_iterations_at_most() {
     const SIDE: usize = 320;
     let pair = Pair::new(SIDE, SPECKLE_PX, [1.3, -0.6]);
     // One zone, several elements deep: no frame of a virtual test at this noise converged in 50.
@@ -377,8 +377,8 @@ fn frames_as_noisy_as_a_third_of_their_contrast_converge_in_about_a_dozen_iterat
         assert_eq!(found.converged, found.frames, "noise {noise}");
         // Of 4 times 256 elements that all are followed the test names at most one in a hundred zones; two make it more than chance.
         assert!(found.misfit <= 1, "noise {noise}: {} elements with misfit", found.misfit);
-        // 12 are aimed at; the slowest of these frames takes two more, until every node has settled.
-        assert!(found.most_iterations <= 14, "noise {noise}: {} iterations", found.most_iterations);
+        // A dozen for most; from the twentieth on the few nodes that have not settled are not waited for.
+        assert!(found.most_iterations <= 20, "noise {noise}: {} iterations", found.most_iterations);
         // Light did not change: 4 samples of 65 000 pixels know the gain to 0.3 %, and interpolation, which takes noise from one of
         // the two images alone, leaves 2 %; the gain of least squares would be 0.93 and 0.88.
         assert!((found.gain - 1.0).abs() < 0.03, "noise {noise}: gain {}", found.gain);

@@ -12,6 +12,7 @@ use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::{Binding, KERNELS, Kernel, source};
 use quadrille::backend::{
     BACK_MORE, Backend, ElementMoments, GreyTransfer, KEPT_MOST, KEPT_PX, KEPT_SHARE, KernelOptions, LOST_SHARE, Place,
+    STAYS_OUT,
 };
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Brightness, Status};
@@ -94,7 +95,7 @@ fn shaders() -> String {
     writeln!(
         text,
         "}};\n\nconst CONSTANTS = {{\n  KEPT_SHARE: {KEPT_SHARE},\n  KEPT_PX: {KEPT_PX},\n  KEPT_MOST: {KEPT_MOST},\n  \
-         BACK_MORE: {BACK_MORE},\n  LOST_SHARE: {LOST_SHARE},\n  \
+         BACK_MORE: {BACK_MORE},\n  STAYS_OUT: {STAYS_OUT},\n  LOST_SHARE: {LOST_SHARE},\n  \
          // What noise of variance one adds to the mean square of a component of the gradient.\n  GRADIENT_NOISE_GAIN: {:.6},\n}};",
         Interpolation::Cubic.gradient_noise_gain(),
     )

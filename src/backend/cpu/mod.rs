@@ -15,7 +15,7 @@ use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
     Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions,
-    LOST_SHARE, PixelSums, Place, Step, kept_and_back_share,
+    LOST_SHARE, PixelSums, Place, STAYS_OUT, Step, kept_and_back_share,
 };
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Levels};
@@ -141,10 +141,29 @@ pub struct CpuField {
     element_transfer: Vec<(f32, f32)>,
     /// Light per element, where it was set.
     light: Option<Vec<Light>>,
-    /// Elements that have left the deformed image.
-    out: Vec<bool>,
+    /// Which elements have left the deformed image.
+    out: Vec<Out>,
     /// Elements that are left out of all sums; empty where none is. Theirs are kept but for the right-hand side.
     excluded: Vec<bool>,
+}
+
+/// Whether an element is left out because too few of its pixels are in the deformed image. Twin: shaders/tally.wgsl.
+#[derive(Debug, Clone, Copy, Default)]
+struct Out {
+    is_out: bool,
+    /// How often it has been left out.
+    times: u32,
+}
+
+impl Out {
+    /// With `n` pixels, of which it must keep `kept`, or get `back` once it is left out.
+    fn with(self, n: f64, kept: f64, back: f64) -> Self {
+        let is_out = match self.is_out {
+            true => self.times >= STAYS_OUT || n < back,
+            false => n < kept,
+        };
+        Self { is_out, times: self.times + u32::from(is_out && !self.is_out) }
+    }
 }
 
 /// What a piece of elements adds to the sums of its zones, and how many of it are lost as a [`Step`] counts them.
@@ -249,9 +268,9 @@ impl CpuLevel {
             }
             for (k, sums) in sums.iter_mut().enumerate() {
                 let [n_all, f, ff] = self.whole[first + k];
-                let share = if out[k] { back } else { kept };
-                out[k] = f64::from(sums.n) < share * n_all;
-                if out[k] {
+                let before = if is_excluded(excluded, first + k) { Out::default() } else { out[k] };
+                out[k] = before.with(f64::from(sums.n), kept * n_all, back * n_all);
+                if out[k].is_out {
                     *sums = ElementSums { f_lost: f as f32, ff_lost: ff as f32, ..Default::default() };
                 }
             }
@@ -455,6 +474,10 @@ impl Backend for CpuBackend {
         Ok(Arc::new(solver))
     }
 
+    fn reclaimed(&self, solver: Arc<Solver>) -> Option<Solver> {
+        Arc::into_inner(solver)
+    }
+
     fn start(
         &self,
         level: &CpuLevel,
@@ -477,7 +500,7 @@ impl Backend for CpuBackend {
             tallies: vec![Tally::default(); n.div_ceil(PIECE)],
             element_transfer: vec![(1.0, 0.0); n],
             light: None,
-            out: vec![false; n],
+            out: vec![Out::default(); n],
             excluded: Vec::new(),
         })
     }
@@ -607,6 +630,9 @@ impl Backend for CpuBackend {
         field: &mut CpuField,
         excluded: &[bool],
     ) -> Result<(), BackendError> {
+        let taken_back =
+            |(element, _): &(usize, &mut Out)| is_excluded(&field.excluded, *element) && !excluded[*element];
+        field.out.iter_mut().enumerate().filter(taken_back).for_each(|(_, out)| *out = Out::default());
         let any = excluded.contains(&true);
         field.excluded = if any { excluded.to_vec() } else { Vec::new() };
         for (piece, (sums, tally)) in field.sums.chunks(PIECE).zip(&mut field.tallies).enumerate() {

@@ -50,7 +50,7 @@ pub struct GpuField {
 /// Where the sums of an element say whether it is left out, and what they say of one that the host has excluded; as in
 /// shaders/shared/types.wgsl.
 const OUT: usize = 15;
-const EXCLUDED: f32 = 2.0;
+const EXCLUDED: f32 = -1.0;
 
 /// That there were no corrections before, as in shaders/correct.wgsl.
 const NOTHING: u32 = u32::MAX;

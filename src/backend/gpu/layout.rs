@@ -128,7 +128,8 @@ mirror! {
         back_share: f32,
         lossy_share: f32,
         own_transfer: u32,
-        unused: [u32; 2],
+        stays_out: f32,
+        unused: u32,
     }
     /// Elements of one zone.
     Group { first: u32, count: u32 }

@@ -4,7 +4,9 @@ use super::device::{Bound, Buffer, Gpu, values};
 use super::layout::{self, Element};
 use super::plane::{GpuFrame, Reference, too_wide, windows};
 use super::shader::Kernel;
-use crate::backend::{BackendError, ElementMoments, KernelOptions, LOST_SHARE, Place, Traffic, kept_and_back_share};
+use crate::backend::{
+    BackendError, ElementMoments, KernelOptions, LOST_SHARE, Place, STAYS_OUT, Traffic, kept_and_back_share,
+};
 use crate::field::Brightness;
 use crate::linalg::Pattern;
 use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
@@ -123,7 +125,8 @@ impl GpuLevel {
             back_share: back as f32,
             lossy_share: (1.0 - LOST_SHARE) as f32,
             own_transfer: u32::from(options.brightness == Brightness::Element),
-            unused: [0; 2],
+            stays_out: STAYS_OUT as f32,
+            unused: 0,
         };
         let pattern = Pattern::new(mesh.n_nodes(), mesh.elements());
         let whole_buffer = gpu.visible(16 * u64::from(n_elements), "sums of the elements")?;

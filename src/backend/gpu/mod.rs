@@ -204,6 +204,10 @@ impl Backend for GpuBackend {
         like.changed(&self.gpu, solver)
     }
 
+    fn reclaimed(&self, solver: GpuSolver) -> Option<Solver> {
+        Some(solver.into_host())
+    }
+
     fn start(
         &self,
         level: &GpuLevel,

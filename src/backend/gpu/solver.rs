@@ -8,6 +8,7 @@ use super::level::GpuLevel;
 use super::shader::Kernel;
 use crate::backend::BackendError;
 use crate::linalg::{BlockMatrix, REDUCTION_CHANGED, Solver};
+use rayon::prelude::*;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -127,6 +128,11 @@ impl GpuSolver {
         Ok(Self { host, id: next_id(), responses, device, n_changed })
     }
 
+    /// The solver of the host.
+    pub(super) fn into_host(self) -> Solver {
+        self.host
+    }
+
     /// One for a matrix that differs from that of this one in some rows, see [`Solver::changed`]: what both have in common is not
     /// brought to the device again.
     pub(super) fn changed(&self, gpu: &Gpu, host: Solver) -> Result<Self, BackendError> {
@@ -212,7 +218,7 @@ impl ConjugateGradients {
         // A node that is held takes no correction, whatever the right-hand side there.
         matrix.held().iter().for_each(|&node| jacobi[node as usize] = [0.0; 4]);
         let stored = |matrix: &BlockMatrix| {
-            let blocks: Vec<[f32; 4]> = matrix.blocks().iter().map(|block| block.map(|v| v as f32)).collect();
+            let blocks: Vec<[f32; 4]> = matrix.blocks().par_iter().map(|block| block.map(|v| v as f32)).collect();
             let buffer = gpu.storage(16 * blocks.len() as u64, "the normal matrix")?;
             gpu.write(&buffer, &blocks);
             Ok::<_, BackendError>(buffer)
