@@ -270,7 +270,7 @@ impl<B: Backend> Correlator<B> {
         let active: Vec<bool> = moments.iter().map(|moments| moments.n > 0.0).collect();
         let texture = PenaltyScale { matrix: &matrix, support: &support(pattern, moments), seen: keep };
         let regulariser = Regulariser::new(smooth, mesh, pattern, &active, &texture)?;
-        // On a larger mesh conjugate gradients solve with it: a factor of 262 000 nodes would take 8 s and 5 GB.
+        // On a larger mesh conjugate gradients solve with it: a factor of 262 000 nodes would take seconds and 4 GB.
         Some(if mesh.n_nodes() <= DIRECT_UP_TO { regulariser.factored(mesh) } else { regulariser })
     }
 
