@@ -50,6 +50,7 @@ pub(super) const COARSE: Limits<'_> = Limits {
     late_light: false,
     near_px: f64::INFINITY,
     own: false,
+    enough_anywhere: false,
     regulariser: None,
 };
 /// Elements of coarse levels are at least so large, px of the level: smaller ones are lost in noise, or astray at borders, and larger ones do not
@@ -340,6 +341,7 @@ impl<B: Backend> Correlator<B> {
             late_light: false,
             near_px: f64::INFINITY,
             own: false,
+            enough_anywhere: false,
             regulariser: None,
         }
     }

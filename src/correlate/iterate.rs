@@ -27,6 +27,8 @@ pub(super) struct Limits<'a> {
     pub near_px: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
     pub own: bool,
+    /// Whether what is good enough at a node will do wherever corrections fall slowly, noise or not.
+    pub enough_anywhere: bool,
     /// What holds the displacement of the frame's own solver in place of what the level has.
     pub regulariser: Option<&'a Regulariser>,
 }
@@ -127,7 +129,7 @@ const ROUGH_PX: f64 = 0.25;
 const SLOW_RATE: f64 = 0.25;
 const RENEW_SHARE: f64 = 0.02;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
-/// limit this many times in a row: long enough for the half step of an overshoot to have its effect.
+/// limit this many times in a row, or are not halved often enough: long enough for the half step of an overshoot to have its effect.
 const TOO_SLOW: [usize; 2] = [12, 8];
 /// [`Limits::wild_elements`] of what nothing but the images holds.
 pub(super) const WILD_ELEMENTS: f64 = 8.0;
@@ -308,7 +310,7 @@ pub(super) fn iterate<B: Backend>(
             outcome.status = Status::Converged;
             break;
         }
-        let enough = enough.filter(|enough| enough.is_noisy);
+        let enough = enough.filter(|enough| enough.is_noisy || limits.enough_anywhere);
         if iteration >= SLOW[0] && enough.is_some() {
             // Behind the largest correction there may be one that is not good enough at its node.
             watch.note(backend.found(&level.prepared, frame, field)?.displacement, pace.factor());
@@ -323,14 +325,17 @@ pub(super) fn iterate<B: Backend>(
         } else {
             watch = Watch::default();
         }
-        let enough = enough.map_or(0.0, |enough| enough.px);
-        let target = enough.max(limits.tolerance_px);
+        let target = enough.map_or(0.0, |enough| enough.px).max(limits.tolerance_px);
         let arrives = pace.iterations_left(correction, target) <= (limits.max_iterations - iteration) as f64;
         late = if arrives || iteration < TOO_SLOW[0] { 0 } else { late + 1 };
-        if late == TOO_SLOW[1] {
+        pace.note(correction, renew);
+        // A node that noise keeps from settling may be given up first.
+        let from = if enough.is_some() { SLOW[2] } else { TOO_SLOW[0] };
+        if late == TOO_SLOW[1]
+            || (iteration >= from && pace.is_halved_too_seldom(target, limits.max_iterations - iteration))
+        {
             break;
         }
-        pace.note(correction, renew);
         if iteration < limits.max_iterations {
             between(frame, field)?;
         }

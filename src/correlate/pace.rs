@@ -10,6 +10,8 @@ const SLOW: [f64; 2] = [0.5, 0.97];
 const EVEN: f64 = 0.1;
 /// No step that is longer than its correction moves a node by more than this, px.
 const LONGEST_PX: f64 = 0.25;
+/// Corrections that have not been halved in so many iterations fall slowly, or not at all: nodes wander where the images have nothing in common.
+const UNHALVED: usize = 8;
 
 /// What is amiss with the steps where corrections fall slowly and evenly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +45,8 @@ pub(super) struct Pace {
     factor: f64,
     steps: Steps,
     changed: Option<Changed>,
+    /// The last correction that was half of those before it, and how many came after it.
+    halved: (f64, usize),
     /// The slowest rate of which a step of another length has hidden what is left.
     least_rate: f64,
 }
@@ -56,6 +60,7 @@ impl Default for Pace {
             factor: 1.0,
             steps: Steps::TooLong,
             changed: None,
+            halved: (f64::INFINITY, 0),
             least_rate: FASTEST,
         }
     }
@@ -96,11 +101,20 @@ impl Pace {
         iterations_left(correction, self.before[1], target)
     }
 
+    /// Whether corrections are halved too seldom to fall to `target` within `iterations`: told by the last that was half of those before it, which ups and
+    /// downs and steps of another length do not hide.
+    pub fn is_halved_too_seldom(&self, target: f64, iterations: usize) -> bool {
+        let (correction, since) = self.halved;
+        since >= UNHALVED && (0.5 * correction / target).log2() * since as f64 > iterations as f64
+    }
+
     /// Takes notice of the `correction` that was made, and says how long the next step is; `anew` where what it was found with has changed.
     pub fn note(&mut self, correction: f64, anew: bool) {
         let made = std::mem::replace(&mut self.factor, 1.0);
         let ratio = correction / self.before[0];
         self.before = [correction, self.before[0]];
+        self.halved =
+            if correction < 0.5 * self.halved.0 { (correction, 0) } else { (self.halved.0, self.halved.1 + 1) };
         if let Some(Changed { rate, expected }) = self.changed {
             // Corrections from before the step say nothing of those after it.
             if made != 1.0 {
@@ -199,6 +213,26 @@ mod tests {
         assert_eq!(after_a_changed_step(0.05, false), Steps::TooLong);
         assert_eq!(after_a_changed_step(0.07, false), Steps::TooShort);
         assert_eq!(after_a_changed_step(0.07, true), Steps::TooLong);
+    }
+
+    #[test]
+    fn corrections_that_are_not_halved_in_time_end_an_iteration_and_others_do_not() {
+        let ends = |corrections: &dyn Fn(i32) -> f64, most: usize| {
+            let mut pace = Pace::default();
+            (0..most).position(|k| {
+                pace.note(corrections(k as i32), false);
+                pace.is_halved_too_seldom(1e-4, most - k)
+            })
+        };
+        // Up and down from the first on, and after they have fallen to 3 px once.
+        assert_eq!(ends(&|k| [4.0, 7.0, 5.0][k as usize % 3], 50), Some(8));
+        assert_eq!(ends(&|k| if k < 4 { 48.0 / 2.5f64.powi(k) } else { 4.0 + f64::from(k % 2) }, 50), Some(11));
+        // By 7 % each time a hundredth is not reached in 50 iterations, but in 100.
+        let slow = |k: i32| 1e-2 * 0.93f64.powi(k);
+        assert_eq!((ends(&slow, 50), ends(&slow, 100)), (Some(8), None));
+        // Every second one larger than the one before, by the same rate; and by a tenth each time, which halves them in seven.
+        assert_eq!(ends(&|k| slow(k) * [1.0, 1.3][k as usize % 2], 50), Some(8));
+        assert_eq!(ends(&|k| 40.0 * 0.9f64.powi(k), 50), None);
     }
 
     #[test]

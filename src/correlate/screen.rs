@@ -206,7 +206,8 @@ impl<B: Backend> Correlator<B> {
 
     fn rest_limits(&self, turn: Turn) -> Limits<'_> {
         let limits = self.limits(turn);
-        Limits { own: true, max_iterations: limits.max_iterations.min(REST_ITERATIONS), ..limits }
+        let max_iterations = limits.max_iterations.min(REST_ITERATIONS);
+        Limits { own: true, enough_anywhere: true, max_iterations, ..limits }
     }
 
     /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe` or
@@ -325,6 +326,7 @@ impl<B: Backend> Correlator<B> {
             enough: &[],
             max_iterations: SMOOTH_ITERATIONS,
             own: true,
+            enough_anywhere: false,
             regulariser,
             wild_elements: WILD_SMOOTH_ELEMENTS,
             // The penalty is not turned with the corrections.

@@ -225,11 +225,7 @@ impl Map {
             let rows = (area.y..area.y + area.height).map(|y| 3 * (y as usize * width + area.x as usize));
             let rgb: Vec<u8> =
                 rows.flat_map(|at| picture.rgb()[at..at + 3 * area.width as usize].iter().copied()).collect();
-            let mut bytes = Vec::new();
-            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
-                .write_image(&rgb, area.width, area.height, ExtendedColorType::Rgb8)
-                .map_err(ReportError::Encode)?;
-            Ok::<_, ReportError>(bytes)
+            Pixels { width: area.width, height: area.height, rgb }.jpeg()
         };
         let bar = picture.bar_area().map(cut).transpose()?;
         Ok(Self { picture: cut(picture.map_area())?, bar, ends: range, caption: caption.into(), is_tall: false })
