@@ -151,7 +151,7 @@ fn pairs() {
             let transfer: Vec<_> = result.zones.iter().map(|zone| zone.transfer).collect();
             // 0.1 px off everywhere: the kind of start that a smooth series gives.
             let displacement = result.measurement.displacement.iter().map(|u| u.map(|u| u + 0.1)).collect();
-            let start = Start { displacement, transfer };
+            let start = Start::new(displacement, transfer);
             let tracked = time(7, || correlator.correlate(deformed.clone(), Some(&start)));
             println!(
                 "| {size}² | {} | {} | {} | {} | {} | {} |",
@@ -211,10 +211,10 @@ impl Tracked {
         let correlator = correlator.expect("a reference");
         let found = correlator.correlate(deformed.clone(), None).expect("a result");
         assert_eq!(found.measurement.status, Status::Converged, "margin {margin}");
-        let start = Start {
-            displacement: found.full_displacement().iter().map(|u| u.map(|u| u + 0.1)).collect(),
-            transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
-        };
+        let start = Start::new(
+            found.full_displacement().iter().map(|u| u.map(|u| u + 0.1)).collect(),
+            found.zones.iter().map(|zone| zone.transfer).collect(),
+        );
         let pixels = (x1 - margin) * (y1 - margin);
         Self { correlator, deformed: deformed.clone(), start, pixels }
     }

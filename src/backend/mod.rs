@@ -442,7 +442,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
 
     /// From now on brings the deformed image to the light of the reference before all else: `g` becomes
     /// `gain g + offset`, by the values at the nodes of the level, bilinear within an element. All sums are then those
-    /// of this `g`, and the transfers of the zones come after it. For levels whose brightness is not per element.
+    /// of this `g`, and the transfers of the zones come after it. For levels whose brightness is not per element. With
+    /// [`GreyTransfer::NONE`] at all nodes it is as if none had been set.
     ///
     /// # Errors
     /// When the device fails.

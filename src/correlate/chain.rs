@@ -461,6 +461,7 @@ impl ReferenceChain {
             rigid: rigid(mesh, &full_displacement, &measured, 0..mesh.n_nodes()),
             correction_at: mesh.nodes()[stage.nodes[found.worst_node]],
             worst_node: stage.nodes[found.worst_node],
+            left_out: found.left_out.iter().map(|&element| stage.elements[element as usize] as u32).collect(),
             nodes_left: mesh.n_nodes().saturating_sub(elsewhere),
             reference_frame: key.frame,
             measurement: Measurement {
@@ -496,10 +497,10 @@ impl Stage {
     /// A start that belongs to the reference given, as one that belongs to this.
     fn start(&self, start: &Start) -> Start {
         let own = |&node: &usize| [0, 1].map(|c| start.displacement[node][c] - self.key.displacement[node][c]);
-        Start {
-            displacement: self.nodes.iter().map(own).collect(),
-            transfer: start.transfer.iter().zip(&self.key.transfer).map(|(all, first)| rest(*all, *first)).collect(),
-        }
+        Start::new(
+            self.nodes.iter().map(own).collect(),
+            start.transfer.iter().zip(&self.key.transfer).map(|(all, first)| rest(*all, *first)).collect(),
+        )
     }
 }
 

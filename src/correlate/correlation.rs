@@ -103,6 +103,8 @@ pub struct Correlation {
     pub(super) full_displacement: Vec<[f64; 2]>,
     /// Whether an element counted.
     pub(super) counted: Vec<bool>,
+    /// The elements that did not match, by number.
+    pub(super) left_out: Vec<u32>,
     /// The node of the last correction.
     pub(super) worst_node: usize,
 }
@@ -118,6 +120,7 @@ impl Correlation {
         (self.measurement.status == Status::Converged).then(|| Start {
             displacement: self.full_displacement.clone(),
             transfer: self.zones.iter().map(|zone| zone.transfer).collect(),
+            left_out: self.left_out.clone(),
         })
     }
 

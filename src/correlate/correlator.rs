@@ -36,6 +36,11 @@ pub(super) const MATCHED: f64 = 0.5;
 const WORSE: f64 = 0.02;
 /// A prediction this far off (px) at more than a few nodes may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
+/// A few nodes: this share of a zone's, which noise may have put anywhere; and where elements did not match in the frame before, beside which there may
+/// be more of them.
+const FEW_FAR: [f64; 2] = [1e-3, 1e-2];
+/// Where more than this share of the elements does not match that did in the frame before, it is looked for with all of them.
+const FEW_MORE: f64 = 0.05;
 /// A frame whose corrections stay below this share of it has converged in every sense that matters.
 pub(super) const ENOUGH_BY_SIGMA: f64 = 0.1;
 /// A node less certain than this, px, counts as noisy: it may find no rest where the grey levels do not run straight over its uncertainty.
@@ -49,6 +54,7 @@ pub(super) const COARSE: Limits<'_> = Limits {
     turn: Turn::NONE,
     late_light: false,
     near_px: f64::INFINITY,
+    few_far: 0.0,
     own: false,
     enough_anywhere: false,
     regulariser: None,
@@ -299,28 +305,40 @@ impl<B: Backend> Correlator<B> {
         start: Option<&Start>,
         overlap: &mut Overlap<'_>,
     ) -> Result<Correlation, CorrelationError> {
-        let Some(Start { displacement, transfer }) = start else {
+        let Some(start) = start else {
             return overlap.together(|_| {
                 let found = self.search(frame)?;
                 self.told(frame, found, None)
             });
         };
+        let Start { displacement, transfer, left_out } = start;
         let (mesh_nodes, mesh_zones) = (self.mesh().n_nodes(), self.mesh().zones().len());
         let (nodes, zones) = (displacement.len(), transfer.len());
         if (nodes, zones) != (mesh_nodes, mesh_zones) {
             return Err(CorrelationError::Start { nodes, zones, mesh_nodes, mesh_zones });
         }
-        let found = self.at_prediction(frame, (displacement, transfer), overlap)?;
+        let n_elements = self.mesh().n_elements();
+        if let Some(&element) = left_out.iter().find(|&&element| element as usize >= n_elements) {
+            return Err(CorrelationError::StartElement { element, n_elements });
+        }
+        let found = self.at_prediction(frame, start, overlap)?;
         overlap.together(|_| {
             if let Some(found) = found {
                 return self.told(frame, found, Some(displacement));
             }
-            let moved = self.moved_rigidly(frame, displacement, transfer)?;
-            let (coarse, known) = (self.on_coarsest(&moved), transfer.clone());
+            let moved = Start { displacement: self.moved_rigidly(frame, displacement, transfer)?, ..start.clone() };
+            if !moved.left_out.is_empty() {
+                // What did not match in the frame before would hold up whatever begins with all elements.
+                if let Some(found) = self.at_prediction(frame, &moved, &mut Overlap::default())? {
+                    return self.told(frame, found, Some(displacement));
+                }
+            }
+            let (coarse, known) = (self.on_coarsest(&moved.displacement), transfer.clone());
             let mut best = self.down_the_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
             if best.measurement.status != Status::Converged && best.worst_zone() > MATCHED && self.tries_again() {
                 // A match but for some elements: without them, before it is looked for elsewhere.
-                let again = self.second_try(frame, &moved, transfer, StartUsed::Predicted, 0)?;
+                let moved = Start { left_out: Vec::new(), ..moved };
+                let again = self.second_try(frame, &moved, StartUsed::Predicted, 0)?;
                 best = better(best, again);
             }
             if best.measurement.status != Status::Converged {
@@ -340,6 +358,7 @@ impl<B: Backend> Correlator<B> {
             turn,
             late_light: false,
             near_px: f64::INFINITY,
+            few_far: 0.0,
             own: false,
             enough_anywhere: false,
             regulariser: None,
@@ -355,7 +374,7 @@ impl<B: Backend> Correlator<B> {
     fn at_prediction(
         &self,
         frame: &mut B::Frame,
-        start: (&[[f64; 2]], &[GreyTransfer]),
+        start: &Start,
         overlap: &mut Overlap<'_>,
     ) -> Result<Option<Correlation>, CorrelationError> {
         let field = overlap.together(|settled| self.settled_at_prediction(frame, start, settled))?;
@@ -370,25 +389,51 @@ impl<B: Backend> Correlator<B> {
     fn settled_at_prediction(
         &self,
         frame: &mut B::Frame,
-        (displacement, transfer): (&[[f64; 2]], &[GreyTransfer]),
+        start: &Start,
         settled: &mut (dyn FnMut(Start) + Send),
     ) -> Result<Option<Settled<B>>, CorrelationError> {
         let finest = &self.levels[0];
-        let mut field = self.backend.start(&finest.prepared, frame, displacement, transfer)?;
-        let limits = Limits { near_px: PREDICTION_OFF_PX, ..self.limits(self.turn(finest, displacement)) };
+        let turn = self.turn(finest, &start.displacement);
+        let (mut field, excluded) = self.started(frame, start)?;
+        let is_rest = !start.left_out.is_empty();
+        let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
+        let limits = Limits { near_px: PREDICTION_OFF_PX, few_far: FEW_FAR[usize::from(is_rest)], ..limits };
         let outcome = iterate(&self.backend, finest, frame, &mut field, limits, &self.kernel, nothing)?;
         if outcome.is_far || outcome.first_correlation <= MATCHED {
             return Ok(None);
         }
-        let iterated = self.iterated(frame, &mut field, outcome)?;
+        let mut iterated = self.iterated(frame, &mut field, outcome, excluded)?;
+        if is_rest && self.tries_again() {
+            iterated = self.iterated_without_astray(frame, &mut field, &start.displacement, iterated)?;
+        }
         // What repeats is looked for a period beside as well, and nodes on cuts are followed by themselves.
         let is_told = self.periods().iter().all(Vec::is_empty) && self.cut_nodes().is_empty();
         let told_early = is_told && self.ends_as_iterated.load(Ordering::Relaxed);
         iterated.start().filter(|_| told_early).into_iter().for_each(&mut *settled);
-        let field = self.settled(frame, &mut field, iterated, Vec::new())?;
+        let field = self.settled(frame, &mut field, iterated)?;
+        let n_out = field.of.excluded.iter().filter(|out| **out).count();
+        if is_rest && (n_out - start.left_out.len().min(n_out)) as f64 > FEW_MORE * field.of.excluded.len() as f64 {
+            return Ok(None);
+        }
         field.start().filter(|_| is_told && !told_early).into_iter().for_each(settled);
-        self.ends_as_iterated.store(field.is_as_iterated(), Ordering::Relaxed);
+        self.ends_as_iterated.store(field.is_as_iterated, Ordering::Relaxed);
         Ok(Some(field))
+    }
+
+    /// A field of the finest level at its start, and which elements it begins without.
+    pub(super) fn started(
+        &self,
+        frame: &mut B::Frame,
+        start: &Start,
+    ) -> Result<(B::Field, Vec<bool>), CorrelationError> {
+        let prepared = &self.levels[0].prepared;
+        let mut field = self.backend.start(prepared, frame, &start.displacement, &start.transfer)?;
+        let mut excluded = vec![false; self.mesh().n_elements()];
+        start.left_out.iter().for_each(|&element| excluded[element as usize] = true);
+        if !start.left_out.is_empty() {
+            self.backend.exclude(prepared, frame, &mut field, &excluded)?;
+        }
+        Ok((field, excluded))
     }
 
     /// The nodes on cuts of the mesh.

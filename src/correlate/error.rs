@@ -70,6 +70,14 @@ pub enum CorrelationError {
         /// Zones of the mesh.
         mesh_zones: usize,
     },
+    /// A start without an element that the mesh does not have.
+    #[error("the start leaves out element {element}, the mesh has {n_elements}: they are counted from 0")]
+    StartElement {
+        /// Its number.
+        element: u32,
+        /// Elements of the mesh.
+        n_elements: usize,
+    },
     /// A kept state of a chain of references that belongs to another mesh.
     #[error("the kept state has {given} {what}, the mesh {wanted}: it belongs to other zones or elements")]
     State {

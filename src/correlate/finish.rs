@@ -5,7 +5,7 @@ use super::correlator::{Correlator, ENOUGH_BY_SIGMA, MATCHED};
 use super::error::CorrelationError;
 use super::faces::{Followed, followed};
 use super::gradient_noise::OfElement;
-use super::iterate::{Limits, Outcome, iterate};
+use super::iterate::{Limits, Outcome, TOO_SLOW, iterate, nothing};
 use super::level::Level;
 use super::light::{Light, Seen, is_suspected};
 use super::marks::{Pair, mark_pulled_along};
@@ -16,9 +16,10 @@ use super::noise_model::Elements;
 use super::own::Own;
 use super::screen::{LEAST_LEFT, continued, filled};
 use super::settled::{Iterated, Settled};
+use super::start::numbers;
 use super::texture::lost_in_noise;
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
-use crate::backend::{Backend, ElementMatch, Found, PixelSums};
+use crate::backend::{Backend, ElementMatch, Found, GreyTransfer, PixelSums};
 use crate::field::{Brightness, ElementMark, Measurement, ModelError, Status};
 use rayon::prelude::*;
 
@@ -28,8 +29,21 @@ const MISFIT_EVERYWHERE: f64 = 3.0;
 /// An element is marked as misfit when the mean square of its residual is beyond noise, and this many times that of its zone
 /// (a quarter more in amplitude): less is what interpolation, light and compression leave in real images.
 const MARKED_RATIO: f64 = 1.5625;
+/// Light that is to be held has followed for so many iterations on every device, whenever it was seen that it does not settle.
+const LIGHT_ITERATIONS: usize = 34;
+/// While elements that do not match are still counted, light that has not settled is one where it leaves half of the elements less than this of their
+/// residual; else something that does not match has passed for it.
+const HELD_RATIO: f64 = 0.9;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
+
+/// The median over the elements of their residuals in those of `before`.
+fn median_ratio(after: &[ElementMatch], before: &[ElementMatch]) -> f64 {
+    let both = after.iter().zip(before).filter(|(after, before)| after.n > 0.0 && before.n > 0.0);
+    let mut ratios: Vec<f64> = both.map(|(after, before)| after.residual_rms / before.residual_rms).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
 
 impl<B: Backend> Correlator<B> {
     /// Whether brightness and contrast may be smooth fields, and whether they are in every frame.
@@ -41,13 +55,14 @@ impl<B: Backend> Correlator<B> {
         }
     }
 
-    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them, for as many
-    /// iterations again at most. The fields follow the displacement one iteration late, as the transfers of the zones do.
+    /// What an iteration has found; where the light asks for smooth fields, after iterating on with them. The fields follow the displacement one
+    /// iteration late, as the transfers of the zones do.
     fn found(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         outcome: &mut Outcome<B>,
+        excluded: &[bool],
     ) -> Result<(Found, Option<Light>), CorrelationError> {
         let Level { mesh, prepared, moments, .. } = &self.levels[0];
         let found = self.backend.found(prepared, frame, field)?;
@@ -56,29 +71,90 @@ impl<B: Backend> Correlator<B> {
         if !settled || !(always || is_suspected(mesh, &found.elements, moments)) {
             return Ok((found, None));
         }
-        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
-        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
-        let of_reference = self.noise_gain.of_reference();
+        let variances = self.variances(&found.displacement);
         let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+        let of_reference = self.noise_gain.of_reference();
         let seen = Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference };
         let Some(mut light) = Light::found(&seen, always) else { return Ok((found, None)) };
         self.backend.light(prepared, frame, field, light.nodes())?;
-        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
-            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
-            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
-            self.backend.light(prepared, frame, field, light.nodes())
-        };
-        let limits = Limits { late_light: true, ..self.limits(outcome.turn) };
-        let mut more = iterate(&self.backend, &self.levels[0], frame, field, limits, &self.kernel, follow)?;
+        let (turn, is_rest) = (outcome.turn, excluded.contains(&true));
+        let limits = if is_rest { self.rest_limits(turn) } else { self.limits(turn) };
+        let mut more = self.in_light(frame, field, &mut light, &found, limits)?;
         more.iterations += outcome.iterations;
         if outcome.status == Status::Converged && more.status != Status::Converged {
             // What was found with one gain and offset per zone is worth more than a field that does not settle.
             outcome.iterations = more.iterations;
+            self.without_light(frame, field, &found.displacement)?;
             return Ok((found, None));
         }
         more.own = more.own.or(outcome.own.take());
         *outcome = more;
         Ok((self.backend.found(prepared, frame, field)?, Some(light)))
+    }
+
+    /// Takes the light away again, and puts the field where it was.
+    fn without_light(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        displacement: &[[f64; 2]],
+    ) -> Result<(), CorrelationError> {
+        let Level { mesh, prepared, .. } = &self.levels[0];
+        self.backend.light(prepared, frame, field, &vec![GreyTransfer::NONE; mesh.n_nodes()])?;
+        self.backend.place(prepared, frame, field, displacement)?;
+        self.backend.observe(prepared, frame, field)?;
+        Ok(())
+    }
+
+    /// Variances of the interpolated noise of every element, see [`Seen`].
+    fn variances(&self, displacement: &[[f64; 2]]) -> Vec<f64> {
+        let mesh = self.mesh();
+        (0..mesh.zones().len()).flat_map(|zone| self.noise_gain.variances(mesh, zone, displacement)).collect()
+    }
+
+    /// Iterates while the light follows the field, which was as `before` when the light was found. Where one holds the other up, and it is
+    /// light, it stays as it is from some iteration on: what remains to be found is the displacement.
+    pub(super) fn in_light(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        light: &mut Light,
+        before: &Found,
+        limits: Limits<'_>,
+    ) -> Result<Outcome<B>, CorrelationError> {
+        let level @ Level { mesh, prepared, .. } = &self.levels[0];
+        let mut iterations = 0;
+        if !light.is_held() {
+            let (variances, of_reference) = (self.variances(&before.displacement), self.noise_gain.of_reference());
+            let mut follow = |frame: &mut B::Frame, field: &mut B::Field| {
+                let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
+                light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
+                self.backend.light(prepared, frame, field, light.nodes())
+            };
+            let limits = Limits { late_light: true, ..limits };
+            let outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
+            if outcome.status != Status::IterationLimit {
+                return Ok(outcome);
+            }
+            let now = self.backend.found(prepared, frame, field)?;
+            if !limits.own && median_ratio(&now.elements, &before.elements) >= HELD_RATIO {
+                return Ok(outcome);
+            }
+            iterations = outcome.iterations;
+            while iterations < LIGHT_ITERATIONS {
+                let max_iterations = (LIGHT_ITERATIONS - iterations).min(TOO_SLOW[0] - 1);
+                let limits = Limits { max_iterations, ..limits };
+                let more = iterate(&self.backend, level, frame, field, limits, &self.kernel, &mut follow)?;
+                iterations += more.iterations;
+                if more.status != Status::IterationLimit {
+                    break;
+                }
+            }
+            light.hold();
+        }
+        let mut outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?;
+        outcome.iterations += iterations;
+        Ok(outcome)
     }
 
     /// Status, uncertainty and summary of a finished iteration, without the elements that are `excluded` (an empty list
@@ -92,60 +168,80 @@ impl<B: Backend> Correlator<B> {
         coarse_iterations: usize,
         excluded: Vec<bool>,
     ) -> Result<Correlation, CorrelationError> {
-        let iterated = self.iterated(frame, field, outcome)?;
-        let settled = self.settled(frame, field, iterated, excluded)?;
+        let iterated = self.iterated(frame, field, outcome, excluded)?;
+        let settled = self.settled(frame, field, iterated)?;
         Ok(self.measured(frame, settled, start, coarse_iterations))
     }
 
-    /// What a finished iteration has found, see [`Correlator::found`].
+    /// What a finished iteration without the elements that are `excluded` has found, see [`Correlator::found`].
     pub(super) fn iterated(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
         mut outcome: Outcome<B>,
+        mut excluded: Vec<bool>,
     ) -> Result<Iterated<B>, CorrelationError> {
-        let (mut found, light) = self.found(frame, field, &mut outcome)?;
-        self.fill_unsettled(&outcome, &mut found);
-        Ok(Iterated { outcome, found, light })
+        excluded.resize(self.mesh().n_elements(), false);
+        let (mut found, light) = self.found(frame, field, &mut outcome, &excluded)?;
+        self.fill(&outcome, &mut found, &excluded);
+        Ok(Iterated { outcome, found, light, excluded })
     }
 
-    /// Puts nodes that noise has kept from settling where the field around them would have them: what comes after may be begun from there.
-    fn fill_unsettled(&self, outcome: &Outcome<B>, found: &mut Found) {
+    /// What an iteration has found that has not settled, without what keeps it from that, see [`Correlator::without_astray`].
+    pub(super) fn iterated_without_astray(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        safe: &[[f64; 2]],
+        iterated: Iterated<B>,
+    ) -> Result<Iterated<B>, CorrelationError> {
+        if iterated.outcome.status == Status::Converged {
+            return Ok(iterated);
+        }
+        let Iterated { outcome, found, light, mut excluded } = iterated;
+        if light.is_some() {
+            self.without_light(frame, field, &found.displacement)?;
+        }
+        let outcome = self.without_astray(frame, field, safe, outcome, &mut excluded)?;
+        self.iterated(frame, field, outcome, excluded)
+    }
+
+    /// Puts nodes of elements that are `excluded`, and those that noise has kept from settling, where the field around them would have them: what
+    /// comes after may be begun from there.
+    fn fill(&self, outcome: &Outcome<B>, found: &mut Found, excluded: &[bool]) {
+        let mesh = &self.levels[0].mesh;
+        if excluded.contains(&true) {
+            found.displacement = continued(mesh, &found.displacement, &found.elements);
+        }
         if outcome.unsettled.is_empty() {
             return;
         }
-        let mesh = &self.levels[0].mesh;
         let mut known = vec![true; mesh.n_nodes()];
         outcome.unsettled.iter().for_each(|&node| known[node] = false);
         found.displacement = filled(mesh, &found.displacement, known);
     }
 
-    /// Its field without the elements that are `excluded` and those that turn out not to match: the end of what the device has to
-    /// do.
+    /// Its field without those elements that turn out not to match: the end of what the device has to do.
     pub(super) fn settled(
         &self,
         frame: &mut B::Frame,
         field: &mut B::Field,
-        Iterated { mut outcome, mut found, mut light }: Iterated<B>,
-        mut excluded: Vec<bool>,
+        Iterated { mut outcome, mut found, mut light, mut excluded }: Iterated<B>,
     ) -> Result<Settled<B>, CorrelationError> {
-        let mesh = &self.levels[0].mesh;
-        excluded.resize(mesh.n_elements(), false);
+        let before = excluded.clone();
         self.screen(frame, field, &mut outcome, &mut found, light.as_mut(), &mut excluded)?;
-        if excluded.contains(&true) {
-            found.displacement = continued(mesh, &found.displacement, &found.elements);
-        }
-        self.fill_unsettled(&outcome, &mut found);
+        self.fill(&outcome, &mut found, &excluded);
         let matches = self.zone_matches(&found.zones, &found.elements);
         let status = self.judge(&outcome, &found.elements, &matches, &excluded);
-        Ok(Settled { of: Iterated { outcome, found, light }, excluded, matches, status })
+        let is_as_iterated = status == Status::Converged && excluded == before;
+        Ok(Settled { of: Iterated { outcome, found, light, excluded }, is_as_iterated, matches, status })
     }
 
     /// Uncertainty, marks and summary of a field, and whether it is one.
     pub(super) fn measured(
         &self,
         frame: &B::Frame,
-        Settled { of: Iterated { outcome, found, light }, excluded, matches, mut status }: Settled<B>,
+        Settled { of: Iterated { outcome, found, light, excluded }, matches, mut status, .. }: Settled<B>,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Correlation {
@@ -224,7 +320,7 @@ impl<B: Backend> Correlator<B> {
         }
         let looked_at = status == Status::Converged;
         let image = self.backend.image(frame);
-        let pair = Pair { reference: &self.image, deformed: &image, mesh, displacement: &full_displacement };
+        let pair = Pair::new([&self.image, &image], mesh, &full_displacement);
         let noise_colour = self
             .probe
             .as_ref()
@@ -326,6 +422,7 @@ impl<B: Backend> Correlator<B> {
             device_checked_px: None,
             full_displacement,
             counted,
+            left_out: numbers(&excluded),
             worst_node: outcome.worst_node,
         }
     }

@@ -23,8 +23,9 @@ pub(super) struct Limits<'a> {
     pub turn: Turn,
     /// Whether fields of light follow the displacement one iteration late.
     pub late_light: bool,
-    /// First corrections of more than this, px, at more than [`FEW_FAR`] of a zone end it: the start is to be looked for elsewhere.
+    /// First corrections of more than this, px, at more than the share `few_far` of a zone's nodes end it: the start is to be looked for elsewhere.
     pub near_px: f64,
+    pub few_far: f64,
     /// Whether the frame needs a solver of its own even where it has lost no pixels.
     pub own: bool,
     /// Whether what is good enough at a node will do wherever corrections fall slowly, noise or not.
@@ -118,9 +119,6 @@ pub(super) struct Outcome<B: Backend> {
     pub turn: Turn,
 }
 
-/// A start is not far off for the sake of this share of the nodes of a zone, which noise may have put anywhere.
-const FEW_FAR: f64 = 1e-3;
-
 /// A first correction of more than this, px, comes from a start that is too rough for what the frame has lost to be known: full steps
 /// beside the border would overshoot, and elements be lost that have most of their pixels.
 const ROUGH_PX: f64 = 0.25;
@@ -130,7 +128,7 @@ const SLOW_RATE: f64 = 0.25;
 const RENEW_SHARE: f64 = 0.02;
 /// From this iteration on, an iteration ends whose corrections have fallen too slowly to reach the tolerance within the
 /// limit this many times in a row, or are not halved often enough: long enough for the half step of an overshoot to have its effect.
-const TOO_SLOW: [usize; 2] = [12, 8];
+pub(super) const TOO_SLOW: [usize; 2] = [12, 8];
 /// [`Limits::wild_elements`] of what nothing but the images holds.
 pub(super) const WILD_ELEMENTS: f64 = 8.0;
 
@@ -216,13 +214,13 @@ const ROUND_OFF_PX: f64 = 5e-6;
 /// fall by a hundredth only, a tenth of it would be left.
 const ROUND_OFF_SHARE: f64 = 0.01;
 
-/// Whether the first step has moved more than a few nodes of a zone by `near_px` or more.
+/// Whether the first step has moved more than a few nodes of a zone by as much that the start was far off.
 fn is_far<B: Backend>(
     backend: &B,
     level: &Level<B>,
     frame: &mut B::Frame,
     field: &B::Field,
-    near_px: f64,
+    Limits { near_px, few_far, .. }: Limits<'_>,
 ) -> Result<bool, BackendError> {
     let (start, _) = backend.started(&level.prepared, frame, field)?;
     let now = backend.found(&level.prepared, frame, field)?.displacement;
@@ -230,7 +228,7 @@ fn is_far<B: Backend>(
     let is_near = |node: usize| (0..2).all(|c| (now[node][c] - start[node][c]).abs() < near_px);
     let is_far = |zone: usize| {
         let nodes = level.mesh.zone_nodes(zone);
-        let few = FEW_FAR * nodes.len() as f64;
+        let few = few_far * nodes.len() as f64;
         nodes.filter(|&node| !is_near(node)).count() as f64 > few
     };
     Ok((0..level.mesh.zones().len()).any(is_far))
@@ -289,7 +287,7 @@ pub(super) fn iterate<B: Backend>(
         outcome.gained = step.gained;
         if iteration == 1 {
             outcome.first_correlation = step.correlation;
-            if correction >= limits.near_px && is_far(backend, level, frame, field, limits.near_px)? {
+            if correction >= limits.near_px && is_far(backend, level, frame, field, limits)? {
                 outcome.is_far = true;
                 break;
             }

@@ -372,6 +372,7 @@ pub(super) struct Light {
     grids: Vec<Option<Grid>>,
     /// At the nodes of the mesh: before the transfer of the zone.
     nodes: Vec<GreyTransfer>,
+    is_held: bool,
 }
 
 /// What of the frame the light is read from.
@@ -399,7 +400,8 @@ impl Light {
     /// only where no element matches.
     pub fn found(seen: &Seen<'_>, always: bool) -> Option<Self> {
         let n_zones = seen.mesh.zones().len();
-        let mut light = Self { grids: vec![None; n_zones], nodes: vec![GreyTransfer::NONE; seen.mesh.n_nodes()] };
+        let nodes = vec![GreyTransfer::NONE; seen.mesh.n_nodes()];
+        let mut light = Self { grids: vec![None; n_zones], nodes, is_held: false };
         for zone in 0..n_zones {
             let Some(said) = seen.zone(zone) else { continue };
             if let Some(fitted) = said.chosen(seen.mesh, zone, always) {
@@ -441,6 +443,16 @@ impl Light {
             self.nodes[nodes].copy_from_slice(&all);
             self.grids[zone] = Some(fitted.grid);
         }
+    }
+
+    /// From now on it stays as it is.
+    pub fn hold(&mut self) {
+        self.is_held = true;
+    }
+
+    /// Whether it stays as it is.
+    pub fn is_held(&self) -> bool {
+        self.is_held
     }
 
     /// At the nodes of the mesh, before the transfer of the zone.

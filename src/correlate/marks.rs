@@ -27,11 +27,12 @@ const POINTS: usize = 12;
 
 /// The pair of images that elements are named by.
 pub(super) struct Pair<'a> {
-    pub reference: &'a Image,
-    pub deformed: &'a Image,
-    pub mesh: &'a Mesh<Px>,
-    /// Of all nodes, those that were not measured as the field around them would have it.
-    pub displacement: &'a [[f64; 2]],
+    reference: &'a Image,
+    deformed: &'a Image,
+    mesh: &'a Mesh<Px>,
+    displacement: &'a [[f64; 2]],
+    /// From this grey level on a pixel is white.
+    white: f32,
 }
 
 /// What the pixels of one element say.
@@ -44,23 +45,26 @@ struct Sample {
     moves_px: f64,
 }
 
-impl Pair<'_> {
+impl<'a> Pair<'a> {
+    /// Reference and deformed image, and the `displacement` of all nodes: of those that were not measured as the field around them would
+    /// have it.
+    pub fn new([reference, deformed]: [&'a Image; 2], mesh: &'a Mesh<Px>, displacement: &'a [[f64; 2]]) -> Self {
+        let white = WHITE * deformed.range().1.max(deformed.pixels().white().min(255.0));
+        Self { reference, deformed, mesh, displacement, white }
+    }
+
     fn sample(&self, element: usize) -> Sample {
-        let nodes = self.mesh.elements()[element];
         let corners = self.mesh.corners(element);
-        let white = WHITE * self.deformed.range().1.max(self.deformed.pixels().white().min(255.0));
+        let displacement = self.mesh.elements()[element].map(|node| self.displacement[node as usize]);
+        let white = self.white;
         let (mut grey, mut n_white, mut moves_px) = (Vec::with_capacity(POINTS * POINTS), 0usize, 0.0f64);
         for k in 0..POINTS * POINTS {
             let along = |k: usize| (k as f64 + 0.5) / POINTS as f64;
             let psi = shape_functions(along(k % POINTS), along(k / POINTS));
-            let at = |v: &dyn Fn(usize) -> [f64; 2]| {
-                let mut sum = [0.0; 2];
-                (0..4).for_each(|a| (0..2).for_each(|c| sum[c] += psi[a] * v(a)[c]));
-                sum
-            };
+            let at = |v: &[[f64; 2]; 4]| [0, 1].map(|c| (0..4).map(|a| psi[a] * v[a][c]).sum::<f64>());
             // Whole pixels of the reference, so that interpolation has no part in it.
-            let x = at(&|a| corners[a]).map(f64::round);
-            let u = at(&|a| self.displacement[nodes[a] as usize]);
+            let x = at(&corners).map(f64::round);
+            let u = at(&displacement);
             let (Some(f), Some(still)) = (bilinear(self.reference, x), bilinear(self.deformed, x)) else { continue };
             let moved = [x[0] + u[0], x[1] + u[1]];
             let (Some(g), Some(before)) = (bilinear(self.deformed, moved), bilinear(self.reference, moved)) else {

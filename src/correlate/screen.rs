@@ -14,9 +14,10 @@ use super::error::CorrelationError;
 use super::gradient_noise::{OfElement, without_noise};
 use super::iterate::{Limits, Outcome, Turn, iterate, nothing};
 use super::level::{Level, support};
-use super::light::{Light, Seen};
+use super::light::Light;
 use super::misfit::{Look, Residuals};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
+use super::start::Start;
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer};
 use crate::field::{Brightness, Status};
 use crate::linalg::DIRECT_UP_TO;
@@ -188,26 +189,42 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Outcome<B>, CorrelationError> {
         let level = &self.levels[0];
         let limits = self.rest_limits(turn);
-        let Some(light) = light else {
-            return Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?);
-        };
-        let Level { mesh, prepared, .. } = level;
-        let of_zone = |zone| self.noise_gain.variances(mesh, zone, &found.displacement);
-        let variances: Vec<f64> = (0..mesh.zones().len()).flat_map(of_zone).collect();
-        let of_reference = self.noise_gain.of_reference();
-        let follow = |frame: &mut B::Frame, field: &mut B::Field| {
-            let (sums, transfer) = self.backend.element_sums(prepared, frame, field)?;
-            light.follow(&Seen { mesh, sums: &sums, transfer: &transfer, variances: &variances, of_reference });
-            self.backend.light(prepared, frame, field, light.nodes())
-        };
-        let limits = Limits { late_light: true, ..limits };
-        Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, follow)?)
+        match light {
+            Some(light) => self.in_light(frame, field, light, found, limits),
+            None => Ok(iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?),
+        }
     }
 
-    fn rest_limits(&self, turn: Turn) -> Limits<'_> {
+    pub(super) fn rest_limits(&self, turn: Turn) -> Limits<'_> {
         let limits = self.limits(turn);
         let max_iterations = limits.max_iterations.min(REST_ITERATIONS);
         Limits { own: true, enough_anywhere: true, max_iterations, ..limits }
+    }
+
+    /// After an iteration of the elements that are left: where it has not settled, iterates on without those around nodes that have gone astray from
+    /// `safe` or still move, until the rest has or nothing is left.
+    pub(super) fn without_astray(
+        &self,
+        frame: &mut B::Frame,
+        field: &mut B::Field,
+        safe: &[[f64; 2]],
+        mut outcome: Outcome<B>,
+        excluded: &mut [bool],
+    ) -> Result<Outcome<B>, CorrelationError> {
+        let level = &self.levels[0];
+        for tries in 1..TRIES {
+            if outcome.status == Status::Converged {
+                break;
+            }
+            self.leave_out_astray(frame, field, safe, &outcome, excluded, tries)?;
+            if self.is_gone(&self.backend.found(&level.prepared, frame, field)?.elements) {
+                break;
+            }
+            let (limits, before) = (self.rest_limits(outcome.turn), outcome.iterations);
+            outcome = iterate(&self.backend, level, frame, field, limits, &self.kernel, nothing)?;
+            outcome.iterations += before;
+        }
+        Ok(outcome)
     }
 
     /// After an iteration that has not settled: leaves out the elements around nodes that have gone astray from `safe` or
@@ -312,7 +329,7 @@ impl<B: Backend> Correlator<B> {
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
         }
         let (displacement, transfer) = self.backend.started(&self.levels[0].prepared, frame, &field)?;
-        self.second_try(frame, &displacement, &transfer, start, iterations)
+        self.second_try(frame, &Start::new(displacement, transfer), start, iterations)
     }
 
     /// Whether a frame that has not converged is tried once more: who allows only a few iterations does not want it.
@@ -333,25 +350,24 @@ impl<B: Backend> Correlator<B> {
             turn: Turn::NONE,
             late_light: false,
             near_px: f64::INFINITY,
+            few_far: 0.0,
         }
     }
 
-    /// A second try of a frame that has not converged, from `displacement`: smoothly until the elements that do not
-    /// match are known, then without them.
+    /// A second try of a frame that has not converged, from `from`: smoothly until the elements that do not match are known, then
+    /// without them.
     pub(super) fn second_try(
         &self,
         frame: &mut B::Frame,
-        displacement: &[[f64; 2]],
-        transfer: &[GreyTransfer],
+        from: &Start,
         start: StartUsed,
         coarse_iterations: usize,
     ) -> Result<Correlation, CorrelationError> {
         let level = &self.levels[0];
         let Level { mesh, prepared, .. } = level;
         let smoother = self.smoother(0);
-        let mut field = self.backend.start(prepared, frame, displacement, transfer)?;
+        let (mut field, mut excluded) = self.started(frame, from)?;
         self.backend.observe(prepared, frame, &mut field)?;
-        let mut excluded = vec![false; mesh.n_elements()];
         let mut times = vec![0u8; mesh.n_elements()];
         let mut iterations = 0;
         for _ in 0..ROUNDS / 2 {
@@ -381,24 +397,10 @@ impl<B: Backend> Correlator<B> {
             self.backend.exclude(prepared, frame, &mut field, &excluded)?;
         }
         let safe = self.backend.found(prepared, frame, &field)?.displacement;
-        let turn = self.turn(level, &safe);
-        let mut outcome = None;
-        for tries in 1..=TRIES {
-            let limits = self.rest_limits(turn);
-            let mut now = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
-            iterations += now.iterations;
-            now.iterations = iterations;
-            let now = outcome.insert(now);
-            if now.status == Status::Converged {
-                break;
-            }
-            self.leave_out_astray(frame, &mut field, &safe, now, &mut excluded, tries)?;
-            let counted = self.backend.found(prepared, frame, &field)?.elements;
-            if self.is_gone(&counted) {
-                break;
-            }
-        }
-        let outcome = outcome.expect("at least one round");
+        let limits = self.rest_limits(self.turn(level, &safe));
+        let mut outcome = iterate(&self.backend, level, frame, &mut field, limits, &self.kernel, nothing)?;
+        outcome.iterations += iterations;
+        let outcome = self.without_astray(frame, &mut field, &safe, outcome, &mut excluded)?;
         self.finish(frame, &mut field, outcome, start, coarse_iterations, excluded)
     }
 }

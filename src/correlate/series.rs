@@ -18,7 +18,13 @@ pub struct History {
     /// Fields, the latest first, with their frame numbers; shared between what is known after one frame and after the next.
     fields: Vec<(usize, Arc<Vec<[f64; 2]>>)>,
     transfer: Vec<GreyTransfer>,
+    /// The elements that the latest was found without.
+    left_out: Vec<u32>,
 }
+
+/// Every so many frames one begins with all elements again: those that are left out come back where they match at the place where the field
+/// around them puts them, and this place may be too far off.
+const WITH_ALL: usize = 10;
 
 impl History {
     /// Fields that a prediction is made of.
@@ -26,12 +32,13 @@ impl History {
 
     /// A history that knows no frame yet; with [`StartFrom::Independent`] nothing is ever predicted.
     pub fn new(start: StartFrom) -> Self {
-        Self { start, fields: Vec::new(), transfer: Vec::new() }
+        Self { start, fields: Vec::new(), transfer: Vec::new(), left_out: Vec::new() }
     }
 
-    /// The history that knows these fields, the latest first, and the transfer of the latest.
+    /// The history that knows these fields, the latest first, and the transfer of the latest; all elements matched.
     pub(super) fn of(start: StartFrom, fields: Vec<(usize, Vec<[f64; 2]>)>, transfer: Vec<GreyTransfer>) -> Self {
-        Self { start, fields: fields.into_iter().map(|(number, field)| (number, Arc::new(field))).collect(), transfer }
+        let fields = fields.into_iter().map(|(number, field)| (number, Arc::new(field))).collect();
+        Self { start, fields, transfer, left_out: Vec::new() }
     }
 
     /// The fields it knows, the latest first, with their frame numbers.
@@ -69,7 +76,8 @@ impl History {
                 }
             }
         }
-        Some(Start { displacement, transfer: self.transfer.clone() })
+        let left_out = if number.is_multiple_of(WITH_ALL) { Vec::new() } else { self.left_out.clone() };
+        Some(Start { displacement, transfer: self.transfer.clone(), left_out })
     }
 
     /// Remembers frame `number` (numbers must rise), if it converged.
@@ -78,8 +86,8 @@ impl History {
     }
 
     /// Remembers the field of frame `number` (numbers must rise), which converged: of one that was done before.
-    pub fn note_field(&mut self, number: usize, Start { displacement, transfer }: Start) {
-        self.transfer = transfer;
+    pub fn note_field(&mut self, number: usize, Start { displacement, transfer, left_out }: Start) {
+        (self.transfer, self.left_out) = (transfer, left_out);
         self.fields.insert(0, (number, Arc::new(displacement)));
         self.fields.truncate(Self::FIELDS);
     }

@@ -2,7 +2,7 @@
 
 use super::iterate::Outcome;
 use super::light::Light;
-use super::start::Start;
+use super::start::{Start, numbers};
 use crate::backend::{Backend, Found};
 use crate::field::Status;
 
@@ -11,6 +11,8 @@ pub(super) struct Iterated<B: Backend> {
     pub outcome: Outcome<B>,
     pub found: Found,
     pub light: Option<Light>,
+    /// The elements that it was done without.
+    pub excluded: Vec<bool>,
 }
 
 impl<B: Backend> Iterated<B> {
@@ -19,14 +21,19 @@ impl<B: Backend> Iterated<B> {
     pub fn start(&self) -> Option<Start> {
         let is_field = self.outcome.status == Status::Converged && self.light.is_none();
         let Found { displacement, transfer, .. } = &self.found;
-        is_field.then(|| Start { displacement: displacement.clone(), transfer: transfer.clone() })
+        is_field.then(|| Start {
+            displacement: displacement.clone(),
+            transfer: transfer.clone(),
+            left_out: numbers(&self.excluded),
+        })
     }
 }
 
 /// A field whose iteration has ended, all that does not match left out.
 pub(super) struct Settled<B: Backend> {
     pub of: Iterated<B>,
-    pub excluded: Vec<bool>,
+    /// Whether no other elements were left out than had been while it was iterated.
+    pub is_as_iterated: bool,
     /// Per zone.
     pub matches: Vec<f64>,
     pub status: Status,
@@ -36,10 +43,5 @@ impl<B: Backend> Settled<B> {
     /// As [`Iterated::start`].
     pub fn start(&self) -> Option<Start> {
         self.of.start().filter(|_| self.status == Status::Converged)
-    }
-
-    /// Whether it is the field that the iteration had found.
-    pub fn is_as_iterated(&self) -> bool {
-        self.status == Status::Converged && !self.excluded.contains(&true)
     }
 }

@@ -207,7 +207,7 @@ impl Trials<'_> {
     fn solve(correlator: &Correlator<CpuBackend>, image: Arc<Image>) -> Result<Option<Correlation>, MetrologyError> {
         let rest = vec![[0.0; 2]; correlator.mesh().n_nodes()];
         let transfer = vec![GreyTransfer::NONE; correlator.mesh().zones().len()];
-        let result = correlator.correlate(image, Some(&Start { displacement: rest, transfer }))?;
+        let result = correlator.correlate(image, Some(&Start::new(rest, transfer)))?;
         Ok((result.measurement.status == Status::Converged).then_some(result))
     }
 

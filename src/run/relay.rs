@@ -140,7 +140,7 @@ mod tests {
     use crate::field::StartFrom;
 
     fn at(u: f64) -> Start {
-        Start { displacement: vec![[u, 0.0]; 4], transfer: vec![GreyTransfer::NONE] }
+        Start::new(vec![[u, 0.0]; 4], vec![GreyTransfer::NONE])
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::folder::RunFolder;
 use super::kept::Kept;
 use crate::backend::GreyTransfer;
 use crate::correlate::{Correlation, Start};
-use crate::field::{Status, UpdateReference};
+use crate::field::{Measurement, Status, UpdateReference};
 use crate::io::images::Accepted;
 use crate::io::series::Frame;
 use crate::io::store::{Store, StoreHeader};
@@ -45,6 +45,9 @@ pub(super) struct FrameRecord {
     /// is none is null.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     unmeasured: Vec<(usize, [Option<f64>; 2])>,
+    /// The elements that the next frame begins without.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    left_out: Vec<u32>,
     /// Length of each file of the frame, by its name in the folder of the run.
     #[serde(default)]
     bytes: BTreeMap<PathBuf, u64>,
@@ -59,12 +62,14 @@ impl FrameRecord {
         result: Option<&Correlation>,
         files: impl IntoIterator<Item = PathBuf>,
     ) -> Result<Self> {
-        let mut record = Self { summary, sha256, transfer: Vec::new(), unmeasured: Vec::new(), bytes: BTreeMap::new() };
-        if let Some(result) = result.filter(|result| result.measurement.status == Status::Converged) {
-            record.transfer = result.zones.iter().map(|zone| [zone.transfer.gain, zone.transfer.offset]).collect();
+        let (transfer, unmeasured, left_out, bytes) = Default::default();
+        let mut record = Self { summary, sha256, transfer, unmeasured, left_out, bytes };
+        if let Some((result, start)) = result.and_then(|result| Some((result, result.next_start()?))) {
+            record.transfer = start.transfer.iter().map(|transfer| [transfer.gain, transfer.offset]).collect();
+            record.left_out = start.left_out;
             let measured = &result.measurement.measured;
             let finite = |u: [f64; 2]| u.map(|u| u.is_finite().then_some(u));
-            let all = result.full_displacement().iter().zip(measured).enumerate();
+            let all = start.displacement.iter().zip(measured).enumerate();
             // What is zero there is zero when it is read.
             let told = |&(_, (u, measured)): &(usize, (&[f64; 2], &bool))| !measured && u.map(f64::to_bits) != [0; 2];
             record.unmeasured = all.filter(told).map(|(node, (&u, _))| (node, finite(u))).collect();
@@ -183,12 +188,14 @@ pub(super) fn stored_start(store: &Store, folder: &Path, number: usize) -> Resul
     }
     let lost = || RunError::RecordLost { number, remedy: "run the same command again" };
     let record = FrameRecord::read(folder, number).ok_or_else(lost)?;
-    let mut displacement = store.frame(number)?.ok_or_else(lost)?.measurement.displacement;
+    let Measurement { mut displacement, mesh, .. } = store.frame(number)?.ok_or_else(lost)?.measurement;
     for (node, u) in record.unmeasured {
         *displacement.get_mut(node).ok_or_else(lost)? = u.map(|u| u.unwrap_or(f64::NAN));
     }
     let transfer = record.transfer.into_iter().map(|[gain, offset]| GreyTransfer { gain, offset }).collect();
-    Ok(Some(Start { displacement, transfer }))
+    let is_element = |&element: &u32| (element as usize) < mesh.n_elements();
+    let left_out = Some(record.left_out).filter(|left_out| left_out.iter().all(is_element)).ok_or_else(lost)?;
+    Ok(Some(Start { displacement, transfer, left_out }))
 }
 
 /// Every frame of the series with its SHA-256; none of those that are not done.

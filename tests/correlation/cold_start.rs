@@ -245,7 +245,7 @@ fn a_zone_that_has_turned_further_than_expected_is_put_right_as_a_whole_first() 
         let (motion, expected) = (moved(degrees, middle, shift), moved(degrees - 5.0, middle, [0.0; 2]));
         let displacement =
             correlator.mesh().nodes().iter().map(|&x| [0, 1].map(|c| expected(x)[c] - x[c])).collect::<Vec<_>>();
-        let start = Start { displacement, transfer: vec![GreyTransfer::NONE] };
+        let start = Start::new(displacement, vec![GreyTransfer::NONE]);
         let image = spots.image([SIDE; 2], 2.0, 2 * seed + 1, motion);
         let found = correlator.correlate(image, Some(&start)).unwrap();
         let [rms, share, worst] = error(&found, motion);

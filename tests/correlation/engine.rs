@@ -369,10 +369,10 @@ impl Motion for Moved {
 
 /// A start that is `off` px beside what was found, everywhere.
 fn beside(found: &Correlation, off: [f64; 2]) -> Start {
-    Start {
-        displacement: found.full_displacement().iter().map(|u| [u[0] + off[0], u[1] + off[1]]).collect(),
-        transfer: found.zones.iter().map(|zone| zone.transfer).collect(),
-    }
+    Start::new(
+        found.full_displacement().iter().map(|u| [u[0] + off[0], u[1] + off[1]]).collect(),
+        found.zones.iter().map(|zone| zone.transfer).collect(),
+    )
 }
 
 #[test]
@@ -533,9 +533,7 @@ fn a_frame_that_has_moved_out_is_lost_not_invented() {
         let found = cold(&correlator, &image);
         let exact = exact_at(&Translation(shift), correlator.mesh().nodes());
         let transfer = found.zones.iter().map(|zone| zone.transfer).collect::<Vec<_>>();
-        let followed = correlator
-            .correlate(image.clone(), Some(&Start { displacement: exact, transfer: transfer.to_vec() }))
-            .unwrap();
+        let followed = correlator.correlate(image.clone(), Some(&Start::new(exact, transfer.to_vec()))).unwrap();
         for correlation in [found, followed] {
             assert_finite(&correlation);
             let status = correlation.measurement.status;
@@ -555,7 +553,7 @@ fn a_zone_that_turns_is_predicted_to_go_on_turning_and_all_else_goes_straight_on
     let predicted = |fields: [Vec<[f64; 2]>; 2], numbers: [usize; 3]| {
         let mut history = History::new(StartFrom::Previous);
         for (number, displacement) in numbers.into_iter().zip(fields) {
-            history.note_field(number, Start { displacement, transfer: vec![GreyTransfer::NONE] });
+            history.note_field(number, Start::new(displacement, vec![GreyTransfer::NONE]));
         }
         history.predict(numbers[2], &mesh).unwrap().displacement
     };

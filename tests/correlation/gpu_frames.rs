@@ -37,11 +37,13 @@ fn tight(options: Options) -> Options {
 fn apart(cpu: &Correlation, gpu: &Correlation) -> (f64, f64) {
     let (a, b) = (&cpu.measurement, &gpu.measurement);
     let (mut largest, mut by_allowed) = (0.0f64, 0.0f64);
+    // Light that does not settle bends with what is little known of the displacement, and magnifies round-off there.
+    let share = if cpu.zones.iter().any(|zone| zone.light.is_some()) { 3e-3 } else { 1e-3 };
     for (node, (a_u, b_u)) in a.displacement.iter().zip(&b.displacement).enumerate() {
         for c in 0..2 {
             let difference = (a_u[c] - b_u[c]).abs();
             largest = largest.max(difference);
-            by_allowed = by_allowed.max(difference / (1e-3 * a.sigma[node][c]).max(2e-5));
+            by_allowed = by_allowed.max(difference / (share * a.sigma[node][c]).max(2e-5));
         }
     }
     (largest, by_allowed)
@@ -618,12 +620,12 @@ fn starts_that_are_wild_end_as_on_the_cpu() {
     let n = on_cpu.mesh().n_nodes();
     let known = cold(&on_cpu, &pair[1]).zones.iter().map(|zone| zone.transfer).collect::<Vec<_>>();
     for u in [[0.0, 0.0], [1e4, -1e4], [1e9, 0.0], [1e300, -1e300], [f64::INFINITY, 0.0], [f64::NAN, 0.0]] {
-        let start = Start { displacement: vec![u; n], transfer: known.clone() };
+        let start = Start::new(vec![u; n], known.clone());
         let cpu = on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap();
         let gpu = on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap();
         assert_same(&format!("started at {u:?}"), &cpu, &gpu, 255.0);
     }
-    let start = Start { displacement: vec![[0.0; 2]; n - 1], transfer: known };
+    let start = Start::new(vec![[0.0; 2]; n - 1], known);
     let [cpu, gpu] = [
         on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap_err().to_string(),
         on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap_err().to_string(),
@@ -641,7 +643,7 @@ fn a_zone_that_has_turned_further_than_expected_is_put_right_as_on_the_cpu() {
     let on_cpu = prepared(&pair[0], &inside(side, side, 48), options.clone());
     let on_gpu = prepared_on(gpu, &pair[0], &inside(side, side, 48), options);
     let displacement = on_cpu.mesh().nodes().iter().map(|&x| expected.displacement(x)).collect();
-    let start = Start { displacement, transfer: vec![GreyTransfer::NONE] };
+    let start = Start::new(displacement, vec![GreyTransfer::NONE]);
     let cpu = on_cpu.correlate(pair[1].clone(), Some(&start)).unwrap();
     let gpu = on_gpu.correlate(pair[1].clone(), Some(&start)).unwrap();
     assert_same("turned by 5 degrees more", &cpu, &gpu, 255.0);

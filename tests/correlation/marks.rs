@@ -4,7 +4,7 @@
 use crate::common;
 use crate::common::scenes;
 use common::{inside, prepared};
-use quadrille::correlate::{Correlation, Options, ReferenceChain, Tracker};
+use quadrille::correlate::{Correlation, Options, ReferenceChain, Start, Tracker};
 use quadrille::field::{ElementMark, Measurement, Status, UpdateReference};
 use quadrille::imaging::Image;
 use quadrille::units::Px;
@@ -391,6 +391,105 @@ fn elements_come_back_when_they_match_again() {
     let then_free = chained([&covered.deformed, &free.deformed]);
     let marks = then_free.marks.as_ref().unwrap();
     assert!((0..lost.len()).all(|e| !lost[e] || marks[e].is_left_out()), "what a reference does not show");
+}
+
+/// Frame `k` of a specimen that moves and stretches on, with a block before a quarter of it.
+fn covered_on(k: usize) -> Scene {
+    let (s, r) = (spots(), Spots::new(77, SIDE, 3.0));
+    let share = 0.2 * k as f64;
+    let motion = AffineMotion {
+        shift: MOTION.shift.map(|u| share * u),
+        gradient: MOTION.gradient.map(|row| row.map(|g| share * g)),
+        ..MOTION
+    };
+    let covers = |y: [f64; 2]| y[0] < 150.0 && y[1] < 180.0;
+    let goes = move |x: [f64; 2]| {
+        let u = motion.displacement(x);
+        [x[0] + u[0], x[1] + u[1]]
+    };
+    Scene {
+        name: "block, one frame after the other",
+        reference: photographed(SIDE, NOISE, 11, |x| s.grey(x)),
+        deformed: photographed(SIDE, NOISE, 20 + k as u64, |y| {
+            if covers(y) { 60.0 + 15.0 * r.at(y) } else { s.grey(motion.material(y)) }
+        }),
+        truth: Box::new(move |x| motion.displacement(x)),
+        lost: Box::new(move |x| covers(goes(x))),
+    }
+}
+
+#[test]
+fn what_does_not_match_is_known_in_the_next_frame_and_costs_it_next_to_nothing() {
+    let scenes: Vec<Scene> = (1..=5).map(covered_on).collect();
+    let options = Options { element_size: 16, ..Options::default() };
+    let correlator = prepared(&scenes[0].reference, &inside(SIDE, SIDE, 16), options);
+    let mut tracker = Tracker::new(&correlator);
+    for (k, scene) in scenes.iter().enumerate() {
+        let found = tracker.correlate(k + 1, scene.deformed.clone()).unwrap();
+        let field = &found.measurement;
+        // 36 to 60 where each frame begins with all elements, as the first one does.
+        println!("frame {}: {} iterations, start {:?}", k + 1, found.iterations, found.start);
+        assert!(k == 0 || found.iterations <= 8, "frame {}: {} iterations", k + 1, found.iterations);
+        let (lost, marks) = (lost_elements(field, scene, 0.5), field.marks.as_ref().unwrap());
+        assert!((0..lost.len()).all(|e| !lost[e] || marks[e].is_left_out()), "frame {}", k + 1);
+        let (errors, marked) = (errors(field, scene), is_marked(field));
+        let worst = (0..errors.len()).filter(|&k| !marked[k]).filter_map(|k| errors[k]).fold(0.0, f64::max);
+        assert!(worst < 5.0, "frame {}: {worst} standard uncertainties, and no mark", k + 1);
+    }
+}
+
+#[test]
+fn what_has_moved_on_unseen_is_found_again_within_ten_frames() {
+    // Behind the block a piece has slid by 2 px: tested where the field around it has it, it does not match.
+    let s = spots();
+    let is_piece = |x: [f64; 2]| (64.0..144.0).contains(&x[0]) && (64.0..160.0).contains(&x[1]);
+    let slid = move |x: [f64; 2]| [if is_piece(x) { 2.0 } else { 0.0 }, 0.0];
+    let material = |y: [f64; 2]| if is_piece([y[0] - 2.0, y[1]]) { [y[0] - 2.0, y[1]] } else { y };
+    let free = scene("free", |x| s.grey(x), |y| s.grey(material(y)), slid, nothing);
+    let before = Spots::new(77, SIDE, 3.0);
+    let options = Options { element_size: 16, ..Options::default() };
+    let correlator = prepared(&free.reference, &inside(SIDE, SIDE, 16), options);
+    let mut tracker = Tracker::new(&correlator);
+    let hidden = photographed(SIDE, NOISE, 13, |y| {
+        if y[0] < 170.0 && y[1] < 200.0 { 60.0 + 15.0 * before.at(y) } else { s.grey(y) }
+    });
+    tracker.correlate(1, hidden).unwrap();
+    let mut n_measured = Vec::new();
+    for number in 2..=10 {
+        let found = tracker.correlate(number, free.deformed.clone()).unwrap().measurement;
+        n_measured.push(found.measured.iter().filter(|measured| **measured).count());
+    }
+    // Of the 6 x 7 nodes of the piece those inside.
+    assert!(n_measured[8] >= n_measured[7] + 20, "{n_measured:?}");
+    assert!(n_measured[..8].iter().all(|&n| n == n_measured[0]), "{n_measured:?}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_graphics_device_begins_without_the_same_elements() {
+    let Some(gpu) = common::gpu::device() else { return };
+    let scenes: Vec<Scene> = (1..=2).map(covered_on).collect();
+    let options = || Options { element_size: 16, ..Options::default() };
+    let zones = inside(SIDE, SIDE, 16);
+    let on_cpu = prepared(&scenes[0].reference, &zones, options());
+    let on_gpu = common::prepared_on(gpu, &scenes[0].reference, &zones, options());
+    let first = on_cpu.correlate(scenes[0].deformed.clone(), None).unwrap();
+    let start = first.next_start().unwrap();
+    assert!(start.left_out.len() > 50, "{}", start.left_out.len());
+    let a = on_cpu.correlate(scenes[1].deformed.clone(), Some(&start)).unwrap();
+    let b = on_gpu.correlate(scenes[1].deformed.clone(), Some(&start)).unwrap();
+    assert!(a.iterations <= 8 && a.iterations.abs_diff(b.iterations) <= 1, "{}, {}", a.iterations, b.iterations);
+    let (a, b) = (a.measurement, b.measurement);
+    assert_eq!((a.status, &a.marks, &a.measured), (b.status, &b.marks, &b.measured));
+    for (k, (u, v)) in a.displacement.iter().zip(&b.displacement).enumerate() {
+        // Both iterate until the error is below 1e-4 px or a twentieth of sigma.
+        let apart = |c: usize| (u[c] - v[c]).abs() - 0.05 * a.sigma[k][c];
+        assert!(apart(0).max(apart(1)) < 2e-4, "node {k}: {u:?}, {v:?}");
+    }
+    // Elements that the mesh does not have are refused by number.
+    let beyond = Start { left_out: vec![3, 100_000], ..start };
+    let refused = on_cpu.correlate(scenes[1].deformed.clone(), Some(&beyond)).unwrap_err();
+    assert!(refused.to_string().contains("element 100000"), "{refused}");
 }
 
 #[cfg(feature = "gpu")]

@@ -180,7 +180,7 @@ fn measured_noise_has_the_gain_of_the_theory() {
         let deformed = noisy(&reference, 2.0, seed);
         let fields = correlators.each_ref().map(|correlator| {
             let transfer = vec![quadrille::backend::GreyTransfer::NONE];
-            let start = Start { displacement: vec![[0.0; 2]; mesh.n_nodes()], transfer };
+            let start = Start::new(vec![[0.0; 2]; mesh.n_nodes()], transfer);
             let correlation = correlator.correlate(deformed.clone(), Some(&start)).unwrap();
             assert_eq!(correlation.measurement.status, Status::Converged, "seed {seed}");
             correlation.measurement.displacement

@@ -258,13 +258,15 @@ impl CpuLevel {
                     *of_element = (gain as f32, offset as f32);
                 }
             }
-            if self.own_transfer() || light.is_some() {
-                let light = light.map(|light| &light[first..]);
+            if let Some(light) = light {
+                let light = &light[first..];
+                residual::residual_sums_in_light::<S, K, L>(isa, pass, first, corners, transfer, light, sums, spline);
+            } else if self.own_transfer() {
                 residual::residual_sums_two_passes::<S, K, L>(
-                    isa, pass, first, corners, transfer, light, sums, scratch, spline,
+                    isa, pass, first, corners, transfer, sums, scratch, spline,
                 );
             } else {
-                residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, scratch, spline);
+                residual::residual_sums::<S, K, L>(isa, pass, first, corners, transfer, sums, spline);
             }
             for (k, sums) in sums.iter_mut().enumerate() {
                 let [n_all, f, ff] = self.whole[first + k];
@@ -680,7 +682,8 @@ impl Backend for CpuBackend {
             gain: nodes.map(|node| light[node as usize].gain as f32),
             offset: nodes.map(|node| light[node as usize].offset as f32),
         };
-        field.light = Some(level.mesh.elements().iter().map(on).collect());
+        let any = light.iter().any(|light| *light != GreyTransfer::NONE);
+        field.light = any.then(|| level.mesh.elements().iter().map(on).collect());
         Ok(())
     }
 

@@ -14,7 +14,7 @@ use super::plane::{BORDER, Plane, View};
 use super::sample::{interpolate, load, next_taps, place, prefetch, sample_lanes, sample_row, weight};
 use crate::backend::spline::Spline;
 use crate::isa::{Isa, Path, mul_add, multiversioned};
-use crate::mesh::{ElementPixels, PixelMap};
+use crate::mesh::{ElementPixels, PixelMap, Run};
 use std::sync::Arc;
 
 /// A reference image at one scale with its elements.
@@ -103,10 +103,38 @@ pub(super) struct Light {
     pub offset: [f32; 4],
 }
 
-impl Light {
-    /// Brings lanes of the deformed image to the light of the reference.
+/// How lanes of the deformed image are brought to the light of the reference, before the transfer.
+trait Brings: Copy {
+    /// A row of lanes at `eta`.
+    fn row<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: f32, g: &mut [f32; L]);
+
+    /// Lanes anywhere in the element.
+    fn lanes<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: &[f32; L], g: &mut [f32; L]);
+}
+
+/// As it is.
+#[derive(Clone, Copy)]
+struct AsItIs;
+
+impl Brings for AsItIs {
     #[inline(always)]
-    fn bring<const FMA: bool, const L: usize>(&self, xi: &[f32; L], eta: &[f32; L], g: &mut [f32; L]) {
+    fn row<const FMA: bool, const L: usize>(self, _: &[f32; L], _: f32, _: &mut [f32; L]) {}
+
+    #[inline(always)]
+    fn lanes<const FMA: bool, const L: usize>(self, _: &[f32; L], _: &[f32; L], _: &mut [f32; L]) {}
+}
+
+impl Brings for &Light {
+    #[inline(always)]
+    fn row<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: f32, g: &mut [f32; L]) {
+        let [(gain, by), (offset, of)] = [&self.gain, &self.offset].map(|corner| along_row(corner, eta));
+        for i in 0..L {
+            g[i] = mul_add::<FMA>(mul_add::<FMA>(xi[i], by, gain), g[i], mul_add::<FMA>(xi[i], of, offset));
+        }
+    }
+
+    #[inline(always)]
+    fn lanes<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: &[f32; L], g: &mut [f32; L]) {
         let [gain, offset] = [&self.gain, &self.offset].map(|c| {
             let (across, down, twist) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
             (c[0], across, down, twist)
@@ -187,7 +215,7 @@ impl<'a> Pass<'a> {
 multiversioned! {
     /// Sums of the elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them.
     pub(super) fn residual_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], sums: &mut [ElementSums], spline: S,
     ) => residual_sums_body
 }
 
@@ -196,20 +224,55 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     pass: &Pass<'_>,
     first: usize,
     corners: &[Corners],
-    transfer: &mut [(f32, f32)],
+    transfer: &[(f32, f32)],
     sums: &mut [ElementSums],
-    scratch: &mut Scratch,
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
-        *sums = if element.n_runs > 0 {
-            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], Grey::Transfer, scratch)
-        } else if corners[k].is_outside(element, pass.deformed) {
-            ElementSums::default()
-        } else {
-            element_sums::<FMA, S, K, L>(pass, element, &corners[k], transfer[k])
-        };
+        *sums = sums_of::<FMA, S, K, L, _>(pass, element, &corners[k], AsItIs, transfer[k]);
+    }
+}
+
+multiversioned! {
+    /// As [`residual_sums`], where the deformed image is brought to the `light` of the reference first: sums of g are those of the image so
+    /// brought.
+    pub(super) fn residual_sums_in_light[S: Spline<K>, const K: usize, const L: usize][S, K, L](
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], light: &[Light], sums: &mut [ElementSums], spline: S,
+    ) => residual_sums_in_light_body
+}
+
+#[inline(always)]
+fn residual_sums_in_light_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    first: usize,
+    corners: &[Corners],
+    transfer: &[(f32, f32)],
+    light: &[Light],
+    sums: &mut [ElementSums],
+    _: S,
+) {
+    for (k, sums) in sums.iter_mut().enumerate() {
+        let element = &pass.elements[first + k];
+        *sums = sums_of::<FMA, S, K, L, _>(pass, element, &corners[k], &light[k], transfer[k]);
+    }
+}
+
+/// Sums of an element of any shape, wherever it is.
+#[inline(always)]
+fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    light: B,
+    transfer: (f32, f32),
+) -> ElementSums {
+    if element.n_runs > 0 {
+        run_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
+    } else if corners.is_outside(element, pass.deformed) {
+        ElementSums::default()
+    } else {
+        element_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
     }
 }
 
@@ -332,10 +395,11 @@ fn is_uniform<const K: usize, const L: usize>(element: &ElementPixels, corners: 
 /// registers.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
-fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
     pass: &Pass<'_>,
     element: &ElementPixels,
     corners: &Corners,
+    light: B,
     (gain, offset): (f32, f32),
     column: usize,
     xi: &[f32; L],
@@ -359,7 +423,8 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         prefetch(deformed.data, taps_at + (K - 1) * deformed.stride + 2 * L);
         let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
         let [tx, ty] = row_displacement::<FMA, L>(corners, xi, eta);
-        let g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
+        let mut g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
+        light.row::<FMA, L>(xi, eta, &mut g);
         let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
@@ -382,10 +447,11 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
 }
 
 #[inline(always)]
-fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
     pass: &Pass<'_>,
     element: &ElementPixels,
     corners: &Corners,
+    light: B,
     transfer: (f32, f32),
 ) -> ElementSums {
     let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
@@ -393,7 +459,7 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     if !scalar && is_uniform::<K, L>(element, corners, deformed) {
         for column in (0..element.nx as usize).step_by(L) {
             let (_, xi, mask) = chunk::<L>(element, column);
-            uniform_chunk::<FMA, S, K, L>(pass, element, corners, transfer, column, &xi, &mask, &mut sums);
+            uniform_chunk::<FMA, S, K, L, B>(pass, element, corners, light, transfer, column, &xi, &mask, &mut sums);
         }
         sums.n = f32::from(element.nx) * f32::from(element.ny);
         return sums;
@@ -417,7 +483,8 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 prefetch(plane.data, at + L);
             }
             prefetch(deformed.data, next_taps(deformed, to, K / 2, 2 * L));
-            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            light.row::<FMA, L>(&xi, eta, &mut row.g);
             let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
             if row.all_counted {
                 acc.add::<FMA>(f, fx, fy, &row.g, &mask, transfer, eta);
@@ -441,17 +508,6 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     sums
 }
 
-/// How grey levels of the deformed image are brought to those of the reference.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Grey<'a> {
-    /// By the transfer given.
-    Transfer,
-    /// By a transfer that is fitted to the element.
-    Own,
-    /// By light that changes within the element, then by the transfer given.
-    Light(&'a Light),
-}
-
 /// Room for the grey levels of one element between the two passes of [`residual_sums_two_passes`].
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
@@ -459,36 +515,76 @@ pub(super) struct Scratch {
     counted: Vec<f32>,
 }
 
+impl Scratch {
+    fn make_room(&mut self, n: usize) {
+        self.g.resize(n, 0.0);
+        self.counted.resize(n, 0.0);
+    }
+
+    #[inline(always)]
+    fn put<const L: usize>(&mut self, at: usize, g: &[f32; L], counted: &[f32; L]) {
+        self.g[at..at + L].copy_from_slice(g);
+        self.counted[at..at + L].copy_from_slice(counted);
+    }
+}
+
 multiversioned! {
     /// As [`residual_sums`] in two passes over an element: one that interpolates, and one that forms the residual.
-    /// Between them, without `light`, gain and offset are eliminated in each element, and `transfer` receives what was
-    /// fitted. With `light`, per element, the first pass brings the deformed image to it: sums of g are those of the
-    /// image so brought.
+    /// Between them gain and offset are eliminated in each element, and `transfer` receives what was fitted.
     pub(super) fn residual_sums_two_passes[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], light: Option<&[Light]>, sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
+        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
     ) => residual_sums_two_passes_body
 }
 
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     pass: &Pass<'_>,
     first: usize,
     corners: &[Corners],
     transfer: &mut [(f32, f32)],
-    light: Option<&[Light]>,
     sums: &mut [ElementSums],
     scratch: &mut Scratch,
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
-        let grey = light.map_or(Grey::Own, |light| Grey::Light(&light[k]));
+        let (corners, transfer) = (&corners[k], &mut transfer[k]);
         *sums = if element.n_runs > 0 {
-            run_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], grey, scratch)
+            run_sums_two_passes::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
         } else {
-            two_pass_sums::<FMA, S, K, L>(pass, element, &corners[k], &mut transfer[k], grey, scratch)
+            two_pass_sums::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
         };
+    }
+}
+
+/// What gain and offset of an element are fitted to: sums over the pixels counted, in lanes.
+struct Moments<const L: usize> {
+    n: [f32; L],
+    f: [f32; L],
+    g: [f32; L],
+    gg: [f32; L],
+    fg: [f32; L],
+}
+
+impl<const L: usize> Moments<L> {
+    const NONE: Self = Self { n: [0.0; L], f: [0.0; L], g: [0.0; L], gg: [0.0; L], fg: [0.0; L] };
+
+    #[inline(always)]
+    fn add<const FMA: bool>(&mut self, f: &[f32; L], g: &[f32; L], counted: &[f32; L]) {
+        for i in 0..L {
+            let wg = counted[i] * g[i];
+            self.n[i] += counted[i];
+            self.f[i] = mul_add::<FMA>(counted[i], f[i], self.f[i]);
+            self.g[i] += wg;
+            self.gg[i] = mul_add::<FMA>(wg, g[i], self.gg[i]);
+            self.fg[i] = mul_add::<FMA>(wg, f[i], self.fg[i]);
+        }
+    }
+
+    /// `[n, f, g, gg, fg]`, in `f64`: the fit subtracts nearly equal sums.
+    #[inline(always)]
+    fn totals(&self) -> [f64; 5] {
+        [&self.n, &self.f, &self.g, &self.gg, &self.fg].map(|lanes| f64::from(total(lanes)))
     }
 }
 
@@ -498,55 +594,39 @@ fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     element: &ElementPixels,
     corners: &Corners,
     transfer: &mut (f32, f32),
-    grey: Grey<'_>,
     scratch: &mut Scratch,
 ) -> ElementSums {
     let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
     let rows = element.ny as usize;
     let chunks = (element.nx as usize).div_ceil(L);
-    scratch.g.resize(rows * chunks * L, 0.0);
-    scratch.counted.resize(rows * chunks * L, 0.0);
-    // [n, f, g, gg, fg] over the counted pixels, in f64: the fit subtracts nearly equal sums.
+    scratch.make_room(rows * chunks * L);
     let mut moments = [0.0f64; 5];
     let mut sums = ElementSums::default();
     for part in 0..chunks {
         let (lanes, xi, mask) = chunk::<L>(element, part * L);
         let x = element.x + (part * L) as i32;
+        let mut of_part = Moments::<L>::NONE;
         for k in 0..rows {
             let y = element.y + k as i32;
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let [ux, uy] = row_displacement::<FMA, L>(corners, &xi, eta);
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
-            if let Grey::Light(light) = grey {
-                light.bring::<FMA, L>(&xi, &[eta; L], &mut row.g);
-            }
+            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
             let counted = if row.all_counted { mask } else { row.counted };
             let f = load::<L>(f.data, f.at(x as isize, y as isize));
-            let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
-            for i in 0..L {
-                let (w, wg) = (counted[i], counted[i] * row.g[i]);
-                sf[i] = w * f[i];
-                sg[i] = wg;
-                sgg[i] = wg * row.g[i];
-                sfg[i] = wg * f[i];
+            of_part.add::<FMA>(f, &row.g, &counted);
+            if !row.all_counted {
+                for i in 0..lanes {
+                    let lost = 1.0 - counted[i];
+                    sums.f_lost += lost * f[i];
+                    sums.ff_lost += lost * f[i] * f[i];
+                }
             }
-            for (moment, lanes) in moments.iter_mut().zip([&counted, &sf, &sg, &sgg, &sfg]) {
-                *moment += f64::from(total(lanes));
-            }
-            for i in 0..lanes {
-                let lost = 1.0 - counted[i];
-                sums.f_lost += lost * f[i];
-                sums.ff_lost += lost * f[i] * f[i];
-            }
-            let at = (part * rows + k) * L;
-            scratch.g[at..at + L].copy_from_slice(&row.g);
-            scratch.counted[at..at + L].copy_from_slice(&counted);
+            scratch.put((part * rows + k) * L, &row.g, &counted);
         }
+        moments.iter_mut().zip(of_part.totals()).for_each(|(all, part)| *all += part);
     }
-    if let Grey::Own = grey {
-        *transfer = fitted(&moments);
-    }
+    *transfer = fitted(&moments);
     sums.n = moments[0] as f32;
     for part in 0..chunks {
         let (_, xi, _) = chunk::<L>(element, part * L);
@@ -574,90 +654,150 @@ fn fitted(&[n, sf, sg, sgg, sfg]: &[f64; 5]) -> (f32, f32) {
     (gain as f32, offset as f32)
 }
 
-/// Sums of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any
-/// shape. With [`Grey::Own`] its gain and offset are fitted first, into `transfer`.
-#[inline(always)]
-fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
-    corners: &Corners,
-    transfer: &mut (f32, f32),
-    grey: Grey<'_>,
-    scratch: &mut Scratch,
-) -> ElementSums {
-    let Pass { map, f, fx, fy, deformed, scalar, .. } = *pass;
-    let runs = map.runs_of(element);
-    let chunks: usize = runs.iter().map(|run| (run.n as usize).div_ceil(L)).sum();
-    scratch.g.resize(chunks * L, 0.0);
-    scratch.counted.resize(chunks * L, 0.0);
-    let parts = || runs.iter().flat_map(|run| (0..run.n as usize).step_by(L).map(move |column| (run, column)));
-    // [n, f, g, gg, fg] over the counted pixels.
-    let mut moments = [0.0f64; 5];
-    let mut sums = ElementSums::default();
-    for (part, (run, column)) in parts().enumerate() {
-        let lanes = (run.n as usize - column).min(L);
-        let [x, y] = [run.x + column as i32, run.y];
-        let local = run.at as usize + column;
-        let (xi, eta) = (load::<L>(map.xi(), local), load::<L>(map.eta(), local));
-        let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
-        let to = [x + corners.whole[0], y + corners.whole[1]];
-        let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
-        if let Grey::Light(light) = grey {
-            light.bring::<FMA, L>(xi, eta, &mut row.g);
-        }
-        let f = load::<L>(f.data, f.at(x as isize, y as isize));
-        let (mut sf, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
-        let mut counted = [0.0; L];
-        for i in 0..lanes {
-            counted[i] = if row.all_counted { 1.0 } else { row.counted[i] };
-            let lost = 1.0 - counted[i];
-            sums.f_lost += lost * f[i];
-            sums.ff_lost += lost * f[i] * f[i];
-        }
-        for i in 0..L {
-            let (w, wg) = (counted[i], counted[i] * row.g[i]);
-            sf[i] = w * f[i];
-            sg[i] = wg;
-            sgg[i] = wg * row.g[i];
-            sfg[i] = wg * f[i];
-        }
-        for (moment, lanes) in moments.iter_mut().zip([&counted, &sf, &sg, &sgg, &sfg]) {
-            *moment += f64::from(total(lanes));
-        }
-        let at = part * L;
-        scratch.g[at..at + L].copy_from_slice(&row.g);
-        scratch.counted[at..at + L].copy_from_slice(&counted);
-    }
-    if let Grey::Own = grey {
-        *transfer = fitted(&moments);
-    }
-    let (gain, offset) = *transfer;
-    let mut b = [[0.0f32; L]; 8];
-    let mut rr = [0.0f32; L];
-    for (part, (run, column)) in parts().enumerate() {
-        let at = f.at((run.x + column as i32) as isize, run.y as isize);
-        let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
-        let (g, counted) = (load::<L>(&scratch.g, part * L), load::<L>(&scratch.counted, part * L));
-        let local = run.at as usize + column;
-        let (xi, eta) = (load::<L>(map.xi(), local), load::<L>(map.eta(), local));
+/// Lane accumulators of an element whose pixels are runs with local coordinates of their own: cut by a mask, or of any shape.
+struct RunAccumulators<const L: usize> {
+    b: [[f32; L]; 8],
+    rr: [f32; L],
+    g: [f32; L],
+    gg: [f32; L],
+    fg: [f32; L],
+    n: [f32; L],
+}
+
+impl<const L: usize> RunAccumulators<L> {
+    const NONE: Self = Self { b: [[0.0; L]; 8], rr: [0.0; L], g: [0.0; L], gg: [0.0; L], fg: [0.0; L], n: [0.0; L] };
+
+    /// Adds lanes `at` of the reference and `local` of the map, which count as `counted` says.
+    #[inline(always)]
+    fn add<const FMA: bool>(
+        &mut self,
+        pass: &Pass<'_>,
+        [at, local]: [usize; 2],
+        g: &[f32; L],
+        counted: &[f32; L],
+        (gain, offset): (f32, f32),
+    ) {
+        let [f, fx, fy] = [pass.f, pass.fx, pass.fy].map(|plane| load::<L>(plane.data, at));
+        let (xi, eta) = (load::<L>(pass.map.xi(), local), load::<L>(pass.map.eta(), local));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
-            let r = counted[i] * difference;
-            rr[i] = mul_add::<FMA>(r, difference, rr[i]);
+            let (r, wg) = (counted[i] * difference, counted[i] * g[i]);
+            self.rr[i] = mul_add::<FMA>(r, difference, self.rr[i]);
+            self.g[i] += wg;
+            self.gg[i] = mul_add::<FMA>(wg, g[i], self.gg[i]);
+            self.fg[i] = mul_add::<FMA>(f[i], wg, self.fg[i]);
+            self.n[i] += counted[i];
             let (rx, ry) = (r * fx[i], r * fy[i]);
             let (far, near) = (xi[i] * eta[i], 1.0 - eta[i]);
             let psi = [near - xi[i] * near, xi[i] * near, far, eta[i] - far];
             for a in 0..4 {
-                b[2 * a][i] = mul_add::<FMA>(psi[a], rx, b[2 * a][i]);
-                b[2 * a + 1][i] = mul_add::<FMA>(psi[a], ry, b[2 * a + 1][i]);
+                self.b[2 * a][i] = mul_add::<FMA>(psi[a], rx, self.b[2 * a][i]);
+                self.b[2 * a + 1][i] = mul_add::<FMA>(psi[a], ry, self.b[2 * a + 1][i]);
             }
         }
     }
-    for (sum, lanes) in sums.b.iter_mut().zip(&b) {
-        *sum = total(lanes);
+
+    #[inline(always)]
+    fn finish(&self, sums: &mut ElementSums) {
+        for (sum, lanes) in sums.b.iter_mut().zip(&self.b) {
+            *sum = total(lanes);
+        }
+        [sums.rr, sums.g, sums.gg, sums.fg, sums.n] = [&self.rr, &self.g, &self.gg, &self.fg, &self.n].map(total);
     }
-    sums.rr = total(&rr);
-    sums.n = moments[0] as f32;
-    [sums.g, sums.gg, sums.fg] = [2, 3, 4].map(|k| moments[k] as f32);
+}
+
+/// Lanes of one run of pixels.
+struct OfRun<const L: usize> {
+    /// Where they are in the planes of the reference, and in the map.
+    at: [usize; 2],
+    g: [f32; L],
+    counted: [f32; L],
+}
+
+/// The runs of an element, lanes by lanes: each with the column of the run.
+#[inline(always)]
+fn parts<const L: usize>(runs: &[Run]) -> impl Iterator<Item = (&Run, usize)> {
+    runs.iter().flat_map(|run| (0..run.n as usize).step_by(L).map(move |column| (run, column)))
+}
+
+/// Brings the deformed image to lanes of a run, and adds to `sums` what is not counted.
+#[inline(always)]
+fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
+    pass: &Pass<'_>,
+    (run, column): (&Run, usize),
+    corners: &Corners,
+    light: B,
+    sums: &mut ElementSums,
+) -> OfRun<L> {
+    let Pass { map, f, deformed, scalar, .. } = *pass;
+    let lanes = (run.n as usize - column).min(L);
+    let [x, y] = [run.x + column as i32, run.y];
+    let at = [f.at(x as isize, y as isize), run.at as usize + column];
+    let (xi, eta) = (load::<L>(map.xi(), at[1]), load::<L>(map.eta(), at[1]));
+    let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
+    let to = [x + corners.whole[0], y + corners.whole[1]];
+    let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+    light.lanes::<FMA, L>(xi, eta, &mut row.g);
+    let mut counted = [0.0; L];
+    if row.all_counted {
+        for i in 0..L {
+            counted[i] = if i < lanes { 1.0 } else { 0.0 };
+        }
+    } else {
+        let f = load::<L>(f.data, at[0]);
+        counted[..lanes].copy_from_slice(&row.counted[..lanes]);
+        for i in 0..lanes {
+            let lost = 1.0 - counted[i];
+            sums.f_lost += lost * f[i];
+            sums.ff_lost += lost * f[i] * f[i];
+        }
+    }
+    OfRun { at, g: row.g, counted }
+}
+
+/// Sums of an element whose pixels are runs.
+#[inline(always)]
+fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    light: B,
+    transfer: (f32, f32),
+) -> ElementSums {
+    let (mut sums, mut acc) = (ElementSums::default(), RunAccumulators::<L>::NONE);
+    for part in parts::<L>(pass.map.runs_of(element)) {
+        let OfRun { at, g, counted } = of_run::<FMA, S, K, L, B>(pass, part, corners, light, &mut sums);
+        acc.add::<FMA>(pass, at, &g, &counted, transfer);
+    }
+    acc.finish(&mut sums);
+    sums
+}
+
+/// As [`run_sums`], with gain and offset fitted to the element between two passes, into `transfer`.
+#[inline(always)]
+fn run_sums_two_passes<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    pass: &Pass<'_>,
+    element: &ElementPixels,
+    corners: &Corners,
+    transfer: &mut (f32, f32),
+    scratch: &mut Scratch,
+) -> ElementSums {
+    let Pass { map, f, .. } = *pass;
+    let runs = map.runs_of(element);
+    scratch.make_room(parts::<L>(runs).count() * L);
+    let (mut sums, mut moments) = (ElementSums::default(), Moments::<L>::NONE);
+    for (k, part) in parts::<L>(runs).enumerate() {
+        let OfRun { at, g, counted } = of_run::<FMA, S, K, L, _>(pass, part, corners, AsItIs, &mut sums);
+        moments.add::<FMA>(load::<L>(f.data, at[0]), &g, &counted);
+        scratch.put(k * L, &g, &counted);
+    }
+    *transfer = fitted(&moments.totals());
+    let mut acc = RunAccumulators::<L>::NONE;
+    for (k, (run, column)) in parts::<L>(runs).enumerate() {
+        let at = [f.at((run.x + column as i32) as isize, run.y as isize), run.at as usize + column];
+        let (g, counted) = (load::<L>(&scratch.g, k * L), load::<L>(&scratch.counted, k * L));
+        acc.add::<FMA>(pass, at, g, counted, *transfer);
+    }
+    acc.finish(&mut sums);
     sums
 }
