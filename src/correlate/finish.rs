@@ -137,6 +137,7 @@ impl<B: Backend> Correlator<B> {
                 return Ok(outcome);
             }
             let now = self.backend.found(prepared, frame, field)?;
+            // A solver of its own is asked for once what does not match has been left out.
             if !limits.own && median_ratio(&now.elements, &before.elements) >= HELD_RATIO {
                 return Ok(outcome);
             }
