@@ -55,15 +55,7 @@ impl Corners {
     /// Displacement (less the whole offset) at lanes anywhere in the element.
     #[inline(always)]
     fn displacement<const FMA: bool, const L: usize>(&self, xi: &[f32; L], eta: &[f32; L]) -> [[f32; L]; 2] {
-        [&self.x, &self.y].map(|c| {
-            let (across, down, twist) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
-            let mut u = [0.0; L];
-            for i in 0..L {
-                let slope = mul_add::<FMA>(eta[i], twist, across);
-                u[i] = mul_add::<FMA>(xi[i], slope, mul_add::<FMA>(eta[i], down, c[0]));
-            }
-            u
-        })
+        [bilinear::<FMA, L>(&self.x, xi, eta), bilinear::<FMA, L>(&self.y, xi, eta)]
     }
 
     /// Whether the pixels of an element all land beyond one side of the deformed image.
@@ -127,7 +119,7 @@ impl Brings for AsItIs {
 impl Brings for &Light {
     #[inline(always)]
     fn row<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: f32, g: &mut [f32; L]) {
-        let [(gain, by), (offset, of)] = [&self.gain, &self.offset].map(|corner| along_row(corner, eta));
+        let ((gain, by), (offset, of)) = (along_row(&self.gain, eta), along_row(&self.offset, eta));
         for i in 0..L {
             g[i] = mul_add::<FMA>(mul_add::<FMA>(xi[i], by, gain), g[i], mul_add::<FMA>(xi[i], of, offset));
         }
@@ -135,16 +127,10 @@ impl Brings for &Light {
 
     #[inline(always)]
     fn lanes<const FMA: bool, const L: usize>(self, xi: &[f32; L], eta: &[f32; L], g: &mut [f32; L]) {
-        let [gain, offset] = [&self.gain, &self.offset].map(|c| {
-            let (across, down, twist) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
-            (c[0], across, down, twist)
-        });
+        let gain = bilinear::<FMA, L>(&self.gain, xi, eta);
+        let offset = bilinear::<FMA, L>(&self.offset, xi, eta);
         for i in 0..L {
-            let [gain, offset] = [gain, offset].map(|(first, across, down, twist)| {
-                let slope = mul_add::<FMA>(eta[i], twist, across);
-                mul_add::<FMA>(xi[i], slope, mul_add::<FMA>(eta[i], down, first))
-            });
-            g[i] = mul_add::<FMA>(gain, g[i], offset);
+            g[i] = mul_add::<FMA>(gain[i], g[i], offset[i]);
         }
     }
 }
@@ -165,6 +151,20 @@ pub(super) struct ElementSums {
     /// Sums of f, f^2 over the pixels not counted.
     pub f_lost: f32,
     pub ff_lost: f32,
+}
+
+/// What is bilinear between its values at the corners, in lanes anywhere in the element. No `map` over arrays here: it is compiled by itself, without the
+/// vector instructions of the kernel.
+#[inline(always)]
+fn bilinear<const FMA: bool, const L: usize>(corner: &[f32; 4], xi: &[f32; L], eta: &[f32; L]) -> [f32; L] {
+    let [a, b, c, d] = *corner;
+    let (across, down, twist) = (b - a, d - a, a - b + c - d);
+    let mut value = [0.0; L];
+    for i in 0..L {
+        let slope = mul_add::<FMA>(eta[i], twist, across);
+        value[i] = mul_add::<FMA>(xi[i], slope, mul_add::<FMA>(eta[i], down, a));
+    }
+    value
 }
 
 /// Affine run of the displacement along row `eta`: its value at xi = 0 and its change to xi = 1.
@@ -677,7 +677,7 @@ impl<const L: usize> RunAccumulators<L> {
         counted: &[f32; L],
         (gain, offset): (f32, f32),
     ) {
-        let [f, fx, fy] = [pass.f, pass.fx, pass.fy].map(|plane| load::<L>(plane.data, at));
+        let (f, fx, fy) = (load::<L>(pass.f.data, at), load::<L>(pass.fx.data, at), load::<L>(pass.fy.data, at));
         let (xi, eta) = (load::<L>(pass.map.xi(), local), load::<L>(pass.map.eta(), local));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
