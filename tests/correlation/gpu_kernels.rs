@@ -513,6 +513,42 @@ fn a_finer_level_starts_where_the_coarser_one_is() {
     assert_prolonged("GPU", &gpu);
 }
 
+#[track_caller]
+fn assert_light_is_taken_away<B: Backend>(device: &str, backend: &B, round_off: f64) {
+    let pair = images(150, 118, Depth::U8);
+    let laid = case("", &pair, inside(150, 118, 3), 16).laid();
+    let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
+    let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
+    let (level, _) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let mut field = backend.start(&level, &mut frame, &laid.displacement, &[GreyTransfer::NONE]).unwrap();
+    // Of the deformed image, which do not depend on the transfer of the zone.
+    let sums = |frame: &mut B::Frame, field: &mut B::Field| -> Vec<[f64; 3]> {
+        backend.observe(&level, frame, field).unwrap();
+        backend.all_sums(&level, frame, field).unwrap().iter().map(|sums| [sums.g, sums.gg, sums.fg]).collect()
+    };
+    let apart = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+        let of = |(a, b): (&f64, &f64)| (a - b).abs() / a.abs().max(1.0);
+        a.iter().flatten().zip(b.iter().flatten()).map(of).fold(0.0, f64::max)
+    };
+    let before = sums(&mut frame, &mut field);
+    let n_nodes = laid.displacement.len();
+    let light = |gain: f64, offset: f64| vec![GreyTransfer { gain, offset }; n_nodes];
+    backend.light(&level, &mut frame, &mut field, &light(1.2, -7.0)).unwrap();
+    let lit = sums(&mut frame, &mut field);
+    backend.light(&level, &mut frame, &mut field, &light(1.0, 0.0)).unwrap();
+    let after = sums(&mut frame, &mut field);
+    assert!(apart(&before, &lit) > 0.1, "{device}: there was no light");
+    assert!(apart(&before, &after) <= round_off, "{device}: {}", apart(&before, &after));
+}
+
+#[test]
+fn light_that_is_taken_away_leaves_the_sums_that_there_were_before_it() {
+    // The host has the kernel without light again; a device multiplies by one, and may sum in another order.
+    assert_light_is_taken_away("CPU", &CpuBackend::default(), 0.0);
+    let Some(gpu) = device() else { return };
+    assert_light_is_taken_away("GPU", &gpu, 1e-5);
+}
+
 // ---- Solution of the normal equations ----------------------------------------------------------------
 
 #[track_caller]
