@@ -412,7 +412,7 @@ impl<B: Backend> Correlator<B> {
         iterated.start().filter(|_| told_early).into_iter().for_each(&mut *settled);
         let field = self.settled(frame, &mut field, iterated)?;
         let n_out = field.of.excluded.iter().filter(|out| **out).count();
-        if is_rest && (n_out - start.left_out.len().min(n_out)) as f64 > FEW_MORE * field.of.excluded.len() as f64 {
+        if is_rest && n_out.saturating_sub(start.left_out.len()) as f64 > FEW_MORE * field.of.excluded.len() as f64 {
             return Ok(None);
         }
         field.start().filter(|_| is_told && !told_early).into_iter().for_each(settled);
