@@ -44,7 +44,7 @@ fn options(interpolation: &str) -> KernelOptions {
         .into_iter()
         .find(|i| i.name() == interpolation)
         .expect("a name of the list");
-    KernelOptions { interpolation, grey_offset: 120.0, brightness: Brightness::Zone }
+    KernelOptions::new((0.0, 255.0), interpolation, Brightness::Zone)
 }
 
 /// Conversion from 8 bit and B-spline prefilter.

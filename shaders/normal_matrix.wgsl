@@ -6,9 +6,10 @@
 #import index
 #import q4
 #import place
+#import gradient
 
 @group(0) @binding(0) var<uniform> run: Pass;
-@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(1) var<storage, read> reference: array<u32>;
 @group(0) @binding(2) var<storage, read> elements: array<Element>;
 @group(0) @binding(3) var<storage, read> displacement: array<Displacement>;
 @group(0) @binding(4) var<storage, read> shape: array<u32>;
@@ -41,9 +42,10 @@ var<private> x_with_one: vec4<f32>;
 var<private> y_with_one: vec4<f32>;
 
 fn add_pixel(at: i32, xi: f32, eta: f32, weight: f32) {
-    let f = reference[at];
-    let fx = reference[at + run.stride];
-    let fy = reference[at + 2 * run.stride];
+    let f = bitcast<f32>(reference[at]);
+    let gradient = gradient_of(reference[at + run.stride]);
+    let fx = gradient.x;
+    let fy = gradient.y;
     let wx = weight * vec3<f32>((1.0 - xi) * (1.0 - xi), xi * (1.0 - xi), xi * xi);
     let near = (1.0 - eta) * (1.0 - eta);
     let middle = eta * (1.0 - eta);
@@ -133,7 +135,7 @@ fn main(
                 if weighted {
                     weight = weight_of(corners, x, y, xi, eta);
                 }
-                add_pixel(3 * (y - run.reference_first) * run.stride + x, xi, eta, weight);
+                add_pixel(2 * (y - run.reference_first) * run.stride + x, xi, eta, weight);
             }
         }
     }

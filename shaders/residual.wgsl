@@ -6,12 +6,13 @@
 #import index
 #import q4
 #import place
+#import gradient
 #import spline
 #import sums
 #import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
-@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(1) var<storage, read> reference: array<u32>;
 @group(0) @binding(2) var<storage, read> deformed: array<f32>;
 @group(0) @binding(3) var<storage, read> elements: array<Element>;
 @group(0) @binding(4) var<storage, read> displacement: array<Displacement>;
@@ -54,7 +55,7 @@ fn main(
         for (var column = lane; column < element.size.x; column += LANES) {
             let x = element.corner.x + i32(column);
             let xi = element.local.x + f32(column) * element.local.y;
-            var at_reference = 3 * (element.corner.y - run.reference_first) * run.stride + x;
+            var at_reference = 2 * (element.corner.y - run.reference_first) * run.stride + x;
             var whole = vec2<f32>(0.0);
             var far = vec2<f32>(0.0);
             var taps: Taps;
@@ -71,7 +72,7 @@ fn main(
                 let py = element.corner.y + i32(row) + corners.whole.y + floor_y;
                 let window = clamp(py, 0, run.image.y - 1);
                 if window >= run.floors_from && window < run.floors_to {
-                    let f = reference[at_reference];
+                    let f = bitcast<f32>(reference[at_reference]);
                     let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
                     if weight > 0.0 {
                         let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
@@ -92,10 +93,7 @@ fn main(
                         }
                         let difference = (f - zone.y) - zone.x * grey;
                         let r = weight * difference;
-                        let gradient = vec2<f32>(
-                            reference[at_reference + run.stride],
-                            reference[at_reference + 2 * run.stride],
-                        );
+                        let gradient = gradient_of(reference[at_reference + run.stride]);
                         whole += r * gradient;
                         far += (eta * r) * gradient;
                         rr += r * difference;
@@ -106,7 +104,7 @@ fn main(
                     }
                     lost += (1.0 - weight) * vec2<f32>(f, f * f);
                 }
-                at_reference += 3 * run.stride;
+                at_reference += 2 * run.stride;
             }
             let near = whole - far;
             near_right += xi * near;
@@ -115,6 +113,10 @@ fn main(
             far_left += far - xi * far;
         }
     }
+    near_left *= run.unit;
+    near_right *= run.unit;
+    far_right *= run.unit;
+    far_left *= run.unit;
     partial[thread] = near_left.x;
     partial[64u + thread] = near_left.y;
     partial[128u + thread] = near_right.x;

@@ -5,12 +5,13 @@
 #import index
 #import q4
 #import place
+#import gradient
 #import spline
 #import sums
 #import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
-@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(1) var<storage, read> reference: array<u32>;
 @group(0) @binding(2) var<storage, read> deformed: array<f32>;
 @group(0) @binding(3) var<storage, read> elements: array<Element>;
 @group(0) @binding(4) var<storage, read> displacement: array<Displacement>;
@@ -66,8 +67,8 @@ fn main(
                 let py = y + corners.whole.y + floor_y;
                 let window = clamp(py, 0, run.image.y - 1);
                 if window >= run.floors_from && window < run.floors_to {
-                    let at_reference = 3 * (y - run.reference_first) * run.stride + x;
-                    let f = reference[at_reference];
+                    let at_reference = 2 * (y - run.reference_first) * run.stride + x;
+                    let f = bitcast<f32>(reference[at_reference]);
                     let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
                     if weight > 0.0 {
                         let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
@@ -78,8 +79,9 @@ fn main(
                         let difference = (f - zone.y) - zone.x * grey;
                         let r = weight * difference;
                         let psi = shape_functions(xi, eta);
-                        bx += psi * (r * reference[at_reference + run.stride]);
-                        by += psi * (r * reference[at_reference + 2 * run.stride]);
+                        let gradient = gradient_of(reference[at_reference + run.stride]);
+                        bx += psi * (r * gradient.x);
+                        by += psi * (r * gradient.y);
                         rr += r * difference;
                         n += weight;
                         g += weight * grey;
@@ -92,8 +94,8 @@ fn main(
         }
     }
     for (var a = 0u; a < 4u; a++) {
-        partial[128u * a + thread] = bx[a];
-        partial[128u * a + 64u + thread] = by[a];
+        partial[128u * a + thread] = run.unit * bx[a];
+        partial[128u * a + 64u + thread] = run.unit * by[a];
     }
     keep(thread, vec4<f32>(n, rr, g, gg), fg, lost);
     workgroupBarrier();

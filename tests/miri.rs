@@ -30,7 +30,7 @@ fn passes_over_a_few_pixels_read_what_is_there() {
     let mesh = PixelMesh::on_zones(std::slice::from_ref(&zone), 8, ELEMENT_SHARE, [width, height]).unwrap();
     let backend = CpuBackend::default();
     for interpolation in [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys] {
-        let options = KernelOptions { interpolation, grey_offset: 128.0, brightness: Brightness::Zone };
+        let options = KernelOptions::new((0.0, 255.0), interpolation, Brightness::Zone);
         let [mut reference, mut deformed] =
             images.clone().map(|image: Arc<Image>| backend.frame(image, &options).unwrap());
         let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).unwrap();

@@ -13,8 +13,7 @@ function answerImages() {
 async function numbersOf(device) {
   const found = {};
   const [reference, deformed] = answerImages();
-  const [low, high] = rangeOf(reference);
-  const [before, after] = [reference, deformed].map(image => new Frame(device, image, Math.fround(0.5 * (low + high))));
+  const [before, after] = [reference, deformed].map(image => new Frame(device, image, rangeOf(reference)));
   const grid = Grid.on(ANSWER.zone, ANSWER.element);
   const moments = ({ moments }, elements) => elements.flatMap(e => [...moments.subarray(MOMENTS * e, MOMENTS * e + 27)]);
   const all = ({ n_elements }) => Array.from({ length: n_elements }, (_, e) => e);

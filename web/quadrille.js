@@ -48,11 +48,17 @@ function causalStart(pole, n) {
   return weights;
 }
 
+/** Unit of a gradient as a whole 16-bit number, of an image with this range of grey levels: `gradient_unit` in src/backend/mod.rs. */
+function gradientUnit(range) {
+  const exponent = Math.ceil(Math.log2(2 * range / 32767));
+  return Number.isFinite(exponent) ? 2 ** Math.min(Math.max(exponent, -100), 100) : 1;
+}
+
 /** An image on the device, its halvings, and their spline coefficients, each made when first asked for. */
 class Frame {
-  /** `image`: width, height and grey, a Uint8Array or a Float32Array. */
-  constructor(device, image, offset) {
-    Object.assign(this, { device, image, offset, greys: [], splines: [] });
+  /** `image`: width, height and grey, a Uint8Array or a Float32Array; `range`: the grey levels of the reference, `KernelOptions::new` in src/backend/mod.rs. */
+  constructor(device, image, [low, high]) {
+    Object.assign(this, { device, image, offset: Math.fround(0.5 * (low + high)), unit: gradientUnit(high - low), greys: [], splines: [] });
   }
 
   grey(level) {
@@ -282,16 +288,16 @@ class Level {
     const self = new Level();
     const { width, height, stride, origin, buffer: grey } = frame.grey(level);
     const coefficients = frame.coefficients(level);
-    const reference = device.buffer(12 * stride * height, `a reference of ${width} x ${height} px`);
+    const reference = device.buffer(8 * stride * height, `a reference of ${width} x ${height} px`);
     const constants = {
-      width, rows: height, stride, grey_first: origin, coefficients_first: origin, reference_first: 0,
+      width, rows: height, stride, grey_first: origin, coefficients_first: origin, reference_first: 0, per_unit: 1 / frame.unit,
       value: [0, 1 / 6, 4 / 6, 1 / 6, 0, 0, 0, 0], derivative: [0, -0.5, 0, 0.5, 0, 0, 0, 0],
     };
     const groups = [Math.ceil(width / 64), Math.ceil(height / SHADERS.gradient.constants.ROWS)];
     device.record().run(
       device.bound('gradient', [device.uniform('Gradient', constants), grey, coefficients.buffer, reference], ...groups)).submit();
     const elements = Array.from({ length: grid.n_elements }, (_, at) => grid.element(at, width, height));
-    Object.assign(self, { device, level, grid, width, height, stride, reference, elements });
+    Object.assign(self, { device, level, grid, width, height, stride, reference, elements, unit: frame.unit });
     self.active = new Array(grid.n_elements).fill(true);
     self.element_buffer = device.filled(packed('Element', elements), 'the elements');
     self.moments = await self.sumMoments();
@@ -304,7 +310,7 @@ class Level {
     return this.device.uniform('Pass', {
       image: [this.width, this.height], stride: this.stride, n_elements: this.grid.n_elements,
       reference_first: 0, elements_from: LEAST, elements_to: MOST, deformed_first: 0, floors_from: LEAST, floors_to: MOST,
-      own_transfer: 0, accumulate: 0, n_listed, runs_at: 0, points_at: 0, weighted,
+      own_transfer: 0, accumulate: 0, n_listed, runs_at: 0, points_at: 0, weighted, unit: this.unit,
     });
   }
 
@@ -319,7 +325,8 @@ class Level {
     const buffers = [pass, this.reference, this.element_buffer, displacement ?? none(), none(), list, results];
     const kernel = device.bound('normal_matrix', buffers, Math.ceil(n / 4));
     const [bytes] = await device.record().run(kernel).fetch([results, 4 * MOMENTS * n]);
-    return new Float32Array(bytes);
+    // Products of gradients were summed in their unit.
+    return new Float32Array(bytes).map((sum, k) => k % MOMENTS < 27 ? sum * this.unit ** 2 : sum);
   }
 
   /** Pixels of an element. */
@@ -824,7 +831,6 @@ async function correlate(device, reference, deformed, { size = 16, tolerance_px 
     const [least, most] = rangeOf(image);
     if (least === most) throw new Fault(`The ${what} has no texture: every pixel has the grey level ${least}.`);
   }
-  const offset = Math.fround(0.5 * (low + high));
   const times = [];
   const timed = async (what, work) => {
     const began = performance.now();
@@ -834,7 +840,7 @@ async function correlate(device, reference, deformed, { size = 16, tolerance_px 
     return result;
   };
   device.runs = {};
-  const frames = [reference, deformed].map(image => new Frame(device, image, offset));
+  const frames = [reference, deformed].map(image => new Frame(device, image, [low, high]));
   try {
     // The grid first: an image may be too small for it.
     const grids = [Grid.on([0, 0, reference.width, reference.height], size)];
@@ -876,7 +882,7 @@ async function correlate(device, reference, deformed, { size = 16, tolerance_px 
     }
     const [finest] = levels;
     return {
-      ...best, grid: finest.grid, active: finest.active, times, runs: { ...device.runs }, range: high - low, offset,
+      ...best, grid: finest.grid, active: finest.active, times, runs: { ...device.runs }, range: high - low, offset: frames[0].offset,
       n_levels: levels.length, n_left_out: finest.keep.filter(kept => !kept).length,
     };
   } finally {

@@ -454,10 +454,12 @@ fn main(
     }
 }
 `,
-  'gradient': `// The reference: grey levels and the gradient of their spline at the pixels, row by row f, fx, fy.
-// Twin: \`gradient\` in src/backend/cpu/gradient.rs. Thread = column of ROWS
+  'gradient': `// The reference: grey levels and the gradient of their spline at the pixels, row by row f, then both components of the gradient
+// in one word.
+// Twin: \`Gradient\` in src/backend/cpu/gradient.rs. Thread = column of ROWS
 // pixels: going down, sums along four of five rows of coefficients stay in registers.
 #import types
+#import gradient
 
 struct Gradient {
     width: i32,
@@ -467,7 +469,9 @@ struct Gradient {
     grey_first: i32,
     coefficients_first: i32,
     reference_first: i32,
-    unused: vec2<i32>,
+    // Units of the gradient per grey level and px.
+    per_unit: f32,
+    unused: i32,
     // Weights of value and derivative on the coefficients from two pixels before to two after.
     value: array<vec4<f32>, 2>,
     derivative: array<vec4<f32>, 2>,
@@ -476,7 +480,7 @@ struct Gradient {
 @group(0) @binding(0) var<uniform> gradient: Gradient;
 @group(0) @binding(1) var<storage, read> grey: array<f32>;
 @group(0) @binding(2) var<storage, read> coefficients: array<f32>;
-@group(0) @binding(3) var<storage, read_write> reference: array<f32>;
+@group(0) @binding(3) var<storage, read_write> reference: array<u32>;
 
 const ROWS: i32 = 16;
 
@@ -498,11 +502,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let even_below = dot(gradient.value[0], c) + gradient.value[1].x * last;
         let slope_below = dot(gradient.derivative[0], c) + gradient.derivative[1].x * last;
         if y >= first {
-            let at = gradient.reference_first + 3 * y * gradient.stride + x;
-            reference[at] = grey[gradient.grey_first + y * gradient.stride + x];
-            reference[at + gradient.stride] = dot(gradient.value[0], slope) + gradient.value[1].x * slope_below;
-            reference[at + 2 * gradient.stride] =
-                dot(gradient.derivative[0], even) + gradient.derivative[1].x * even_below;
+            let at = gradient.reference_first + 2 * y * gradient.stride + x;
+            reference[at] = bitcast<u32>(grey[gradient.grey_first + y * gradient.stride + x]);
+            reference[at + gradient.stride] = packed_gradient(
+                gradient.per_unit * (dot(gradient.value[0], slope) + gradient.value[1].x * slope_below),
+                gradient.per_unit * (dot(gradient.derivative[0], even) + gradient.derivative[1].x * even_below),
+            );
         }
         even = vec4<f32>(even.yzw, even_below);
         slope = vec4<f32>(slope.yzw, slope_below);
@@ -517,9 +522,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #import index
 #import q4
 #import place
+#import gradient
 
 @group(0) @binding(0) var<uniform> run: Pass;
-@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(1) var<storage, read> reference: array<u32>;
 @group(0) @binding(2) var<storage, read> elements: array<Element>;
 @group(0) @binding(3) var<storage, read> displacement: array<Displacement>;
 @group(0) @binding(4) var<storage, read> shape: array<u32>;
@@ -552,9 +558,10 @@ var<private> x_with_one: vec4<f32>;
 var<private> y_with_one: vec4<f32>;
 
 fn add_pixel(at: i32, xi: f32, eta: f32, weight: f32) {
-    let f = reference[at];
-    let fx = reference[at + run.stride];
-    let fy = reference[at + 2 * run.stride];
+    let f = bitcast<f32>(reference[at]);
+    let gradient = gradient_of(reference[at + run.stride]);
+    let fx = gradient.x;
+    let fy = gradient.y;
     let wx = weight * vec3<f32>((1.0 - xi) * (1.0 - xi), xi * (1.0 - xi), xi * xi);
     let near = (1.0 - eta) * (1.0 - eta);
     let middle = eta * (1.0 - eta);
@@ -644,7 +651,7 @@ fn main(
                 if weighted {
                     weight = weight_of(corners, x, y, xi, eta);
                 }
-                add_pixel(3 * (y - run.reference_first) * run.stride + x, xi, eta, weight);
+                add_pixel(2 * (y - run.reference_first) * run.stride + x, xi, eta, weight);
             }
         }
     }
@@ -875,12 +882,13 @@ fn main(
 #import index
 #import q4
 #import place
+#import gradient
 #import spline
 #import sums
 #import light
 
 @group(0) @binding(0) var<uniform> run: Pass;
-@group(0) @binding(1) var<storage, read> reference: array<f32>;
+@group(0) @binding(1) var<storage, read> reference: array<u32>;
 @group(0) @binding(2) var<storage, read> deformed: array<f32>;
 @group(0) @binding(3) var<storage, read> elements: array<Element>;
 @group(0) @binding(4) var<storage, read> displacement: array<Displacement>;
@@ -923,7 +931,7 @@ fn main(
         for (var column = lane; column < element.size.x; column += LANES) {
             let x = element.corner.x + i32(column);
             let xi = element.local.x + f32(column) * element.local.y;
-            var at_reference = 3 * (element.corner.y - run.reference_first) * run.stride + x;
+            var at_reference = 2 * (element.corner.y - run.reference_first) * run.stride + x;
             var whole = vec2<f32>(0.0);
             var far = vec2<f32>(0.0);
             var taps: Taps;
@@ -940,7 +948,7 @@ fn main(
                 let py = element.corner.y + i32(row) + corners.whole.y + floor_y;
                 let window = clamp(py, 0, run.image.y - 1);
                 if window >= run.floors_from && window < run.floors_to {
-                    let f = reference[at_reference];
+                    let f = bitcast<f32>(reference[at_reference]);
                     let weight = weight_on(px, tx, run.image.x) * weight_on(py, ty, run.image.y);
                     if weight > 0.0 {
                         let at = (py - BEFORE + BORDER - run.deformed_first) * run.stride + px - BEFORE + BORDER;
@@ -961,10 +969,7 @@ fn main(
                         }
                         let difference = (f - zone.y) - zone.x * grey;
                         let r = weight * difference;
-                        let gradient = vec2<f32>(
-                            reference[at_reference + run.stride],
-                            reference[at_reference + 2 * run.stride],
-                        );
+                        let gradient = gradient_of(reference[at_reference + run.stride]);
                         whole += r * gradient;
                         far += (eta * r) * gradient;
                         rr += r * difference;
@@ -975,7 +980,7 @@ fn main(
                     }
                     lost += (1.0 - weight) * vec2<f32>(f, f * f);
                 }
-                at_reference += 3 * run.stride;
+                at_reference += 2 * run.stride;
             }
             let near = whole - far;
             near_right += xi * near;
@@ -984,6 +989,10 @@ fn main(
             far_left += far - xi * far;
         }
     }
+    near_left *= run.unit;
+    near_right *= run.unit;
+    far_right *= run.unit;
+    far_left *= run.unit;
     partial[thread] = near_left.x;
     partial[64u + thread] = near_left.y;
     partial[128u + thread] = near_right.x;
@@ -1097,6 +1106,22 @@ fn spline_weights(t: f32) -> vec4<f32> {
         s2 * (s * 0.5 - 1.0) + 2.0 / 3.0,
         t2 * t * (1.0 / 6.0),
     );
+}
+`,
+  'shared/gradient': `// The gradient of the reference at a pixel: whole 16-bit numbers of a unit, x in the low half of a word, y in the high one.
+// Twin: \`Gradient\` in src/backend/cpu/gradient.rs.
+
+fn packed_gradient(x: f32, y: f32) -> u32 {
+    return (nearest(x) & 0xffffu) | (nearest(y) << 16u);
+}
+
+// The nearest whole number, in the low bits: a sum with 1.5 * 2^23 has no room for a fraction.
+fn nearest(value: f32) -> u32 {
+    return bitcast<u32>(clamp(value, -32767.0, 32767.0) + 12582912.0);
+}
+
+fn gradient_of(word: u32) -> vec2<f32> {
+    return vec2<f32>(f32(bitcast<i32>(word << 16u) >> 16u), f32(bitcast<i32>(word) >> 16u));
 }
 `,
   'shared/index': `// Number of a workgroup in a dispatch that is folded into rows (a dimension holds 65535 at most).
@@ -1320,6 +1345,11 @@ struct Pass {
     points_at: u32,
     // For the normal matrix: count pixels by their weight in the deformed image.
     weighted: u32,
+    // Of the gradient, grey levels per px.
+    unit: f32,
+    unused0: u32,
+    unused1: u32,
+    unused2: u32,
 }
 
 // Columns and rows of border around a plane.
@@ -1723,9 +1753,9 @@ const LAYOUTS = {
   Downsample: { size: 32, fields: { width: [0, 'u32'], rows: [4, 'u32'], fine_stride: [8, 'u32'], coarse_stride: [12, 'u32'], fine_first: [16, 'u32'], coarse_first: [20, 'u32'], unused: [24, 'u32'] } },
   Element: { size: 64, fields: { nodes: [0, 'u32'], corner: [16, 'i32'], size: [24, 'u32'], local: [32, 'f32'], first_run: [48, 'u32'], n_runs: [52, 'u32'], zone: [56, 'u32'], unused: [60, 'u32'] } },
   Gather: { size: 16, fields: { n_nodes: [0, 'u32'], unused0: [4, 'u32'], unused1: [8, 'u32'], unused2: [12, 'u32'] } },
-  Gradient: { size: 96, fields: { width: [0, 'i32'], rows: [4, 'i32'], stride: [8, 'i32'], grey_first: [12, 'i32'], coefficients_first: [16, 'i32'], reference_first: [20, 'i32'], unused: [24, 'i32'], value: [32, 'f32'], derivative: [64, 'f32'] } },
+  Gradient: { size: 96, fields: { width: [0, 'i32'], rows: [4, 'i32'], stride: [8, 'i32'], grey_first: [12, 'i32'], coefficients_first: [16, 'i32'], reference_first: [20, 'i32'], per_unit: [24, 'f32'], unused: [28, 'i32'], value: [32, 'f32'], derivative: [64, 'f32'] } },
   Group: { size: 8, fields: { first: [0, 'u32'], count: [4, 'u32'] } },
-  Pass: { size: 64, fields: { image: [0, 'i32'], stride: [8, 'i32'], n_elements: [12, 'u32'], reference_first: [16, 'i32'], elements_from: [20, 'i32'], elements_to: [24, 'i32'], deformed_first: [28, 'i32'], floors_from: [32, 'i32'], floors_to: [36, 'i32'], own_transfer: [40, 'u32'], accumulate: [44, 'u32'], n_listed: [48, 'u32'], runs_at: [52, 'u32'], points_at: [56, 'u32'], weighted: [60, 'u32'] } },
+  Pass: { size: 80, fields: { image: [0, 'i32'], stride: [8, 'i32'], n_elements: [12, 'u32'], reference_first: [16, 'i32'], elements_from: [20, 'i32'], elements_to: [24, 'i32'], deformed_first: [28, 'i32'], floors_from: [32, 'i32'], floors_to: [36, 'i32'], own_transfer: [40, 'u32'], accumulate: [44, 'u32'], n_listed: [48, 'u32'], runs_at: [52, 'u32'], points_at: [56, 'u32'], weighted: [60, 'u32'], unit: [64, 'f32'], unused0: [68, 'u32'], unused1: [72, 'u32'], unused2: [76, 'u32'] } },
   Place: { size: 32, fields: { nodes: [0, 'u32'], weights: [16, 'f32'] } },
   Prefilter: { size: 304, fields: { n: [0, 'i32'], lines: [4, 'i32'], step: [8, 'i32'], line_step: [12, 'i32'], begin: [16, 'i32'], end: [20, 'i32'], source_first: [24, 'i32'], target_first: [28, 'i32'], poles: [32, 'f32'], n_poles: [40, 'i32'], n_start: [44, 'i32'], start: [48, 'f32'] } },
   Report: { size: 16, fields: { n_elements: [0, 'u32'], n_nodes: [4, 'u32'], unused: [8, 'u32'] } },

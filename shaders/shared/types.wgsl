@@ -43,6 +43,11 @@ struct Pass {
     points_at: u32,
     // For the normal matrix: count pixels by their weight in the deformed image.
     weighted: u32,
+    // Of the gradient, grey levels per px.
+    unit: f32,
+    unused0: u32,
+    unused1: u32,
+    unused2: u32,
 }
 
 // Columns and rows of border around a plane.

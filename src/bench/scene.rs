@@ -85,5 +85,5 @@ fn zone(size: usize, element: usize) -> [Zone; 1] {
 
 /// Cubic interpolation, one gain and offset for the zone.
 pub fn kernel_options() -> KernelOptions {
-    KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 120.0, brightness: Brightness::Zone }
+    KernelOptions::new((0.0, 255.0), Interpolation::Cubic, Brightness::Zone)
 }

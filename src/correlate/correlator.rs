@@ -26,7 +26,7 @@ use crate::imaging::Image;
 use crate::mesh::{Mesh, PixelMesh, PixelSet, Zone};
 use crate::units::Px;
 use std::collections::BTreeSet;
-use std::ops::Deref;
+use std::ops::{Deref, RangeInclusive};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -34,6 +34,8 @@ use std::sync::{Arc, OnceLock};
 pub(super) const MATCHED: f64 = 0.5;
 /// A level that takes more than this from a zone's correlation coefficient has harmed it.
 const WORSE: f64 = 0.02;
+/// Ranges of grey levels of which products, summed over millions of pixels, are numbers of single precision.
+const GREY_LEVELS: RangeInclusive<f64> = 1e-12..=1e12;
 /// A prediction this far off (px) at more than a few nodes may have locked on the wrong speckles: the pyramid checks it.
 const PREDICTION_OFF_PX: f64 = 1.0;
 /// A few nodes: this share of a zone's, which noise may have put anywhere; and where elements did not match in the frame before, beside which there may
@@ -133,10 +135,14 @@ impl<B: Backend> Correlator<B> {
         let size = [reference.width(), reference.height()];
         let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
         let (low, high) = reference.range();
+        let range = f64::from(high) - f64::from(low);
+        // A reference without any has no texture, which is said for its nodes.
+        if range != 0.0 && !GREY_LEVELS.contains(&range) {
+            return Err(CorrelationError::GreyLevels { range });
+        }
         let kernel = KernelOptions {
-            interpolation: options.interpolation,
             grey_offset,
-            brightness: options.brightness.of_sums(),
+            ..KernelOptions::new((low, high), options.interpolation, options.brightness.of_sums())
         };
         if let Some(wanted) = options.noise.fault(f64::from(high)) {
             let value = options.noise.to_string();

@@ -58,6 +58,14 @@ pub enum CorrelationError {
         /// The grey level.
         grey: f32,
     },
+    /// Grey levels of the reference too large, or too small, for sums of products in single precision.
+    #[error(
+        "the grey levels of the reference range over {range:e}, and numbers of single precision do not hold sums of their products: multiply all images by the same number, so that they range over some hundreds"
+    )]
+    GreyLevels {
+        /// The largest less the smallest.
+        range: f64,
+    },
     /// A start that belongs to another mesh.
     #[error("the start has {nodes} nodes and {zones} zones, the mesh {mesh_nodes} and {mesh_zones}")]
     Start {

@@ -264,8 +264,7 @@ mod tests {
             ..ElementMoments::default()
         };
         let moments: Vec<ElementMoments> = (0..mesh.n_elements()).map(of_element).collect();
-        let options =
-            KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 0.0, brightness: Brightness::Zone };
+        let options = KernelOptions::new((0.0, 255.0), Interpolation::Cubic, Brightness::Zone);
         let new = |moments: Vec<ElementMoments>| Seen::new((&mesh, &pattern), moments, &options, 0.5);
         let mut seen = new(moments);
         assert!(seen.of_elements.iter().all(|of| of.lambda == 0.5), "the noise is taken off");

@@ -415,8 +415,7 @@ mod tests {
         let laid = PixelMesh::on_zones(&[Zone::rectangle("all", roi)], ELEMENT, 0.5, [size; 2]).unwrap();
         let mesh = &laid.mesh;
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
-        let options =
-            KernelOptions { interpolation: Interpolation::Cubic, grey_offset: 0.0, brightness: Brightness::Zone };
+        let options = KernelOptions::new((0.0, 255.0), Interpolation::Cubic, Brightness::Zone);
         let (isa, lambda) = (Isa::detect(), 0.05 / 3.0);
         let all: Vec<ElementMoments> = (0..mesh.n_elements()).map(|element| moments(element, 0)).collect();
         let left_of = |element: usize| {

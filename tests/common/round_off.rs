@@ -65,6 +65,13 @@ impl Near {
         Self { value, error: (value - low).max(high - value) }.and(6.0)
     }
 
+    /// As the nearest whole number of units; where the error decides which it is, between those that it may be.
+    pub fn in_units(self, unit: f64) -> Self {
+        let nearest = |value: f64| (value / unit).round_ties_even().clamp(-32_767.0, 32_767.0) * unit;
+        let (low, high) = (nearest(self.value - self.error), nearest(self.value + self.error));
+        Self { value: 0.5 * (low + high), error: 0.5 * (high - low) }
+    }
+
     /// Whether `found` is where it may be.
     pub fn holds(self, found: f64) -> bool {
         // Below the smallest normal number devices may give zero.
@@ -263,6 +270,7 @@ pub struct Task<'a> {
     pub interpolation: Interpolation,
     pub brightness: Brightness,
     pub grey_offset: f32,
+    pub gradient_unit: f32,
     /// Elements that are not left out.
     pub active: &'a [bool],
     pub displacement: &'a [[f64; 2]],
@@ -344,7 +352,7 @@ impl Evaluation {
                         sum.add(Near { value: wx * wy * c.value, error: (wx * wy).abs() * c.error });
                     }
                 }
-                sum.along(5.0 + 5.0 + 4.0)
+                sum.along(5.0 + 5.0 + 4.0).in_units(f64::from(task.gradient_unit))
             };
             [sum(&slope, &value), sum(&value, &slope)]
         });

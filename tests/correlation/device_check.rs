@@ -11,7 +11,7 @@ use quadrille::imaging::Interpolation;
 
 /// What may be wrong with a driver, a compiler or a card, in every kernel that decides where an iteration ends: what is altered,
 /// and into what.
-const ALTERED: [[&str; 3]; 16] = [
+const ALTERED: [[&str; 3]; 17] = [
     ["pixels a little too bright", "= value - unpack.offset", "= 1.004 * value - unpack.offset"],
     ["means of four a little too large", "0.25 * ((fine", "0.2505 * ((fine"],
     [
@@ -21,6 +21,7 @@ const ALTERED: [[&str; 3]; 16] = [
     ],
     ["border of the plane", "2.0 * plane[place(0, y)] - plane[place(inner, y)]", "plane[place(0, y)]"],
     ["gradient along y", "dot(gradient.derivative[0], even)", "1.01 * dot(gradient.derivative[0], even)"],
+    ["sign of a gradient", "f32(bitcast<i32>(word << 16u) >> 16u)", "f32(word & 0xffffu)"],
     ["a moment of the matrix", "xy_far += (fx * fy * far) * wx", "xy_far += (fx * fx * far) * wx"],
     ["place of sampling, 0.02 px", "let tx = ux - f32(floor_x);", "let tx = ux - f32(floor_x) + 0.02;"],
     ["weights of the interpolation", "s2 * s * (1.0 / 6.0)", "s2 * s * (1.0 / 6.1)"],

@@ -712,6 +712,31 @@ fn a_deformed_image_without_picture_is_an_error_of_the_frame() {
 }
 
 #[test]
+fn grey_levels_of_any_size_give_the_same_bits_and_those_that_sums_do_not_hold_are_refused() {
+    let pair = [picture(&REST, &eight_bit(128, 128)), picture(&Translation([1.3, -0.7]), &eight_bit(128, 128))];
+    let zones = inside(128, 128, 16);
+    let measured = |factor: f32| {
+        let [reference, deformed] = pair.each_ref().map(|image| changed(image, |_, _, grey| factor * grey));
+        let noise = (2.0 * f64::from(factor)).into();
+        cold(&prepared(&reference, &zones, Options { noise, ..Options::default() }), &deformed).measurement
+    };
+    let (usual, error) = (measured(1.0), |factor: f32| {
+        refusal(&changed(&pair[0], |_, _, grey| factor * grey), &zones, Options::default())
+    });
+    // A power of two changes no digit of any product.
+    for exponent in [-40, -10, 10, 30] {
+        let scaled = measured(2.0f32.powi(exponent));
+        assert_eq!(scaled.displacement, usual.displacement, "2^{exponent}");
+        assert_eq!(scaled.status, usual.status, "2^{exponent}");
+    }
+    for factor in [1e30, 1e12, 1e-16] {
+        let error = error(factor);
+        assert!(matches!(error, CorrelationError::GreyLevels { .. }), "{factor}: {error}");
+        assert!(!error.is_of_the_frame() && error.to_string().contains("multiply all images"), "{error}");
+    }
+}
+
+#[test]
 fn options_that_make_no_sense_are_refused() {
     let reference = picture(&REST, &eight_bit(64, 64));
     for options in [

@@ -67,11 +67,7 @@ impl Case {
             mesh = mesh.halved(self.element_size, size).expect("a coarser level");
         }
         let (low, high) = image.range();
-        let options = KernelOptions {
-            interpolation: self.interpolation,
-            grey_offset: 0.5 * (low + high),
-            brightness: self.brightness,
-        };
+        let options = KernelOptions::new((low, high), self.interpolation, self.brightness);
         let scale = f64::from(1 << self.level);
         let bent = |&[x, y]: &[f64; 2]| {
             let [x, y] = [x * scale, y * scale];
@@ -284,6 +280,7 @@ fn assert_sums<B: Backend>(gpu: &B, case: &Case) {
         interpolation: case.interpolation,
         brightness: case.brightness,
         grey_offset: laid.options.grey_offset,
+        gradient_unit: laid.options.gradient_unit,
         active: &laid.active,
         displacement: &laid.displacement,
         transfer: &laid.transfer,

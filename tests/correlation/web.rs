@@ -188,6 +188,7 @@ struct Numbers {
 
 /// As in `src/backend/check.rs`: what round-off may make of sums, of sums of residuals, of displacements.
 const SUMS: f64 = 3e-5;
+const MOMENTS: f64 = 3e-4;
 const RESIDUALS: f64 = 3e-4;
 const DISPLACEMENTS_PX: f64 = 2e-5;
 /// Of that, what two instruction paths of the CPU may differ by: they add in other orders, but in the same pieces.
@@ -331,11 +332,7 @@ impl Answer {
         let [reference, deformed] = self.images();
         let (low, high) = reference.range();
         assert!(matches!(reference.pixels(), Levels::U8(_)));
-        let options = KernelOptions {
-            interpolation: Interpolation::Cubic,
-            grey_offset: 0.5 * (low + high),
-            brightness: Brightness::Zone,
-        };
+        let options = KernelOptions::new((low, high), Interpolation::Cubic, Brightness::Zone);
         let size = [self.width, self.height];
         let fine = PixelMesh::on_zones(&self.zones(), self.element, ELEMENT_SHARE, size).unwrap();
         let coarse = fine.halved(self.element, size.map(|n| n / 2)).unwrap();
@@ -349,7 +346,7 @@ impl Answer {
         };
 
         let (coarser, moments) = backend.reference(&mut reference, 1, &coarse, &options).unwrap();
-        add("moments of elements, level 1", "", SUMS, of_moments(&moments));
+        add("moments of elements, level 1", "", MOMENTS, of_moments(&moments));
         let solver = backend.solver(&coarser, solver(&coarse, &moments)).unwrap();
         let start = vec![self.starts[1]; coarse.mesh.n_nodes()];
         let mut field = backend.start(&coarser, &mut deformed, &start, &transfer).unwrap();
@@ -363,7 +360,7 @@ impl Answer {
         add("displacement, level 1", "px", DISPLACEMENTS_PX, found.displacement.into_flattened());
 
         let (mut level, moments) = backend.reference(&mut reference, 0, &fine, &options).unwrap();
-        add("moments of elements", "", SUMS, of_moments(&moments));
+        add("moments of elements", "", MOMENTS, of_moments(&moments));
         backend.link(&mut level, places(&fine, &coarse)).unwrap();
         let solver = backend.solver(&level, self::solver(&fine, &moments)).unwrap();
         let mut field = backend.start_finer(&level, &mut deformed, &field, true).unwrap();
@@ -379,7 +376,7 @@ impl Answer {
         add("right-hand side", "", RESIDUALS, rhs.into_flattened());
         let remaining = backend.remaining_moments(&level, &mut deformed, &field).unwrap();
         let remaining: Vec<ElementMoments> = remaining.into_iter().map(|(_, moments)| moments).collect();
-        add("moments of elements that have lost pixels", "", SUMS, of_moments(&remaining));
+        add("moments of elements that have lost pixels", "", MOMENTS, of_moments(&remaining));
         for _ in 0..self.steps {
             backend.step(&level, &mut deformed, &mut field, &solver, [1.0, 0.0]).unwrap();
         }

@@ -23,6 +23,7 @@ use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{ElementPixels, Mesh, PixelMesh};
 use crate::units::Px;
+use gradient::Gradient;
 use plane::{Plane, Pool};
 use rayon::prelude::*;
 use residual::{Corners, ElementSums, Light, Pass, Reference, Scratch};
@@ -425,8 +426,9 @@ impl Backend for CpuBackend {
         mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
-        let (fx, fy) =
-            gradient::gradient(&self.pool, self.isa, frame.coefficients(self, level)?, options.interpolation)?;
+        let KernelOptions { interpolation, gradient_unit, .. } = *options;
+        let coefficients = frame.coefficients(self, level)?;
+        let gradient = Gradient::of(&self.pool, self.isa, coefficients, interpolation, gradient_unit)?;
         frame.coefficients[level] = None;
         let f = if level == 0 {
             let image = &frame.grey.image;
@@ -443,7 +445,7 @@ impl Backend for CpuBackend {
         let elements = mesh.pixels.elements().to_vec();
         let narrow = elements.iter().all(|e| e.nx <= 8);
         let with_transfer = options.brightness != Brightness::Off;
-        let reference = Reference { f, fx, fy, elements, map: mesh.pixels.clone() };
+        let reference = Reference { f, gradient, elements, map: mesh.pixels.clone() };
         let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
         moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {

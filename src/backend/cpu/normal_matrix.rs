@@ -1,6 +1,7 @@
 //! Moments of the reference gradient per element, from which the normal matrices are made (THEORY 2):
 //! 27 sums instead of the 36 entries (see [`ElementMoments`]).
 
+use super::gradient::Gradient;
 use super::plane::Plane;
 use super::residual::{Corners, Reference, chunk, total};
 use crate::backend::ElementMoments;
@@ -77,7 +78,7 @@ fn one_element<const FMA: bool, const L: usize>(
     element: &ElementPixels,
     mut weights: impl FnMut(i32, i32, &[f32; L], f32, &[f32; L]) -> [f32; L],
 ) -> ElementMoments {
-    let (f, fx, fy) = (reference.f.view(), reference.fx.view(), reference.fy.view());
+    let (f, fx, fy) = (reference.f.view(), reference.gradient.x.view(), reference.gradient.y.view());
     let mut moments = ElementMoments::default();
     let mut column = 0;
     while column < element.nx as usize {
@@ -92,8 +93,9 @@ fn one_element<const FMA: bool, const L: usize>(
             let at = f.at(x as isize, y as isize);
             let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
             for i in 0..L {
-                let (gx, gy, grey) = (weight[i] * fx[i], weight[i] * fy[i], weight[i] * f[i]);
-                for (p, value) in [gx * fx[i], gx * fy[i], gy * fy[i]].into_iter().enumerate() {
+                let (fx, fy) = (f32::from(fx[i]), f32::from(fy[i]));
+                let (gx, gy, grey) = (weight[i] * fx, weight[i] * fy, weight[i] * f[i]);
+                for (p, value) in [gx * fx, gx * fy, gy * fy].into_iter().enumerate() {
                     let first = eta * value;
                     acc[p][0][i] += value;
                     acc[p][1][i] += first;
@@ -125,6 +127,8 @@ fn one_element<const FMA: bool, const L: usize>(
         }
         column += L;
     }
+    let unit = f64::from(reference.gradient.unit);
+    moments.gradient.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|sum| *sum *= unit * unit);
     moments
 }
 
@@ -137,7 +141,7 @@ fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
 /// [`transfer_coupling`] of a rectangle of pixels.
 #[inline(always)]
 fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> [[f64; 8]; 2] {
-    let (f, fx, fy) = (reference.f.view(), reference.fx.view(), reference.fy.view());
+    let (f, fx, fy) = (reference.f.view(), reference.gradient.x.view(), reference.gradient.y.view());
     let mut sums = [[0.0; 8]; 2];
     let mut column = 0;
     while column < element.nx as usize {
@@ -149,7 +153,7 @@ fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, eleme
             let at = f.at((element.x + column as i32) as isize, (element.y + k) as isize);
             let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
             for i in 0..L {
-                let (gx, gy) = (mask[i] * fx[i], mask[i] * fy[i]);
+                let (gx, gy) = (mask[i] * f32::from(fx[i]), mask[i] * f32::from(fy[i]));
                 for (p, value) in [gx * f[i], gy * f[i], gx, gy].into_iter().enumerate() {
                     acc[p][0][i] += value;
                     acc[p][1][i] = mul_add::<FMA>(eta, value, acc[p][1][i]);
@@ -170,7 +174,7 @@ fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, eleme
         }
         column += L;
     }
-    sums
+    sums.map(|of| of.map(|sum| sum * f64::from(reference.gradient.unit)))
 }
 
 /// `sum psi_a grad f` times f and times 1, each pixel by its weight (of column, row, xi, eta).
@@ -226,7 +230,8 @@ fn for_each_pixel(
 ) {
     reference.map.for_each(element, |x, y, xi, eta| {
         let at = reference.f.at(x as isize, y as isize);
-        let gradient = [f64::from(reference.fx.data()[at]), f64::from(reference.fy.data()[at])];
+        let Gradient { x: fx, y: fy, unit } = &reference.gradient;
+        let gradient = [fx, fy].map(|plane| f64::from(plane.data()[at]) * f64::from(*unit));
         let weight = f64::from(weight(x, y, xi, eta));
         let psi = crate::mesh::shape_functions(f64::from(xi), f64::from(eta));
         visit(weight, psi, f64::from(reference.f.data()[at]), gradient);

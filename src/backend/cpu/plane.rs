@@ -1,10 +1,11 @@
-//! A plane of `f32` with a border, laid out for unaligned vector loads.
+//! A plane of values with a border, laid out for unaligned vector loads.
 
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;
+use bytemuck::Pod;
 use memmap2::MmapMut;
 use rayon::prelude::*;
-use std::ops::{Deref, DerefMut};
+use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Border on every side, px: a whole cache line, so that column 0 starts one. The six taps of the quintic
@@ -21,98 +22,88 @@ const HUGE: usize = 1 << 21;
 /// Border above and below, px.
 pub(super) const BORDER_ROWS: usize = 4;
 
-/// `f32` values on pages of their own: aligned to cache lines (64-byte accesses that straddle two cost
+/// Values on pages of their own: aligned to cache lines (64-byte accesses that straddle two cost
 /// double), and on huge pages where the system has them (a column of 16 rows touches dozens of small ones).
 #[derive(Debug)]
-pub(super) struct Values {
+struct Memory {
     map: MmapMut,
-    len: usize,
+    bytes: usize,
+    /// Of one value.
+    value_bytes: usize,
 }
 
-impl Values {
-    fn zeros(len: usize) -> Result<Self, BackendError> {
-        let out_of_memory = |_| BackendError::OutOfMemory { what: format!("{len} values of an image plane") };
+impl Memory {
+    fn zeros(bytes: usize, value_bytes: usize) -> Result<Self, BackendError> {
+        let out_of_memory = |_| BackendError::OutOfMemory { what: format!("{bytes} bytes of an image plane") };
         // Whole huge pages: the system lets none but such mappings begin with one.
-        let bytes = (len * size_of::<f32>()).next_multiple_of(if len >= HUGE / 8 { HUGE } else { 1 });
-        let map = MmapMut::map_anon(bytes).map_err(out_of_memory)?;
+        let mapped = bytes.next_multiple_of(if bytes >= HUGE / 2 { HUGE } else { 1 });
+        let map = MmapMut::map_anon(mapped).map_err(out_of_memory)?;
         // Only a hint: without huge pages it is merely slower.
         #[cfg(target_os = "linux")]
         #[cfg(not(miri))] // which does not know this advice
         let _ = map.advise(memmap2::Advice::HugePage);
-        Ok(Self { map, len })
-    }
-}
-
-impl Deref for Values {
-    type Target = [f32];
-
-    #[inline(always)]
-    fn deref(&self) -> &[f32] {
-        &bytemuck::cast_slice(&self.map)[..self.len]
-    }
-}
-
-impl DerefMut for Values {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut [f32] {
-        &mut bytemuck::cast_slice_mut(&mut self.map)[..self.len]
+        Ok(Self { map, bytes, value_bytes })
     }
 }
 
 /// Memory of planes that are no longer used, for the next ones of the same size: fresh pages cost as much
 /// as the work done on them.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Pool(Arc<Mutex<Vec<Values>>>);
+pub(super) struct Pool(Arc<Mutex<Vec<Memory>>>);
 
 /// Planes kept at most.
 const KEPT: usize = 12;
 
 impl Pool {
     /// A plane for `width` x `height` px; what it holds is arbitrary but finite.
-    pub fn plane(&self, width: usize, height: usize) -> Result<Plane, BackendError> {
+    pub fn plane<T: Pod>(&self, width: usize, height: usize) -> Result<Plane<T>, BackendError> {
         let mut stride = (width + 2 * BORDER).next_multiple_of(LANES);
         if stride.is_multiple_of(1024) {
             stride += LANES; // rows a multiple of 4 KiB apart would share cache sets
         }
-        let len = stride * (height + 2 * BORDER_ROWS) + TAIL;
+        let value_bytes = size_of::<T>();
+        let bytes = (stride * (height + 2 * BORDER_ROWS) + TAIL) * value_bytes;
         let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let data = match free.iter().position(|values| values.len() == len) {
+        // Of values of the same kind: two whole numbers side by side may be no `f32` number, and what lanes beyond a row read is multiplied by zero.
+        let memory = match free.iter().position(|memory| (memory.bytes, memory.value_bytes) == (bytes, value_bytes)) {
             Some(at) => free.swap_remove(at),
-            None => Values::zeros(len)?,
+            None => Memory::zeros(bytes, value_bytes)?,
         };
-        Ok(Plane { width, height, stride, data: Some(data), pool: self.clone() })
+        Ok(Plane { width, height, stride, memory: Some(memory), pool: self.clone(), of: PhantomData })
     }
 }
 
-impl Drop for Plane {
+impl<T> Drop for Plane<T> {
     fn drop(&mut self) {
         let mut free = self.pool.0.lock().unwrap_or_else(PoisonError::into_inner);
         if free.len() >= KEPT {
             free.remove(0);
         }
-        free.extend(self.data.take());
+        free.extend(self.memory.take());
     }
 }
 
-/// Row-major `f32` values with [`BORDER`] px around them.
+/// Row-major values with [`BORDER`] px around them.
 #[derive(Debug)]
-pub(super) struct Plane {
+pub(super) struct Plane<T = f32> {
     pub width: usize,
     pub height: usize,
     pub stride: usize,
-    data: Option<Values>,
+    memory: Option<Memory>,
     pool: Pool,
+    of: PhantomData<T>,
 }
 
-impl Plane {
+impl<T: Pod> Plane<T> {
     /// The values, border included.
-    pub fn data(&self) -> &[f32] {
-        self.data.as_deref().unwrap_or(&[]) // taken only when dropped
+    pub fn data(&self) -> &[T] {
+        // The memory is taken only when the plane is dropped.
+        self.memory.as_ref().map_or(&[], |memory| bytemuck::cast_slice(&memory.map[..memory.bytes]))
     }
 
     /// The values, to be written.
-    pub fn data_mut(&mut self) -> &mut [f32] {
-        self.data.as_deref_mut().unwrap_or(&mut [])
+    pub fn data_mut(&mut self) -> &mut [T] {
+        self.memory.as_mut().map_or(&mut [], |memory| bytemuck::cast_slice_mut(&mut memory.map[..memory.bytes]))
     }
 
     /// Index in `data` of the value at column `x`, row `y`, which may lie in the border.
@@ -122,10 +113,12 @@ impl Plane {
     }
 
     /// The plane as kernels read it: the slice is taken once, not at every access.
-    pub fn view(&self) -> View<'_> {
+    pub fn view(&self) -> View<'_, T> {
         View { width: self.width, height: self.height, stride: self.stride, data: self.data() }
     }
+}
 
+impl Plane {
     /// Fills the border by continuation through the outermost pixels, `c(-k) = 2 c(0) - c(k)` (the rule of
     /// the prefilter).
     pub fn continue_border(&mut self) {
@@ -158,14 +151,14 @@ impl Plane {
 
 /// A borrowed plane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View<'a> {
+pub(super) struct View<'a, T = f32> {
     pub width: usize,
     pub height: usize,
     pub stride: usize,
-    pub data: &'a [f32],
+    pub data: &'a [T],
 }
 
-impl View<'_> {
+impl<T> View<'_, T> {
     /// As [`Plane::at`].
     #[inline(always)]
     pub fn at(&self, x: isize, y: isize) -> usize {

@@ -10,6 +10,7 @@
 //! The shape functions are separable: lanes accumulate `(1 - eta) r grad f` and `eta r grad f` down the
 //! rows of a chunk of columns, and the weights in xi come once, at the end.
 
+use super::gradient::Gradient;
 use super::plane::{BORDER, Plane, View};
 use super::sample::{interpolate, load, next_taps, place, prefetch, sample_lanes, sample_row, weight};
 use crate::backend::spline::Spline;
@@ -21,8 +22,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct Reference {
     pub f: Plane,
-    pub fx: Plane,
-    pub fy: Plane,
+    pub gradient: Gradient,
     /// The pixels of each element; none for those left out.
     pub elements: Vec<ElementPixels>,
     /// The runs of those that are no rectangle.
@@ -153,6 +153,17 @@ pub(super) struct ElementSums {
     pub ff_lost: f32,
 }
 
+impl ElementSums {
+    /// With the right-hand side, summed in units of the gradient, in grey levels: no digit changes, since a unit is a power of two.
+    #[inline(always)]
+    fn times_unit(mut self, unit: f32) -> Self {
+        for b in &mut self.b {
+            *b *= unit;
+        }
+        self
+    }
+}
+
 /// What is bilinear between its values at the corners, in lanes anywhere in the element. No `map` over arrays here: it is compiled by itself, without the
 /// vector instructions of the kernel.
 #[inline(always)]
@@ -192,8 +203,10 @@ pub(super) struct Pass<'a> {
     elements: &'a [ElementPixels],
     map: &'a PixelMap,
     f: View<'a>,
-    fx: View<'a>,
-    fy: View<'a>,
+    fx: View<'a, i16>,
+    fy: View<'a, i16>,
+    /// Of the gradient.
+    unit: f32,
     deformed: View<'a>,
     scalar: bool,
 }
@@ -204,8 +217,9 @@ impl<'a> Pass<'a> {
             elements: &reference.elements,
             map: &reference.map,
             f: reference.f.view(),
-            fx: reference.fx.view(),
-            fy: reference.fy.view(),
+            fx: reference.gradient.x.view(),
+            fy: reference.gradient.y.view(),
+            unit: reference.gradient.unit,
             deformed: deformed.view(),
             scalar: isa.path() == Path::Scalar,
         }
@@ -267,13 +281,14 @@ fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Bri
     light: B,
     transfer: (f32, f32),
 ) -> ElementSums {
-    if element.n_runs > 0 {
+    let sums = if element.n_runs > 0 {
         run_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
     } else if corners.is_outside(element, pass.deformed) {
         ElementSums::default()
     } else {
         element_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
-    }
+    };
+    sums.times_unit(pass.unit)
 }
 
 /// Lane accumulators of one chunk of columns.
@@ -301,8 +316,8 @@ impl<const L: usize> Accumulators<L> {
     fn add<const FMA: bool>(
         &mut self,
         f: &[f32; L],
-        fx: &[f32; L],
-        fy: &[f32; L],
+        fx: &[i16; L],
+        fy: &[i16; L],
         g: &[f32; L],
         weight: &[f32; L],
         (gain, offset): (f32, f32),
@@ -311,7 +326,7 @@ impl<const L: usize> Accumulators<L> {
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
             let (r, wg) = (weight[i] * difference, weight[i] * g[i]);
-            let (rx, ry) = (r * fx[i], r * fy[i]);
+            let (rx, ry) = (r * f32::from(fx[i]), r * f32::from(fy[i]));
             self.b[0][0][i] += rx;
             self.b[0][1][i] += ry;
             self.b[1][0][i] = mul_add::<FMA>(eta, rx, self.b[1][0][i]);
@@ -417,19 +432,19 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, 
     for k in 0..element.ny as i32 {
         // The next chunk to the right, row by row: rows are a stride apart, more streams than the
         // hardware follows. The lowest tap row of each row is the one not seen before.
-        for plane in [f, fx, fy] {
-            prefetch(plane.data, at + L);
-        }
+        prefetch(f.data, at + L);
+        prefetch(fx.data, at + L);
+        prefetch(fy.data, at + L);
         prefetch(deformed.data, taps_at + (K - 1) * deformed.stride + 2 * L);
         let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
         let [tx, ty] = row_displacement::<FMA, L>(corners, xi, eta);
         let mut g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
         light.row::<FMA, L>(xi, eta, &mut g);
-        let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
+        let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
             let (r, wg) = (mask[i] * difference, mask[i] * g[i]);
-            let (rx, ry) = (r * fx[i], r * fy[i]);
+            let (rx, ry) = (r * f32::from(fx[i]), r * f32::from(fy[i]));
             bx[i] += rx;
             by[i] += ry;
             ex[i] = mul_add::<FMA>(eta, rx, ex[i]);
@@ -479,13 +494,13 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B
             let at = f.at(x as isize, y as isize);
             // The next chunk to the right, row by row: rows are a stride apart, more streams than the
             // hardware follows. The lowest tap row of each row is the one not seen before.
-            for plane in [f, fx, fy] {
-                prefetch(plane.data, at + L);
-            }
+            prefetch(f.data, at + L);
+            prefetch(fx.data, at + L);
+            prefetch(fy.data, at + L);
             prefetch(deformed.data, next_taps(deformed, to, K / 2, 2 * L));
             let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
             light.row::<FMA, L>(&xi, eta, &mut row.g);
-            let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
+            let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
             if row.all_counted {
                 acc.add::<FMA>(f, fx, fy, &row.g, &mask, transfer, eta);
                 sums.n += lanes as f32;
@@ -549,11 +564,12 @@ fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, 
     for (k, sums) in sums.iter_mut().enumerate() {
         let element = &pass.elements[first + k];
         let (corners, transfer) = (&corners[k], &mut transfer[k]);
-        *sums = if element.n_runs > 0 {
+        let of_element = if element.n_runs > 0 {
             run_sums_two_passes::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
         } else {
             two_pass_sums::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
         };
+        *sums = of_element.times_unit(pass.unit);
     }
 }
 
@@ -613,7 +629,7 @@ fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
             let to = [x + corners.whole[0], y + corners.whole[1]];
             let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
             let counted = if row.all_counted { mask } else { row.counted };
-            let f = load::<L>(f.data, f.at(x as isize, y as isize));
+            let f = load::<_, L>(f.data, f.at(x as isize, y as isize));
             of_part.add::<FMA>(f, &row.g, &counted);
             if !row.all_counted {
                 for i in 0..lanes {
@@ -634,9 +650,9 @@ fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
         for k in 0..rows {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let at = f.at((element.x + (part * L) as i32) as isize, (element.y + k as i32) as isize);
-            let (f, fx, fy) = (load::<L>(f.data, at), load::<L>(fx.data, at), load::<L>(fy.data, at));
+            let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
             let at = (part * rows + k) * L;
-            let (g, counted) = (load::<L>(&scratch.g, at), load::<L>(&scratch.counted, at));
+            let (g, counted) = (load::<_, L>(&scratch.g, at), load::<_, L>(&scratch.counted, at));
             acc.add::<FMA>(f, fx, fy, g, counted, *transfer, eta);
         }
         acc.finish::<FMA>(&xi, &mut sums);
@@ -677,8 +693,9 @@ impl<const L: usize> RunAccumulators<L> {
         counted: &[f32; L],
         (gain, offset): (f32, f32),
     ) {
-        let (f, fx, fy) = (load::<L>(pass.f.data, at), load::<L>(pass.fx.data, at), load::<L>(pass.fy.data, at));
-        let (xi, eta) = (load::<L>(pass.map.xi(), local), load::<L>(pass.map.eta(), local));
+        let (f, fx, fy) =
+            (load::<_, L>(pass.f.data, at), load::<_, L>(pass.fx.data, at), load::<_, L>(pass.fy.data, at));
+        let (xi, eta) = (load::<_, L>(pass.map.xi(), local), load::<_, L>(pass.map.eta(), local));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
             let (r, wg) = (counted[i] * difference, counted[i] * g[i]);
@@ -687,7 +704,7 @@ impl<const L: usize> RunAccumulators<L> {
             self.gg[i] = mul_add::<FMA>(wg, g[i], self.gg[i]);
             self.fg[i] = mul_add::<FMA>(f[i], wg, self.fg[i]);
             self.n[i] += counted[i];
-            let (rx, ry) = (r * fx[i], r * fy[i]);
+            let (rx, ry) = (r * f32::from(fx[i]), r * f32::from(fy[i]));
             let (far, near) = (xi[i] * eta[i], 1.0 - eta[i]);
             let psi = [near - xi[i] * near, xi[i] * near, far, eta[i] - far];
             for a in 0..4 {
@@ -733,7 +750,7 @@ fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brin
     let lanes = (run.n as usize - column).min(L);
     let [x, y] = [run.x + column as i32, run.y];
     let at = [f.at(x as isize, y as isize), run.at as usize + column];
-    let (xi, eta) = (load::<L>(map.xi(), at[1]), load::<L>(map.eta(), at[1]));
+    let (xi, eta) = (load::<_, L>(map.xi(), at[1]), load::<_, L>(map.eta(), at[1]));
     let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
     let to = [x + corners.whole[0], y + corners.whole[1]];
     let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
@@ -744,7 +761,7 @@ fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brin
             counted[i] = if i < lanes { 1.0 } else { 0.0 };
         }
     } else {
-        let f = load::<L>(f.data, at[0]);
+        let f = load::<_, L>(f.data, at[0]);
         counted[..lanes].copy_from_slice(&row.counted[..lanes]);
         for i in 0..lanes {
             let lost = 1.0 - counted[i];
@@ -788,14 +805,14 @@ fn run_sums_two_passes<const FMA: bool, S: Spline<K>, const K: usize, const L: u
     let (mut sums, mut moments) = (ElementSums::default(), Moments::<L>::NONE);
     for (k, part) in parts::<L>(runs).enumerate() {
         let OfRun { at, g, counted } = of_run::<FMA, S, K, L, _>(pass, part, corners, AsItIs, &mut sums);
-        moments.add::<FMA>(load::<L>(f.data, at[0]), &g, &counted);
+        moments.add::<FMA>(load::<_, L>(f.data, at[0]), &g, &counted);
         scratch.put(k * L, &g, &counted);
     }
     *transfer = fitted(&moments.totals());
     let mut acc = RunAccumulators::<L>::NONE;
     for (k, (run, column)) in parts::<L>(runs).enumerate() {
         let at = [f.at((run.x + column as i32) as isize, run.y as isize), run.at as usize + column];
-        let (g, counted) = (load::<L>(&scratch.g, k * L), load::<L>(&scratch.counted, k * L));
+        let (g, counted) = (load::<_, L>(&scratch.g, k * L), load::<_, L>(&scratch.counted, k * L));
         acc.add::<FMA>(pass, at, g, counted, *transfer);
     }
     acc.finish(&mut sums);

@@ -50,7 +50,7 @@ fn times_weights<const L: usize>(pixel: impl Fn(i32) -> i32, u: &[f32; L], n: us
 /// # Panics
 /// Beyond the end: maps of pixels and planes are made so that this does not happen.
 #[inline(always)]
-pub(super) fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
+pub(super) fn load<T, const L: usize>(values: &[T], at: usize) -> &[T; L] {
     assert!(at < values.len() && values.len() - at >= L, "lanes beyond the end of a plane");
     // SAFETY: there are `L` values from `at` on.
     unsafe { load_unchecked(values, at) }
@@ -61,15 +61,15 @@ pub(super) fn load<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
 /// # Safety
 /// `at + L <= values.len()`.
 #[inline(always)]
-unsafe fn load_unchecked<const L: usize>(values: &[f32], at: usize) -> &[f32; L] {
+unsafe fn load_unchecked<T, const L: usize>(values: &[T], at: usize) -> &[T; L] {
     debug_assert!(at + L <= values.len());
-    // SAFETY: the caller's promise; an array of `f32` is aligned as its slice is.
-    unsafe { &*values.as_ptr().add(at).cast::<[f32; L]>() }
+    // SAFETY: the caller's promise; an array is aligned as the slice of its values is.
+    unsafe { &*values.as_ptr().add(at).cast::<[T; L]>() }
 }
 
 /// Asks the cache for the line of `values` at `at`; a hint, so any index will do.
 #[inline(always)]
-pub(super) fn prefetch(values: &[f32], at: usize) {
+pub(super) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -177,16 +177,15 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
                 for sx in sx0..=sx1 {
                     let at = c.at((x + sx) as isize - before, sy as isize - before);
                     let (fx, fy) = (sx as f32, (sy - y) as f32);
+                    let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
+                    for i in 0..L {
+                        tx[i] = ux[i] - fx;
+                        ty[i] = uy[i] - fy;
+                    }
+                    let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
                     if combinations == 1 {
-                        let (tx, ty) = (ux.map(|u| u - fx), uy.map(|u| u - fy));
-                        row.g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
+                        row.g = g;
                     } else {
-                        let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
-                        for i in 0..L {
-                            tx[i] = ux[i] - fx;
-                            ty[i] = uy[i] - fy;
-                        }
-                        let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
                         for i in 0..L {
                             // Floors rise, and the last one not above a lane keeps it, so that every lane
                             // gets a value whatever u - floor rounds to. Without short-circuits: a branch
@@ -236,7 +235,7 @@ pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L
         let mut along = [0.0; L];
         for k in 0..K {
             // SAFETY: `j` and `k` are below `K`, so that this lies within `reach` of `at`.
-            let taps = unsafe { load_unchecked::<L>(c.data, at + j * c.stride + k) };
+            let taps = unsafe { load_unchecked::<f32, L>(c.data, at + j * c.stride + k) };
             for i in 0..L {
                 along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
             }

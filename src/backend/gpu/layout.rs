@@ -67,6 +67,10 @@ mirror! {
         runs_at: u32,
         points_at: u32,
         weighted: u32,
+        unit: f32,
+        unused0: u32,
+        unused1: u32,
+        unused2: u32,
     }
     Unpack {
         width: u32,
@@ -117,7 +121,8 @@ mirror! {
         grey_first: i32,
         coefficients_first: i32,
         reference_first: i32,
-        unused: [i32; 2],
+        per_unit: f32,
+        unused: i32,
         value: [[f32; 4]; 2],
         derivative: [[f32; 4]; 2],
     }

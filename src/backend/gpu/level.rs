@@ -89,7 +89,7 @@ impl GpuLevel {
         mesh: &PixelMesh,
         options: &KernelOptions,
     ) -> Result<(Self, Vec<ElementMoments>), BackendError> {
-        let reference = Reference::new(gpu, frame, level)?;
+        let reference = Reference::new(gpu, frame, level, options)?;
         let PixelMesh { mesh, pixels, .. } = mesh;
         let elements: Vec<Element> = (0..mesh.n_elements())
             .map(|e| element(&pixels.elements()[e], mesh.elements()[e], mesh.element_zone()[e]))
@@ -204,6 +204,10 @@ impl GpuLevel {
             runs_at: self.shape_places.runs_at,
             points_at: self.shape_places.points_at,
             weighted: 0,
+            unit: self.options.gradient_unit,
+            unused0: 0,
+            unused1: 0,
+            unused2: 0,
         }
     }
 
@@ -297,15 +301,17 @@ impl GpuLevel {
         Ok(moments)
     }
 
+    /// What the kernel has summed, gradients in their unit.
     fn moments_of(&self, sums: &[f32]) -> ElementMoments {
         let at = |k: usize| f64::from(sums[k]);
+        let unit = f64::from(self.options.gradient_unit);
         let mut moments = ElementMoments { n: at(27), f: at(28), ff: at(29), ..Default::default() };
         for (p, of_product) in moments.gradient.iter_mut().enumerate() {
             for (q, of_eta) in of_product.iter_mut().enumerate() {
-                *of_eta = std::array::from_fn(|w| at(9 * p + 3 * q + w));
+                *of_eta = std::array::from_fn(|w| unit * unit * at(9 * p + 3 * q + w));
             }
         }
-        moments.transfer = [0, 1].map(|t| std::array::from_fn(|k| at(30 + 8 * t + k)));
+        moments.transfer = [0, 1].map(|t| std::array::from_fn(|k| unit * at(30 + 8 * t + k)));
         moments
     }
 

@@ -305,7 +305,10 @@ fn coefficients(
     Ok(plane)
 }
 
-/// Reference planes: row by row grey levels, gradient along x, gradient along y.
+/// Bytes of a pixel of the reference: its grey level, and both components of the gradient in one word.
+const REFERENCE_BYTES: usize = 8;
+
+/// Reference planes: row by row grey levels, then gradients.
 #[derive(Debug)]
 pub(super) struct Reference {
     pub buffer: Buffer,
@@ -316,14 +319,19 @@ pub(super) struct Reference {
 
 impl Reference {
     /// Grey levels and gradients of one level of `frame`.
-    pub(super) fn new(gpu: &Gpu, frame: &mut GpuFrame, level: usize) -> Result<Self, BackendError> {
-        let interpolation = frame.options.interpolation;
+    pub(super) fn new(
+        gpu: &Gpu,
+        frame: &mut GpuFrame,
+        level: usize,
+        options: &KernelOptions,
+    ) -> Result<Self, BackendError> {
+        let KernelOptions { interpolation, gradient_unit, .. } = *options;
         let coefficients = frame.coefficients(gpu, level)?;
         frame.forget_coefficients(level);
         let grey = frame.levels[level].grey.as_ref().expect("made before its coefficients");
         let (width, height, stride) = (grey.width, grey.height, grey.stride);
         let what = format!("a reference of {width} x {height} px");
-        let buffer = gpu.storage(12 * stride as u64 * height as u64, &what)?;
+        let buffer = gpu.storage((REFERENCE_BYTES * stride * height) as u64, &what)?;
         let reference = Self { buffer, stride, width, height };
         let (value, derivative) = at_pixel(interpolation);
         let padded =
@@ -342,7 +350,8 @@ impl Reference {
                 grey_first: grey_origin + skip,
                 coefficients_first: coefficients_origin + skip,
                 reference_first: 0,
-                unused: [0; 2],
+                per_unit: 1.0 / gradient_unit,
+                unused: 0,
                 value: padded(value),
                 derivative: padded(derivative),
             };
@@ -359,12 +368,12 @@ impl Reference {
 
     /// Rows that a kernel can see at once.
     pub(super) fn rows_seen(&self, gpu: &Gpu) -> usize {
-        (gpu.max_binding_bytes / (12 * self.stride as u64)) as usize
+        gpu.max_binding_bytes as usize / (REFERENCE_BYTES * self.stride)
     }
 
     /// Image rows `from` up to `to` as a binding.
     pub(super) fn rows(&self, from: usize, to: usize) -> wgpu::BindingResource<'_> {
-        let row = 12 * self.stride as u64;
+        let row = (REFERENCE_BYTES * self.stride) as u64;
         self.buffer.part(from as u64 * row, (to.min(self.height) - from) as u64 * row)
     }
 }
@@ -389,7 +398,7 @@ mod tests {
         Some(GpuBackend::new(&adapter, &GpuOptions::default()).unwrap())
     }
 
-    fn fetched(gpu: &Gpu, buffer: &Buffer) -> Vec<f32> {
+    fn fetched<T: bytemuck::Pod>(gpu: &Gpu, buffer: &Buffer) -> Vec<T> {
         let bytes = Recorder::untimed(gpu).fetch(&[(buffer, buffer.bytes())], &mut Traffic::default()).unwrap();
         values(&bytes)
     }
@@ -416,17 +425,13 @@ mod tests {
         for (width, height) in [(1, 1), (3, 2), (67, 41), (130, 64)] {
             for pixels in pictures(width, height) {
                 let image = Arc::new(Image::new(width, height, pixels).unwrap());
-                let options = KernelOptions {
-                    interpolation: Interpolation::Cubic,
-                    grey_offset: 100.0,
-                    brightness: Brightness::Zone,
-                };
+                let options = KernelOptions::new((0.0, 200.0), Interpolation::Cubic, Brightness::Zone);
                 let mut host = Pyramid::new(image.clone(), options.grey_offset);
                 let mut frame = GpuFrame::new(gpu, image, &options).unwrap();
                 for level in 0..2usize.min(width.min(height).ilog2() as usize + 1) {
                     let want = host.level(level).clone();
                     let plane = frame.grey(gpu, level).unwrap();
-                    let got = fetched(gpu, &plane.buffer);
+                    let got = fetched::<f32>(gpu, &plane.buffer);
                     for (k, want) in want.values.iter().enumerate() {
                         let (x, y) = (k % want_width(width, level), k / want_width(width, level));
                         let got = got[(y + BORDER) * plane.stride + x + BORDER];
@@ -453,13 +458,13 @@ mod tests {
             for (width, height) in [(5, 3), (3, 9), (64, 33), (65, 200), (151, 90)] {
                 let [pixels, ..] = pictures(width, height);
                 let image = Arc::new(Image::new(width, height, pixels).unwrap());
-                let options = KernelOptions { interpolation, grey_offset: 128.0, brightness: Brightness::Zone };
+                let options = KernelOptions::new((0.0, 255.0), interpolation, Brightness::Zone);
                 let mut frame = GpuFrame::new(gpu, image, &options).unwrap();
                 let what = format!("{}, {width} x {height}", interpolation.name());
                 let grey = frame.grey(gpu, 0).unwrap();
-                let (stride, grey) = (grey.stride, fetched(gpu, &grey.buffer));
+                let (stride, grey) = (grey.stride, fetched::<f32>(gpu, &grey.buffer));
                 let plane = frame.coefficients(gpu, 0).unwrap();
-                let coefficients = fetched(gpu, &plane.buffer);
+                let coefficients = fetched::<f32>(gpu, &plane.buffer);
                 let at = |x: isize, y: isize| {
                     let place = (y + BORDER as isize) * stride as isize + x + BORDER as isize;
                     f64::from(coefficients[place as usize])
@@ -477,8 +482,8 @@ mod tests {
                         assert_eq!(at(x, last[1] + k) as f32, want, "{what}");
                     }
                 }
-                let reference = Reference::new(gpu, &mut frame, 0).unwrap();
-                let planes = fetched(gpu, &reference.buffer);
+                let reference = Reference::new(gpu, &mut frame, 0, &options).unwrap();
+                let words = fetched::<u32>(gpu, &reference.buffer);
                 let (value, derivative) = at_pixel(interpolation);
                 let sum = |x: usize, y: usize, along_x: [f32; 5], along_y: [f32; 5]| {
                     let term = |(j, wy): (usize, f32)| {
@@ -496,14 +501,17 @@ mod tests {
                 for y in 0..height {
                     for x in 0..width {
                         let f = grey[(y + BORDER) * stride + x + BORDER];
-                        let got = [0, 1, 2].map(|k| planes[(3 * y + k) * reference.stride + x]);
-                        assert_eq!(got[0], f, "{what}: grey level at ({x}, {y})");
+                        let [grey, gradient] = [0, 1].map(|k| words[(2 * y + k) * reference.stride + x]);
+                        assert_eq!(f32::from_bits(grey), f, "{what}: grey level at ({x}, {y})");
                         let through = sum(x, y, value, value);
                         assert!((through - f64::from(f)).abs() <= allowed, "{what}: {through} for {f} at ({x}, {y})");
                         let want = [sum(x, y, derivative, value), sum(x, y, value, derivative)];
-                        for (want, got) in want.into_iter().zip(&got[1..]) {
+                        let unit = f64::from(options.gradient_unit);
+                        for (want, got) in want.into_iter().zip([gradient as i16, (gradient >> 16) as i16]) {
+                            let got = unit * f64::from(got);
+                            // Rounded to whole units.
                             assert!(
-                                (want - f64::from(*got)).abs() <= allowed,
+                                (want - got).abs() <= allowed + 0.5 * unit,
                                 "{what}: {got} for {want} at ({x}, {y})"
                             );
                         }

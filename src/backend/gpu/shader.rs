@@ -111,16 +111,16 @@ kernels! {
         Image, |of| 72 * of.side, |of| 60 * of.side, "per column 10 values in, 8 out";
     /// Grey levels and gradient of the reference.
     Gradient = "gradient": "gradient" main, 64 [Uniform Read Read Write],
-        Other, |of| 20 * of.pixels, |of| 60 * of.pixels, "P (grey level, coefficient in; f, fx, fy out)";
+        Other, |of| 16 * of.pixels, |of| 60 * of.pixels, "P (4 B grey level, 4 B coefficient in; 4 B f, 4 B gradient out)";
     /// Moments for the normal matrices.
     NormalMatrix = "normal_matrix": "normal_matrix" main, 64 [Uniform Read Read Read Read Read Write],
-        Other, |of| 12 * of.pixels + 256 * of.elements, |of| 90 * of.pixels + 2000 * of.elements, "P (f, fx, fy) + E (64 B element, 192 B moments)";
+        Other, |of| 8 * of.pixels + 256 * of.elements, |of| 90 * of.pixels + 2000 * of.elements, "P (4 B f, 4 B gradient) + E (64 B element, 192 B moments)";
     /// Residual of rectangles of pixels.
     Residual = "residual": "residual" main spline, 64 [Uniform Read Read Read Read Read Write],
-        Residual, of_residual, of_residual_work, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+        Residual, of_residual, of_residual_work, "P (4 B f, 4 B gradient, 4 B coefficient) + E (64 B element, 64 B sums) + 16 B N";
     /// Residual of elements whose pixels are runs.
     ResidualRuns = "residual_runs": "residual_runs" main spline, 64 [Uniform Read Read Read Read Read Write Read],
-        Residual, of_residual, of_residual_work, "P (f, fx, fy, coefficient) + E (64 B element, 64 B sums) + 16 B N";
+        Residual, of_residual, of_residual_work, "P (4 B f, 4 B gradient, 4 B coefficient) + E (64 B element, 64 B sums) + 16 B N";
     /// Gain and offset of every element.
     Fit = "fit": "tally" fit, 64 [Uniform Read Read Write Write Write],
         Residual, |of| 80 * of.elements, |of| 40 * of.elements, "E (64 B sums, 16 B of the reference)";
@@ -157,7 +157,7 @@ kernels! {
 }
 
 fn of_residual(of: Extent) -> u64 {
-    16 * of.pixels + 128 * of.elements + 16 * of.nodes
+    12 * of.pixels + 128 * of.elements + 16 * of.nodes
 }
 
 fn of_residual_work(of: Extent) -> u64 {
@@ -224,7 +224,7 @@ macro_rules! shared {
 }
 
 shared! {
-    "bilinear" "cg" "cubic" "index" "keys" "light" "place" "q4" "quintic" "reduce" "sums" "tallies" "taps4" "taps6"
+    "bilinear" "cg" "cubic" "gradient" "index" "keys" "light" "place" "q4" "quintic" "reduce" "sums" "tallies" "taps4" "taps6"
     "types"
 }
 
