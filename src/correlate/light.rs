@@ -22,6 +22,9 @@ pub struct SmoothLight {
     pub gain: [f64; 2],
     /// Smallest and largest offset there, grey levels in the images' own scale.
     pub offset: [f64; 2],
+    /// Whether it did not come to rest with the displacement: it stayed as it was after some iterations, and what it does not know is missing in the
+    /// uncertainty of the displacement.
+    pub unsettled: bool,
 }
 
 /// Cells of the coarsest grid, px; each finer one halves them.
@@ -487,7 +490,7 @@ impl Light {
         let wider = |[low, high]: [f64; 2], v: f64| [low.min(v), high.max(v)];
         let gain = all().fold(none, |range, t| wider(range, t.gain));
         let offset = all().fold(none, |range, t| wider(range, own_scale(t)));
-        (mean, Some(SmoothLight { nodes: grid.nodes, gain, offset }))
+        (mean, Some(SmoothLight { nodes: grid.nodes, gain, offset, unsettled: self.is_held }))
     }
 }
 

@@ -124,6 +124,17 @@ fn contradiction(zone: &ZoneResult) -> Option<String> {
     ))
 }
 
+/// What to say about light that stayed as it was because it did not settle; `None` where it did.
+fn unsettled_light(zone: &ZoneResult) -> Option<String> {
+    zone.light.filter(|light| light.unsettled).map(|_| {
+        format!(
+            "warning: zone {}: brightness and contrast change over it, and did not come to rest with the displacement; they stayed as they were found, and \
+             standard uncertainties do not know of that: light the specimen more evenly, or leave out of the zone where it changes",
+            zone.name
+        )
+    })
+}
+
 /// What to say about nodes whose standard uncertainty is a lower bound; `None` where there are none.
 fn bound_message(n_nodes: usize) -> Option<String> {
     (n_nodes > 0).then(|| {
@@ -362,11 +373,14 @@ pub struct LightSummary {
     pub gain: [f64; 2],
     /// Smallest and largest offset.
     pub offset_grey: [f64; 2],
+    /// Whether it did not come to rest with the displacement; absent where it did.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub unsettled: bool,
 }
 
 impl From<SmoothLight> for LightSummary {
-    fn from(SmoothLight { nodes, gain, offset }: SmoothLight) -> Self {
-        Self { nodes, gain, offset_grey: offset }
+    fn from(SmoothLight { nodes, gain, offset, unsettled }: SmoothLight) -> Self {
+        Self { nodes, gain, offset_grey: offset, unsettled }
     }
 }
 
@@ -427,6 +441,7 @@ impl FrameSummary {
         let mut messages = messages;
         if result.measurement.status.has_field() {
             messages.extend(result.zones.iter().filter_map(contradiction));
+            messages.extend(result.zones.iter().filter_map(unsettled_light));
             messages.extend(bound_message(result.nodes_at_bound));
             messages.extend(result.ambiguity.iter().map(|ambiguity| format!("warning: {ambiguity}")));
         }

@@ -9,6 +9,7 @@ use quadrille::correlate::{Correlation, Correlator, Options};
 use quadrille::field::{Brightness, Status};
 use quadrille::imaging::Image;
 use quadrille::io::images::read_image;
+use quadrille::report::summary::FrameSummary;
 use quadrille::synth::Translation;
 use std::sync::Arc;
 
@@ -135,6 +136,40 @@ fn gradients_of_light_and_shadows_cost_nothing_and_sigma_stays_right() {
             }
         }
     }
+}
+
+#[test]
+fn light_that_does_not_settle_with_the_displacement_is_told_of() {
+    // Up and down by 30 % within 100 px: elements of 8 px see slopes of light as steep as those of the texture.
+    const WAVES: Lit = |x, y| (1.0 + 0.3 * (0.063 * x).sin() * (0.063 * y).cos(), 0.0);
+    let pictures = Pictures::new();
+    let reference = pictures.reference(0);
+    let options = Options { element_size: 8, ..Options::default() };
+    let correlator = prepared(&reference, &inside(SIDE, SIDE, MARGIN), options);
+    let told = |lit: Lit| {
+        let found = cold(&correlator, &pictures.deformed(lit, 0));
+        let summary = FrameSummary::of(1, "frame".into(), Vec::new(), &correlator, &found, [0.0; 2]);
+        let messages = summary.messages.into_iter().filter(|message| message.contains("did not come to rest"));
+        (found, messages.collect::<Vec<_>>())
+    };
+    let (found, messages) = told(GRADIENT);
+    assert!(found.zones[0].light.is_some_and(|light| !light.unsettled) && messages.is_empty(), "{messages:?}");
+    let (found, messages) = told(WAVES);
+    let light = found.zones[0].light.expect("smooth fields");
+    assert!(light.unsettled && messages.len() == 1, "{light:?}, {messages:?}");
+    // What it says is true: the standard uncertainty is too small.
+    let measured = |node: &usize| found.measurement.measured[*node];
+    let errors = node_errors(correlator.mesh(), &found.measurement.displacement, &SHIFT);
+    let by_sigma: Vec<f64> = (0..errors.len())
+        .filter(measured)
+        .flat_map(|node| [0, 1].map(|c| (errors[node][c] / found.measurement.sigma[node][c]).powi(2)))
+        .collect();
+    let scatter = (by_sigma.iter().sum::<f64>() / by_sigma.len() as f64).sqrt();
+    println!(
+        "{:?}, {} iterations, {scatter:.2} of the standard uncertainty",
+        found.measurement.status, found.iterations
+    );
+    assert!(scatter > 1.2, "{scatter}");
 }
 
 fn bits(found: &Correlation) -> Vec<u64> {
