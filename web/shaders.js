@@ -1130,7 +1130,7 @@ fn group_number(group: vec3<u32>, groups: vec3<u32>) -> u32 {
 }
 `,
   'shared/light': `// Light that changes over the specimen: gain and offset at the corners of an element. Twin: \`Light\` in
-// src/backend/cpu/residual.rs. The kernel declares \`transfer\`.
+// src/backend/cpu/corners.rs. The kernel declares \`transfer\`.
 #import q4
 
 // Where in \`transfer\` the light of the nodes begins; 0: there is none, and a compiler leaves all of this out.
@@ -1171,7 +1171,7 @@ fn whole_floor(u: f32) -> i32 {
     return i32(clamp(floor(u), -1e6, 1e6));
 }
 `,
-  'shared/q4': `// The displacement inside an element. Twin: \`Corners\` in src/backend/cpu/residual.rs.
+  'shared/q4': `// The displacement inside an element. Twin: \`Corners\` in src/backend/cpu/corners.rs.
 #import types
 
 // Displacement of the corners: whole pixels plus the rest, within 0..1 at the element's centre.
@@ -1573,7 +1573,7 @@ fn largest(@builtin(local_invocation_index) thread: u32) {
 `,
   'tally': `// After a residual pass: which elements are left out, and the sums of groups of elements of one zone. Before
 // it, where each element has a gain and offset of its own: fits them. Twins: \`run\` in src/backend/cpu/mod.rs
-// and \`fitted\` in src/backend/cpu/residual.rs.
+// and \`fitted\` in src/backend/cpu/residual_fitted.rs.
 #import types
 #import index
 #import tallies

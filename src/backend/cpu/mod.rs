@@ -3,11 +3,14 @@
 //! The unit of parallel work is a fixed number of elements or rows and every sum has a fixed order, so
 //! results have the same bits for any number of threads.
 
+mod corners;
 mod gradient;
 mod normal_matrix;
 mod plane;
 mod prefilter;
 mod residual;
+mod residual_fitted;
+mod residual_runs;
 mod sample;
 
 use crate::backend::pyramid::Pyramid;
@@ -23,10 +26,12 @@ use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{ElementPixels, Mesh, PixelMesh};
 use crate::units::Px;
+use corners::{Corners, Light};
 use gradient::Gradient;
 use plane::{Plane, Pool};
 use rayon::prelude::*;
-use residual::{Corners, ElementSums, Light, Pass, Reference, Scratch};
+use residual::{ElementSums, Pass, Reference};
+use residual_fitted::Scratch;
 use std::sync::Arc;
 
 /// Elements per piece of parallel work.
@@ -263,7 +268,7 @@ impl CpuLevel {
                 let light = &light[first..];
                 residual::residual_sums_in_light::<S, K, L>(isa, pass, first, corners, transfer, light, sums, spline);
             } else if self.own_transfer() {
-                residual::residual_sums_two_passes::<S, K, L>(
+                residual_fitted::residual_sums_two_passes::<S, K, L>(
                     isa, pass, first, corners, transfer, sums, scratch, spline,
                 );
             } else {

@@ -1,9 +1,10 @@
 //! Moments of the reference gradient per element, from which the normal matrices are made (THEORY 2):
 //! 27 sums instead of the 36 entries (see [`ElementMoments`]).
 
+use super::corners::Corners;
 use super::gradient::Gradient;
 use super::plane::Plane;
-use super::residual::{Corners, Reference, chunk, total};
+use super::residual::{Reference, chunk, total};
 use crate::backend::ElementMoments;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
