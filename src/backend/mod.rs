@@ -114,7 +114,7 @@ pub struct KernelOptions {
     pub interpolation: Interpolation,
     /// Grey level subtracted from all images of the series, so that `f32` sums keep their digits.
     pub grey_offset: f32,
-    /// Unit of the reference's gradient, grey levels per px: a power of two, of which a 16-bit number holds as many as there are.
+    /// Unit of the reference's gradient, grey levels per px: a power of two, in whole numbers of which it is kept in 16 bits.
     pub gradient_unit: f32,
     /// How brightness and contrast are followed.
     pub brightness: Brightness,
