@@ -6,6 +6,7 @@
 mod corners;
 mod gradient;
 mod normal_matrix;
+mod pass;
 mod plane;
 mod prefilter;
 mod residual;
@@ -28,9 +29,9 @@ use crate::mesh::{ElementPixels, Mesh, PixelMesh};
 use crate::units::Px;
 use corners::{Corners, Light};
 use gradient::Gradient;
+use pass::{ElementSums, Pass, Reference};
 use plane::{Plane, Pool};
 use rayon::prelude::*;
-use residual::{ElementSums, Pass, Reference};
 use residual_fitted::Scratch;
 use std::sync::Arc;
 

@@ -3,8 +3,8 @@
 
 use super::corners::Corners;
 use super::gradient::Gradient;
+use super::pass::{Reference, chunk, total};
 use super::plane::Plane;
-use super::residual::{Reference, chunk, total};
 use crate::backend::ElementMoments;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;

@@ -2,7 +2,8 @@
 //! between them the fit.
 
 use super::corners::{AsItIs, Corners, row_displacement};
-use super::residual::{Accumulators, ElementSums, Pass, chunk, total};
+use super::pass::{ElementSums, Pass, chunk, total};
+use super::residual::Accumulators;
 use super::residual_runs::{OfRun, RunAccumulators, of_run, parts};
 use super::sample::{load, sample_row};
 use crate::backend::spline::Spline;

@@ -1,7 +1,7 @@
 //! The residual pass over elements whose pixels are runs with local coordinates of their own: cut by a mask, or of any shape.
 
 use super::corners::{Brings, Corners};
-use super::residual::{ElementSums, Pass, total};
+use super::pass::{ElementSums, Pass, total};
 use super::sample::{load, sample_lanes};
 use crate::backend::spline::Spline;
 use crate::isa::mul_add;
