@@ -60,7 +60,7 @@ pub enum CorrelationError {
     },
     /// Grey levels of the reference too large, or too small, for sums of products in single precision.
     #[error(
-        "the grey levels of the reference range over {range:e}, and numbers of single precision do not hold sums of their products: multiply all images by the same number, so that they range over some hundreds"
+        "the grey levels of the reference range over {range:.2e}, and numbers of single precision do not hold sums of their products: multiply all images by the same number, so that they range over some hundreds"
     )]
     GreyLevels {
         /// The largest less the smallest.
