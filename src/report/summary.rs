@@ -365,7 +365,7 @@ pub struct ZoneSummary {
 }
 
 /// Brightness and contrast of one zone as a smooth field.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct LightSummary {
     /// Nodes of the coarse grid along x and y, between which it is bilinear.
     pub nodes: [usize; 2],

@@ -37,6 +37,7 @@ pub(super) fn about_series(
     said.extend(blank(summary));
     said.extend(taken_out_of_order(&summary.frames));
     said.extend(in_noise(summary));
+    said.extend(in_unsettled_light(&summary.frames));
     let motion = Motion::of(summary);
     said.extend(motion.order(summary));
     said.extend(motion.reference(summary));
@@ -139,10 +140,7 @@ fn taken_out_of_order(frames: &[FrameSummary]) -> Option<String> {
     let beside = beside.map_or_else(String::new, |(beside, time)| {
         format!(", and frame {}, which stands {where_it_stands} it, at {time}", beside.number)
     });
-    let (whose, seem) = match out.as_slice() {
-        [number] => (format!("frame {number}"), "seems"),
-        _ => (format!("frames {}", ranges(&out)), "seem"),
-    };
+    let (whose, seem) = (named(&out), if out.len() == 1 { "seems" } else { "seem" });
     Some(format!(
         "warning: {whose} {seem} to be out of order: by the times in the files, {} was taken at {time}{beside}",
         frame.file
@@ -161,15 +159,29 @@ fn in_noise(summary: &Summary) -> Option<String> {
     let lost = || summary.frames.iter().filter(|frame| frame.status.has_field() && frame.nodes_in_noise > 0);
     let numbers: Vec<usize> = lost().map(|frame| frame.number).collect();
     let most = lost().map(|frame| frame.nodes_in_noise).max()?;
-    let place = if let [number] = numbers.as_slice() {
-        format!("frame {number}")
-    } else {
-        format!("frames {}", ranges(&numbers))
-    };
+    let place = named(&numbers);
     Some(format!(
         "warning: {place}: up to {most} nodes not measured: the texture there does not stand out of the noise that the \
          residual shows (nodes_in_noise)"
     ))
+}
+
+/// Frames in which fields of light did not come to rest with the displacement.
+fn in_unsettled_light(frames: &[FrameSummary]) -> Option<String> {
+    let is_unsettled =
+        |frame: &&FrameSummary| frame.zones.iter().any(|zone| zone.light.is_some_and(|light| light.unsettled));
+    let numbers: Vec<usize> = frames.iter().filter(is_unsettled).map(|frame| frame.number).collect();
+    (!numbers.is_empty()).then(|| {
+        format!(
+            "warning: {}: brightness and contrast did not come to rest with the displacement, and standard uncertainties do not know of that \
+             (see their messages)",
+            named(&numbers)
+        )
+    })
+}
+
+fn named(numbers: &[usize]) -> String {
+    if let [number] = numbers { format!("frame {number}") } else { format!("frames {}", ranges(numbers)) }
 }
 
 fn frames_are(numbers: &[usize]) -> String {
@@ -346,8 +358,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Motion, dropped, taken_out_of_order};
-    use crate::report::summary::FrameSummary;
+    use super::{Motion, dropped, in_unsettled_light, taken_out_of_order};
+    use crate::report::summary::{FrameSummary, LightSummary, ZoneSummary};
 
     #[test]
     fn a_detour_is_what_a_frame_adds_to_the_way_at_any_place() {
@@ -401,6 +413,40 @@ mod tests {
         let two = all(&[1, 5, 3, 4, 2, 6, 7]).unwrap();
         assert!(two.contains(" frames 2, 5 seem "), "{two}");
         assert!(all(&[5, 4, 3, 2, 1]).unwrap().contains(" frames 1-4 seem "), "one of them can stay");
+    }
+
+    #[test]
+    fn frames_whose_light_did_not_come_to_rest_are_named_and_no_others() {
+        let frames: Vec<FrameSummary> = [None, Some(true), Some(false), Some(true)]
+            .into_iter()
+            .zip(1..)
+            .map(|(unsettled, number)| {
+                let light = unsettled.map(|unsettled| LightSummary {
+                    nodes: [3, 3],
+                    gain: [1.0; 2],
+                    offset_grey: [0.0; 2],
+                    unsettled,
+                });
+                let zone = ZoneSummary {
+                    name: "all".into(),
+                    rigid_motion: None,
+                    correlation: 1.0,
+                    residual_grey: 1.0,
+                    noise_grey: 1.0,
+                    noise_residual_grey: None,
+                    gain: 1.0,
+                    offset_grey: 0.0,
+                    light,
+                };
+                FrameSummary {
+                    zones: vec![zone],
+                    ..FrameSummary::unreadable(number, String::new(), String::new(), 0.0)
+                }
+            })
+            .collect();
+        let said = in_unsettled_light(&frames).unwrap();
+        assert!(said.starts_with("warning: frames 2, 4: brightness"), "{said}");
+        assert_eq!(in_unsettled_light(&frames[2..3]), None);
     }
 
     #[test]
