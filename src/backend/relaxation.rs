@@ -5,6 +5,8 @@
 //! Aitken's relaxation (Irons and Tuck, 1969) by node takes that away: of corrections that fell by the rate q with steps of the factor w, the
 //! error left is w / (1 - q) of a correction.
 
+use crate::linalg::Solver;
+
 /// A node's correction, px, and what it is multiplied by. Twin: shaders/correct.wgsl.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Relaxation {
@@ -24,9 +26,10 @@ const LEAST_LEFT: f64 = 0.1;
 const FARTHEST: f64 = 0.25;
 const STEPS: usize = 8;
 
-/// Whether the nodes are relaxed in a `step` from a start, the first of which is 1 and has no correction before it. Twin: web/quadrille.js.
-pub(super) fn is_relaxed(step: usize) -> bool {
-    (2..=STEPS).contains(&step)
+/// Whether the nodes are relaxed in a `step` with `solver` from a start, the first of which is 1 and has no correction before it: those that
+/// are bound to each other move together. Twin: web/quadrille.js.
+pub(super) fn is_relaxed(step: usize, solver: &Solver) -> bool {
+    (2..=STEPS).contains(&step) && solver.subspace().is_none()
 }
 
 impl Relaxation {

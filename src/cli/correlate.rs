@@ -81,6 +81,7 @@ pub(super) fn overlay(args: &CorrelateArgs) -> Overlay {
         crack_radius: args.crack_radius,
         element_share: args.element_share,
         element_size: args.element_size,
+        elements: args.elements,
         interpolation: args.interpolation,
         tolerance: args.tolerance,
         max_iterations: args.max_iterations,

@@ -68,7 +68,11 @@ pub(super) fn run(args: &ProbeArgs) -> Result<Outcome> {
 fn draw_curves(curves: &[Curve], bound: bool, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: cannot be written: {e}", folder.display()))?;
     let bars = "bars: \u{b1}2 standard uncertainties";
-    let bars = if bound { format!("{bars} (upper bounds: the field is regularised)") } else { bars.to_owned() };
+    let bars = if bound {
+        format!("{bars} (upper bounds: neighbouring nodes are bound to each other)")
+    } else {
+        bars.to_owned()
+    };
     for curve in curves.iter().filter(|curve| curve.x.len() > 1) {
         let names = [curve.quantity.as_str(), curve.against.as_str()];
         save(folder, &curve.name, names, Plot { notes: vec![bars.clone()], ..along_load(curve) })?;

@@ -123,7 +123,7 @@ impl ReferenceChain {
     /// A chain that begins with the reference of `original`.
     pub fn new(original: Arc<dyn Correlate>, update: UpdateReference) -> Self {
         let history = History::new(original.options().start);
-        let point_values = PointValuesOf::new(original.is_regularised);
+        let point_values = PointValuesOf::new(original.options(), original.mesh());
         Self {
             original,
             update,

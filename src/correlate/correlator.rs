@@ -16,6 +16,7 @@ use super::overlap::Overlap;
 use super::point_values::PointValuesOf;
 use super::reference::Reference;
 use super::reference_noise::{high_frequency, rounding};
+use super::regularisation::Regularisation;
 use super::settled::Settled;
 use super::start::Start;
 use super::texture::SeenByNode;
@@ -133,7 +134,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Self, CorrelationError> {
         options.check()?;
         let size = [reference.width(), reference.height()];
-        let mut laid = PixelMesh::on_zones(zones, options.element_size, options.element_share, size)?;
+        let mut laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
         let (low, high) = reference.range();
         let range = f64::from(high) - f64::from(low);
         // A reference without any has no texture, which is said for its nodes.
@@ -202,7 +203,7 @@ impl<B: Backend> Correlator<B> {
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
         let gradient_noise = options.interpolation.gradient_noise_gain();
-        let point_values = PointValuesOf::new(finest.regulariser.is_some());
+        let point_values = PointValuesOf::new(&options, &finest.mesh);
         let image = reference;
         let reference = Reference {
             device: backend.device(),
@@ -373,7 +374,8 @@ impl<B: Backend> Correlator<B> {
 
     /// How far a field on a level is turned; not at all with regularisation, whose part of a correction is not.
     pub(super) fn turn(&self, level: &Level<B>, displacement: &[[f64; 2]]) -> Turn {
-        if self.is_regularised { Turn::NONE } else { Turn::of(&level.mesh, displacement) }
+        let is_penalised = self.options.regularisation != Regularisation::None;
+        if is_penalised { Turn::NONE } else { Turn::of(&level.mesh, displacement) }
     }
 
     /// What is found by iterating from a prediction that is near; none where it is not, or does not end well.

@@ -21,6 +21,14 @@ pub enum CorrelationError {
         /// What is allowed.
         wanted: &'static str,
     },
+    /// Cubic splines on a mesh that is not regular.
+    #[error(
+        "zone {zone:?} has no regular mesh, which cubic-spline elements need: a mesh of a file, or one that a crack cuts, has bilinear elements; leave --elements out"
+    )]
+    Splines {
+        /// The zone.
+        zone: String,
+    },
     /// Nodes of the reference see no texture, more than may be left out.
     #[error("{} of {n_nodes} nodes see too little texture in the reference image: {}; {}", faults.len(), first_few(faults), advice(faults.len() < *n_nodes))]
     NoTexture {

@@ -5,11 +5,13 @@ use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, withou
 use super::level::{Level, elimination_order, support_of};
 use super::options::Options;
 use super::own::Changed;
-use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
+use super::regularisation::{PenaltyScale, Regulariser};
+use super::splines::splines;
 use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undetermined};
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMoments, KernelOptions, coupled};
-use crate::linalg::{BlockMatrix, Pattern, Solver};
+use crate::field::Elements;
+use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use rayon::prelude::*;
@@ -100,12 +102,16 @@ pub(super) fn finest_level<B: Backend>(
     let mut keep = vec![true; mesh.n_nodes()];
     let mut dropped: Vec<TextureFault> = Vec::new();
     // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
+    let splines = match options.elements {
+        Elements::Bilinear => None,
+        Elements::CubicSpline => Some(Arc::new(on_regular_mesh(&mesh)?)),
+    };
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
         let mut found = faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
         found.retain(|fault| keep[fault.node]);
         let mut held = Vec::new();
-        if !options.drop_textureless && options.regularisation != Regularisation::None {
+        if !options.drop_textureless && options.is_held() {
             held = std::mem::take(&mut found);
             found = of_blank_zones(&mesh, &held);
         }
@@ -133,8 +139,11 @@ pub(super) fn finest_level<B: Backend>(
             };
             let textured = textured(&keep, &held);
             let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &textured };
-            let regulariser = Regulariser::new(options.regularisation, &mesh, &pattern, &seen.active, &texture);
-            let regulariser = regulariser.map(|regulariser| regulariser.factored(&mesh));
+            let regulariser = match &splines {
+                Some(splines) => Some(Regulariser::Splines(splines.clone())),
+                None => Regulariser::new(options.regularisation, &mesh, &pattern, &seen.active, &texture)
+                    .map(|regulariser| regulariser.factored(&mesh)),
+            };
             let (solver, spread, has_factor) = match &regulariser {
                 Some(regulariser) => match regulariser.solver(matrix.clone()) {
                     Ok(solver) => {
@@ -195,6 +204,14 @@ pub(super) fn finest_level<B: Backend>(
         left_out.extend(seen.leave_out(&nodes));
         dropped.extend(found);
     }
+}
+
+/// Cubic splines on a mesh.
+fn on_regular_mesh(mesh: &Mesh<Px>) -> Result<Subspace, CorrelationError> {
+    splines(mesh).ok_or_else(|| {
+        let zone = (0..mesh.zones().len()).find(|&zone| mesh.grid(zone).is_none()).unwrap_or(0);
+        CorrelationError::Splines { zone: mesh.zones()[zone].clone() }
+    })
 }
 
 /// Refuses nodes without texture that are more than their share of a zone, or on a border of which none may be left out.

@@ -37,6 +37,7 @@ mod screen;
 mod search;
 mod series;
 mod settled;
+mod splines;
 mod start;
 mod texture;
 mod uncertainty;

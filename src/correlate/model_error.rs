@@ -153,7 +153,7 @@ pub(super) struct Found<'a> {
 /// The error of each displacement beyond noise, px; zero at nodes that were not measured.
 pub(super) fn model_error(lines: &MeshLines, found: &Found<'_>) -> Vec<[f64; 2]> {
     let Found { displacement, sigma, measured, not_followed, solver } = found;
-    let coarse = lines.coarseness(displacement, sigma, measured, solver.penalty().is_none());
+    let coarse = lines.coarseness(displacement, sigma, measured, !solver.is_held());
     let bias = bias_of_penalty(solver, displacement);
     let at = |node: usize| {
         if !measured[node] {

@@ -2,15 +2,18 @@
 
 use super::error::CorrelationError;
 use super::regularisation::Regularisation;
-use crate::field::{Brightness, Noise, NoiseCorrelation, StartFrom};
+use super::splines::KNOT_ELEMENTS;
+use crate::field::{Brightness, Elements, Noise, NoiseCorrelation, StartFrom};
 use crate::imaging::Interpolation;
 use crate::linalg::SolverChoice;
 
 /// Choices of a correlation; the defaults suit a first try.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Element size, px (4..=128).
+    /// Element size, px (4..=128); of cubic splines the distance of the knots.
     pub element_size: usize,
+    /// What the displacement is between the nodes.
+    pub elements: Elements,
     /// Elements with less than this share of their pixels inside their zone are left out, 0..=1; rectangles
     /// hold whole elements.
     pub element_share: f64,
@@ -51,6 +54,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             element_size: 16,
+            elements: Elements::default(),
             element_share: crate::mesh::ELEMENT_SHARE,
             interpolation: Interpolation::default(),
             tolerance_px: 1e-4,
@@ -75,6 +79,19 @@ impl Options {
     /// references (THEORY 2 has 2, for one).
     pub(super) fn noise_of_both(&self) -> f64 {
         1.0 + 1.0 / self.n_references.max(1) as f64
+    }
+
+    /// Size of the elements of the mesh, px: half of that asked for where the field is a cubic spline.
+    pub fn mesh_size(&self) -> usize {
+        match self.elements {
+            Elements::Bilinear => self.element_size,
+            Elements::CubicSpline => self.element_size / KNOT_ELEMENTS,
+        }
+    }
+
+    /// Whether anything but the images holds the nodes of the mesh.
+    pub fn is_held(&self) -> bool {
+        self.regularisation != Regularisation::None || self.elements == Elements::CubicSpline
     }
 
     /// Whether the numbers among the options make sense (the element size is checked with the mesh).
@@ -105,6 +122,16 @@ impl Options {
             && self.noise_correlation.is_fault()
         {
             return fault("the noise correlation", factor.to_string(), "a factor from 0.1 to 100");
+        }
+        if self.elements == Elements::CubicSpline {
+            if self.element_size < 8 || !self.element_size.is_multiple_of(KNOT_ELEMENTS) {
+                let wanted = "an even number of pixels from 8 on: the mesh has nodes half as far apart";
+                return fault("the element size of cubic splines", self.element_size.to_string(), wanted);
+            }
+            if self.regularisation != Regularisation::None {
+                let wanted = "none with cubic-spline elements, or bilinear elements";
+                return fault("the regularisation", self.regularisation.kind().to_string(), wanted);
+            }
         }
         self.regularisation.check(self.element_size)
     }

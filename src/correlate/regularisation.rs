@@ -2,7 +2,9 @@
 
 use super::error::CorrelationError;
 use crate::field::RegularisationKind;
-use crate::linalg::{BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, Spread, dissection, spread};
+use crate::linalg::{
+    BlockMatrix, ElementMatrix, NotPositiveDefinite, Pattern, Solver, Spread, Subspace, dissection, spread,
+};
 use crate::mesh::{ElementGeometry, GAUSS_POINTS, GAUSS_WEIGHT, Mesh, shape_functions};
 use crate::units::Px;
 use std::f64::consts::{PI, TAU};
@@ -142,15 +144,27 @@ impl Regularisation {
     }
 }
 
+/// What holds the displacement of one level, ready for any matrix of its data.
+#[derive(Debug)]
+pub(super) enum Regulariser {
+    /// A penalty.
+    Penalty(Penalty),
+    /// The nodes are bound to splines.
+    Splines(Arc<Subspace>),
+}
+
 /// The penalty of one level, ready to be added to any matrix of its data.
 #[derive(Debug)]
-pub(super) struct Regulariser {
-    penalty: Arc<BlockMatrix>,
+pub(super) struct Penalty {
+    matrix: Arc<BlockMatrix>,
     /// Elimination order of factors; empty where it has none, see [`Regulariser::factored`].
     order: Vec<usize>,
     /// How far what happens at a node reaches, px.
     reach_px: f64,
 }
+
+/// Rows of elements over which splines carry what happens at a node: with every knot, two elements, it falls to about a half.
+const SPLINES_REACH: usize = 12;
 
 /// In cut-off lengths: what happens at a node falls by `exp(-2 pi d / (sqrt(2) L))` over a distance d, and a variance by the
 /// square of that, 0.1 % here.
@@ -181,41 +195,66 @@ impl Regulariser {
             return None;
         }
         let gradient = mean_square_gradient(mesh, texture);
-        let penalty = regularisation.penalty_on(mesh, pattern, active, &gradient)?;
+        let matrix = Arc::new(regularisation.penalty_on(mesh, pattern, active, &gradient)?);
         let reach_px = REACH * regularisation.cutoff_px().unwrap_or(0.0);
-        Some(Self { penalty: Arc::new(penalty), order: Vec::new(), reach_px })
+        Some(Self::Penalty(Penalty { matrix, order: Vec::new(), reach_px }))
     }
 
     /// The same ready for factors, without which only a penalty that acts over a few elements can be solved with, in steps.
     pub fn factored(mut self, mesh: &Mesh<Px>) -> Self {
-        self.order = dissection(self.penalty.pattern(), mesh.nodes(), 0..mesh.n_nodes());
+        if let Self::Penalty(Penalty { matrix, order, .. }) = &mut self {
+            *order = dissection(matrix.pattern(), mesh.nodes(), 0..mesh.n_nodes());
+        }
         self
     }
 
-    /// The solver of the data's matrix with the penalty. Nodes that are not kept must be out of both.
+    /// The solver of the data's matrix with it. Nodes that are not kept must be out of both.
     pub fn solver(&self, data: BlockMatrix) -> Result<Solver, NotPositiveDefinite> {
-        if self.order.is_empty() {
-            return Ok(Solver::smoothed(data, self.penalty.clone()));
+        match self {
+            Self::Splines(subspace) => Solver::within(data, subspace.clone()),
+            Self::Penalty(Penalty { matrix, order, .. }) if order.is_empty() => {
+                Ok(Solver::smoothed(data, matrix.clone()))
+            }
+            Self::Penalty(Penalty { matrix, order, .. }) => Solver::regularised(data, matrix.clone(), order),
         }
-        Solver::regularised(data, self.penalty.clone(), &self.order)
     }
 
     /// Rows of elements of `element_size` px over which it carries what happens at a node.
     pub fn reach_rows(&self, element_size: f64) -> usize {
-        (self.reach_px / element_size).ceil() as usize
+        match self {
+            Self::Splines(_) => SPLINES_REACH,
+            Self::Penalty(Penalty { reach_px, .. }) => (reach_px / element_size).ceil() as usize,
+        }
     }
 
-    /// Variances and degrees of freedom of the solution with the data's matrix at `nodes`, ascending, as if all others were
-    /// held.
-    pub fn spread_of_part(&self, data: &BlockMatrix, nodes: &[u32]) -> Result<Spread, NotPositiveDefinite> {
-        let place = |node: &usize| nodes.binary_search(&(*node as u32)).ok();
-        let order: Vec<usize> = self.order.iter().filter_map(place).collect();
-        spread(&data.part(nodes), &self.penalty.part(nodes), &order)
+    /// Variances and degrees of freedom of the solution with the data's matrix at the nodes `redone`, as if all but the `free` ones, which
+    /// hold them, were held; both ascending.
+    pub fn spread_of_part(
+        &self,
+        data: &BlockMatrix,
+        free: &[u32],
+        redone: &[u32],
+    ) -> Result<Spread, NotPositiveDefinite> {
+        let Penalty { matrix, order, .. } = match self {
+            Self::Splines(subspace) => return subspace.spread_of_part(data, free, redone),
+            Self::Penalty(penalty) => penalty,
+        };
+        let place = |node: &usize| free.binary_search(&(*node as u32)).ok();
+        let order: Vec<usize> = order.iter().filter_map(place).collect();
+        let Spread { variance, freedom } = spread(&data.part(free), &matrix.part(free), &order)?;
+        let at: Vec<usize> = redone.iter().filter_map(|&node| place(&(node as usize))).collect();
+        let (variance, freedom) = at.into_iter().map(|at| (variance[at], freedom[at])).unzip();
+        Ok(Spread { variance, freedom })
     }
 
-    /// Variances and degrees of freedom of the solution with the data's matrix.
-    pub fn spread(&self, data: &BlockMatrix) -> Result<Spread, NotPositiveDefinite> {
-        spread(data, &self.penalty, &self.order)
+    /// Variances and degrees of freedom of the solution by a solver of its own; `None` of one that it could not hold.
+    pub fn spread(&self, solver: &Solver) -> Option<Spread> {
+        match self {
+            Self::Splines(_) => solver.spread_within(),
+            Self::Penalty(Penalty { matrix, order, .. }) => {
+                solver.penalty().and_then(|_| spread(solver.data(), matrix, order).ok())
+            }
+        }
     }
 }
 

@@ -103,10 +103,11 @@ impl NodalSpread {
             return Some(spread); // a solver of its own although nothing is lost
         }
         if let Some(regulariser) = regulariser {
-            solver.penalty()?;
-            let Spread { variance, freedom } = regulariser.spread_of_part(solver.data(), &free).ok()?;
-            for &node in &redone {
-                let at = free.binary_search(&node).expect("redone nodes are free");
+            if !solver.is_held() {
+                return None;
+            }
+            let Spread { variance, freedom } = regulariser.spread_of_part(solver.data(), &free, &redone).ok()?;
+            for (at, &node) in redone.iter().enumerate() {
                 let node = node as usize;
                 let by_texture = self.mass_by_texture[mesh.node_zone()[node] as usize];
                 spread.variance[node] = variance[at];
@@ -146,10 +147,8 @@ pub(super) fn spread_of(
     let pattern = solver.data().pattern().clone();
     let mut mass = BlockMatrix::assemble_by(&pattern, mesh.elements(), |element| &of_elements[element as usize].mass);
     let lambda = nodal_lambda(mesh, &pattern, of_elements);
-    // A solver without penalty is that of a frame which the regularisation could not hold.
-    if let (Some(regulariser), Some(_)) = (regulariser, solver.penalty())
-        && let Ok(Spread { variance, freedom }) = regulariser.spread(solver.data())
-    {
+    // None of the solver of a frame which the regularisation could not hold.
+    if let Some(Spread { variance, freedom }) = regulariser.and_then(|regulariser| regulariser.spread(solver)) {
         // P is about M0 over the mean square gradient of the zone; that of a node which the penalty holds may be nothing.
         let over_gradient: Vec<[f64; 2]> = (0..mesh.zones().len())
             .map(|zone| {

@@ -15,7 +15,7 @@ mod strain_window;
 pub use mark::{ElementMark, Marked};
 pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, PointField, Status};
 pub use noise::{Noise, NoiseCorrelation};
-pub use options::{Brightness, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
+pub use options::{Brightness, Elements, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
 pub use point_filter::{PointFilter, PointFilters};
 pub use quantities::{
     CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,

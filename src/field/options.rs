@@ -183,6 +183,49 @@ impl FromStr for RegularisationKind {
     }
 }
 
+/// What the displacement is between the nodes.
+///
+/// ```
+/// use quadrille::field::Elements;
+/// assert_eq!("cubic-spline".parse(), Ok(Elements::CubicSpline));
+/// assert_eq!(Elements::default().to_string(), "bilinear");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Elements {
+    /// Bilinear in each element (Q4); the default.
+    #[default]
+    Bilinear,
+    /// A bicubic spline with knots one element size apart; kept at nodes half as far apart, between which it is bilinear.
+    CubicSpline,
+}
+
+impl Elements {
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bilinear => "bilinear",
+            Self::CubicSpline => "cubic-spline",
+        }
+    }
+}
+
+impl fmt::Display for Elements {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Elements {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        [Self::Bilinear, Self::CubicSpline].into_iter().find(|elements| elements.name() == word).ok_or_else(|| {
+            UnknownChoice { option: "elements", given: word.to_owned(), expected: "bilinear or cubic-spline" }
+        })
+    }
+}
+
 /// When a series takes one of its own frames for the reference of those that follow.
 ///
 /// `never`, `residual` or `every N`; a number of frames alone is `every N` as well.

@@ -256,10 +256,9 @@ impl<'a, W: Write> QuantityTables<'a, W> {
     ) -> io::Result<Option<FrameQuantities>> {
         let drawn = field.map(|field| {
             // Which nodes are measured seldom changes along a series: the correlations are kept.
-            let kept =
-                self.noise.take().filter(|noise| noise.is_of(field) || self.bound && noise.is_for(&field.measured));
+            let kept = self.noise.take().filter(|noise| noise.is_of(field));
             let noise = kept.unwrap_or_else(|| match self.bound {
-                true => NodalNoise::unknown(&field.mesh, &field.measured),
+                true => NodalNoise::unknown_of(field),
                 false => NodalNoise::of(field),
             });
             let noise = self.noise.insert(noise);
@@ -556,7 +555,7 @@ fn definitions(
             None => "rigid motion not removed".to_owned(),
         },
         match regularised {
-            true => "sigma: upper bound of the standard uncertainty, since regularisation correlates the nodes",
+            true => "sigma: upper bound of the standard uncertainty, since a regularisation or splines bind the nodes to each other",
             false => "sigma: standard uncertainty from that of the nodes and the correlation of their noise",
         }
         .to_owned(),

@@ -78,6 +78,15 @@ impl Pattern {
         Self { row_starts, columns, incidence_starts, incidence }
     }
 
+    /// The pattern whose rows have blocks in these columns, ascending, each with its own among them. It has no elements.
+    pub(super) fn of_rows(rows: &[Vec<u32>]) -> Self {
+        let mut row_starts = vec![0];
+        for row in rows {
+            row_starts.push(row_starts[row_starts.len() - 1] + row.len() as u32);
+        }
+        Self { row_starts, columns: rows.concat(), incidence_starts: vec![0; rows.len() + 1], incidence: Vec::new() }
+    }
+
     /// The pattern that couples each node with the neighbours of its neighbours too: that of `K^T K` for a
     /// matrix `K` on this one. The elements of the nodes stay the same.
     pub fn widened(&self) -> Self {
@@ -417,6 +426,11 @@ impl BlockMatrix {
         let places = rows.flat_map(|row| pattern.neighbours(row).iter().map(move |&column| (row, column as usize)));
         let blocks = places.map(|(row, column)| block(row, column)).collect();
         Self { pattern: pattern.clone(), blocks, held: Vec::new() }
+    }
+
+    /// The matrix of these rows of blocks.
+    pub(super) fn of_rows(pattern: &Arc<Pattern>, rows: &[Vec<[f64; 4]>]) -> Self {
+        Self { pattern: pattern.clone(), blocks: rows.concat(), held: Vec::new() }
     }
 
     /// Adds `scale` times a matrix of the same nodes whose pattern lies within that of `self`.

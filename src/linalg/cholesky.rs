@@ -52,8 +52,8 @@ impl Cholesky {
     }
 
     /// Structure and values of the factor.
-    pub(super) fn into_parts(self) -> (SymbolicCholesky<u32>, Vec<f64>) {
-        (self.symbolic, self.values)
+    pub(super) fn parts(&self) -> (&SymbolicCholesky<u32>, &[f64]) {
+        (&self.symbolic, &self.values)
     }
 
     fn with(

@@ -16,6 +16,7 @@ mod selected_inverse;
 mod solver;
 mod sparse;
 mod spread;
+mod subspace;
 
 pub use banded_lu::BandedLu;
 pub(crate) use blocks::upper;
@@ -35,3 +36,4 @@ pub(crate) use solver::REDUCTION_CHANGED;
 pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
 pub use sparse::{SparseMatrix, SparsePattern};
 pub use spread::{Spread, spread};
+pub use subspace::Subspace;

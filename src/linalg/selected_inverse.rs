@@ -27,23 +27,29 @@ pub fn selected_inverse(
     order: &[usize],
     pattern: &Arc<Pattern>,
 ) -> Result<BlockMatrix, NotPositiveDefinite> {
-    let (symbolic, mut values) = Cholesky::in_pieces(matrix, order)?.into_parts();
+    Ok(inverse_by(&Cholesky::in_pieces(matrix, order)?, order, pattern))
+}
+
+/// The same from the factor of the matrix, which was asked for in pieces.
+pub(super) fn inverse_by(factor: &Cholesky, order: &[usize], pattern: &Arc<Pattern>) -> BlockMatrix {
+    let (symbolic, values) = factor.parts();
     let SymbolicCholeskyRaw::Supernodal(pieces) = symbolic.raw() else {
         unreachable!("the factor was asked for in pieces")
     };
+    let mut values = values.to_vec();
     invert(pieces, &mut values);
     let mut place = vec![0u32; pattern.n_nodes()];
     for (at, &node) in order.iter().enumerate() {
         place[node] = 2 * at as u32;
     }
     let piece_of = piece_of(pieces);
-    Ok(BlockMatrix::from_blocks(pattern, |row, column| {
+    BlockMatrix::from_blocks(pattern, |row, column| {
         let entry = |c: u32, d: u32| {
             let (a, b) = (place[row] + c, place[column] + d);
             entry(pieces, &values, &piece_of, a.max(b), a.min(b))
         };
         [entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)]
-    }))
+    })
 }
 
 /// The piece that each column belongs to.

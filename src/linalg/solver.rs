@@ -3,6 +3,8 @@
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
 use super::conjugate_gradients::{BlockJacobi, Single};
+use super::spread::Spread;
+use super::subspace::Subspace;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
@@ -35,6 +37,7 @@ pub struct Solver {
     system: System,
     factor: Option<Factor>,
     regularised: Option<Regularised>,
+    within: Option<Within>,
     /// Fall of the residual that conjugate gradients are asked for.
     reduction: f64,
     /// See [`Solver::with_responses`].
@@ -89,6 +92,14 @@ struct Regularised {
     penalty: Arc<BlockMatrix>,
 }
 
+/// What confines the solution to a [`Subspace`].
+#[derive(Debug)]
+struct Within {
+    subspace: Arc<Subspace>,
+    /// Of the matrix of its functions.
+    factor: Cholesky,
+}
+
 impl Solver {
     /// Prepares `matrix`; `order` is the elimination order, asked for only when a factor is made.
     ///
@@ -132,9 +143,9 @@ impl Solver {
     }
 
     fn of(system: System) -> Self {
-        let (factor, regularised, responses) = (None, None, None);
+        let (factor, regularised, within, responses) = (None, None, None, None);
         let (changed, spare) = (None, Mutex::default());
-        Self { system, factor, regularised, reduction: REDUCTION, responses, changed, spare }
+        Self { system, factor, regularised, within, reduction: REDUCTION, responses, changed, spare }
     }
 
     /// The solver of `data + penalty`, always with a factor, which is made in the elimination `order`: a
@@ -165,6 +176,15 @@ impl Solver {
         let mut sum = BlockMatrix::clone(&penalty);
         sum.add(&data, 1.0);
         Self { regularised: Some(Regularised { data, penalty }), ..Self::iterative(sum) }
+    }
+
+    /// The solver of `data` for fields of a subspace, always with a factor, that of its functions.
+    ///
+    /// # Errors
+    /// [`NotPositiveDefinite`] when the data does not determine the functions.
+    pub fn within(data: BlockMatrix, subspace: Arc<Subspace>) -> Result<Self, NotPositiveDefinite> {
+        let factor = subspace.factor(&subspace.matrix(&data))?;
+        Ok(Self { within: Some(Within { subspace, factor }), ..Self::iterative(data) })
     }
 
     /// Conjugate gradients for the same matrix with the rows of `nodes` assembled anew, see [`BlockMatrix::assemble`]: for a
@@ -220,8 +240,22 @@ impl Solver {
     }
 
     /// The correction of `displacement` for the right-hand side `rhs` of the data. A penalty acts on the whole
-    /// displacement and not on its correction: `(M + w R) da = b - w R a` (THEORY 2).
+    /// displacement and not on its correction: `(M + w R) da = b - w R a` (THEORY 2). So does a subspace, into which it leads.
     pub fn correction(&self, mut rhs: Vec<[f64; 2]>, displacement: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        if let Some(within) = &self.within {
+            for (node, b) in rhs.iter_mut().enumerate() {
+                let [x, y] = self.matrix().row_times(node, displacement);
+                *b = [b[0] + x, b[1] + y];
+            }
+            // A node without any data stays where it is: what the functions would make of it is a guess.
+            let has_data = |node: usize| self.matrix().diagonal(node) != [0.0; 3];
+            let mut correction = within.solution(rhs, self.matrix().held());
+            for (node, (c, u)) in correction.iter_mut().zip(displacement).enumerate() {
+                *c = if has_data(node) { [c[0] - u[0], c[1] - u[1]] } else { [0.0; 2] };
+            }
+            self.matrix().held().iter().for_each(|&node| correction[node as usize] = [0.0; 2]);
+            return correction;
+        }
         if let Some(penalty) = self.penalty() {
             for (node, b) in rhs.iter_mut().enumerate() {
                 let [px, py] = penalty.row_times(node, displacement);
@@ -253,8 +287,26 @@ impl Solver {
         &self.system.jacobi
     }
 
+    /// Whether anything holds the solution beside the data.
+    pub(crate) fn is_held(&self) -> bool {
+        self.regularised.is_some() || self.within.is_some()
+    }
+
+    /// What the solution is confined to, if anything.
+    pub fn subspace(&self) -> Option<&Arc<Subspace>> {
+        self.within.as_ref().map(|within| &within.subspace)
+    }
+
+    /// Variances and degrees of freedom of a solution that is confined; `None` of another.
+    pub fn spread_within(&self) -> Option<Spread> {
+        self.within.as_ref().map(|within| within.subspace.spread(self.data(), &within.factor))
+    }
+
     /// Memory of the factor, bytes; 0 without one.
     pub fn factor_bytes(&self) -> usize {
+        if let Some(within) = &self.within {
+            return within.factor.bytes();
+        }
         match &self.factor {
             Some(Factor::Double(factor)) => factor.bytes(),
             Some(Factor::Single(factor)) => factor.bytes(),
@@ -264,7 +316,7 @@ impl Solver {
 
     /// `direct` or `iterative`.
     pub fn name(&self) -> &'static str {
-        if self.factor.is_some() { "direct" } else { "iterative" }
+        if self.factor.is_some() || self.within.is_some() { "direct" } else { "iterative" }
     }
 
     /// Conjugate gradient iterations that a right-hand side without any order needs until its residual has fallen
@@ -281,6 +333,9 @@ impl Solver {
     /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less, in single
     /// precision; any of these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        if let Some(within) = &self.within {
+            return within.solution(rhs, self.matrix().held());
+        }
         self.matrix().held().iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
         if let Some(Factor::Double(factor)) = &self.factor {
             factor.solve(&mut rhs);
@@ -299,6 +354,18 @@ impl Solver {
             }
         }
         single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
+    }
+}
+
+impl Within {
+    /// `B (B^T M B)^-1 B^T` times a right-hand side of the nodes; those that are `held` take part in neither.
+    fn solution(&self, mut rhs: Vec<[f64; 2]>, held: &[u32]) -> Vec<[f64; 2]> {
+        held.iter().for_each(|&node| rhs[node as usize] = [0.0; 2]);
+        let mut coefficients = self.subspace.right_hand_side(&rhs);
+        self.factor.solve(&mut coefficients);
+        let mut solution = self.subspace.field(&coefficients);
+        held.iter().for_each(|&node| solution[node as usize] = [0.0; 2]);
+        solution
     }
 }
 

@@ -35,8 +35,7 @@ pub(super) fn profile_plot(
     let step = if length > 0.0 && length.is_finite() { length / POINTS } else { 1.0 };
     let points = Segment::new([x0, y0], [x1, y1], step)?.points();
     let noise = || {
-        let (mesh, measured) = (&measurement.mesh, &measurement.measured);
-        if options.known_noise { NodalNoise::of(measurement) } else { NodalNoise::unknown(mesh, measured) }
+        if options.known_noise { NodalNoise::of(measurement) } else { NodalNoise::unknown_of(measurement) }
     };
     let mut values = vec![f64::NAN; points.len()];
     let mut half = None;
@@ -68,7 +67,8 @@ pub(super) fn profile_plot(
         notes.push(format!("{definition} strain, {}, over twice the element size", definition.formula()));
     }
     if half.is_some() {
-        let bound = if options.known_noise { "" } else { " (upper bounds: the field is regularised)" };
+        let bound =
+            if options.known_noise { "" } else { " (upper bounds: neighbouring nodes are bound to each other)" };
         notes.push(format!("band: \u{b1}{K} standard uncertainties{bound}"));
     }
     let s = points.iter().map(|(s, _)| *s).collect();

@@ -1,7 +1,7 @@
 //! The folder of a run: what it holds, and how it is replaced.
 
 use super::error::{Result, RunError};
-use crate::field::{Measurement, Noise, StrainField};
+use crate::field::{Elements, Measurement, Noise, StrainField};
 use crate::io::case::{CaseFile, parse_case};
 use crate::io::store::{STORE, StoreHeader, StoreWriter, remove_store};
 use crate::io::{csv, vtk};
@@ -296,7 +296,10 @@ impl About {
             format!("elements of {} px, {named}{}", self.header.element_size_px, self.header.device),
             match (options.regularisation, options.cutoff_px) {
                 (Some(kind), Some(cutoff_px)) => format!("regularisation {kind}, cut-off {cutoff_px} px"),
-                _ => "no regularisation".to_owned(),
+                _ => match options.elements {
+                    Some(Elements::CubicSpline) => "cubic splines with a knot every two elements".to_owned(),
+                    _ => "no regularisation".to_owned(),
+                },
             },
             match options.noise {
                 Some(Noise::Constant(noise)) => format!("sigma from the given image noise of {noise} grey levels"),

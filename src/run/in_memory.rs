@@ -84,9 +84,9 @@ impl InMemory {
         cut(&mut zones, &plan.drawn.cracks)?;
         let device = plan.device_of(FRAMES * (size[0] * size[1]) as u64)?;
         notes.extend(device.remark());
-        let regularised = plan.options.regularisation.cutoff_px().is_some();
+        let held = plan.options.is_held();
         let correlator = prepare(&device, reference, &zones, plan.options)?;
-        let windows = plan.strain_window.map(|window| StrainWindows::new(correlator.mesh(), window, regularised));
+        let windows = plan.strain_window.map(|window| StrainWindows::new(correlator.mesh(), window, held));
         Ok(Self { correlator, notes, strain: plan.strain, windows })
     }
 

@@ -4,7 +4,7 @@ use super::shard::Shard;
 use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
 use crate::field::{
-    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
+    Brightness, Elements, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
 };
 use crate::imaging::Interpolation;
 use crate::io::case::{CrackPath, Pages};
@@ -75,6 +75,8 @@ pub struct Overlay {
     pub element_share: Option<f64>,
     /// Side of the elements, px.
     pub element_size: Option<i64>,
+    /// What the displacement is between the nodes.
+    pub elements: Option<Elements>,
     /// Interpolation between pixels.
     pub interpolation: Option<Interpolation>,
     /// Error of the iteration that may be left when a frame counts as converged, px.

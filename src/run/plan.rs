@@ -9,7 +9,7 @@ use crate::backend::choice::{Device, DeviceChoice};
 use crate::backend::gpu::GpuOptions;
 use crate::correlate::{Options, Regularisation};
 use crate::field::{
-    Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
+    Elements, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, StrainWindow, UpdateReference,
 };
 use crate::io::case::{CaseCorrelation, CaseFile, CaseImages, CaseQuantities, CaseReport, CaseZone, Pages};
 use crate::io::images::{Accepted, pages_of};
@@ -103,14 +103,7 @@ impl Plan {
             return Err("--shard needs --start independent: the frames before are done by other processes".into());
         }
         let update = asked.update_reference.or(given.update_reference).unwrap_or_default();
-        if update != UpdateReference::Never && options.start == StartFrom::Independent {
-            let why = if asked.shard.is_some() { "--shard" } else { "--start independent" };
-            return Err(format!(
-                "--update-reference {update} does not go with {why}: a reference is made of the frames before, one after \
-                 the other; leave one of them out"
-            )
-            .into());
-        }
+        may_be_updated(update, &options, asked.shard.is_some())?;
         options.check()?;
         // A rerun of a run.toml takes the instruction path of that run where it can: the same bits.
         let recorded = |key: &str| case.run.as_ref().and_then(|run| run.get(key)).cloned();
@@ -232,6 +225,7 @@ impl Plan {
             },
             correlation: CaseCorrelation {
                 element_size_px: Some(options.element_size as u32),
+                elements: (options.elements != Elements::default()).then_some(options.elements),
                 element_share: Some(options.element_share),
                 interpolation: Some(options.interpolation),
                 tolerance_px: Some(options.tolerance_px),
@@ -272,6 +266,29 @@ pub(super) fn files(frames: &[Frame]) -> Vec<String> {
     files
 }
 
+/// Refuses an update of the reference where frames or elements do not allow any.
+fn may_be_updated(update: UpdateReference, options: &Options, has_shard: bool) -> Result<()> {
+    if update == UpdateReference::Never {
+        return Ok(());
+    }
+    if options.elements == Elements::CubicSpline {
+        return Err(format!(
+            "--update-reference {update} does not go with --elements cubic-spline: a new reference has a mesh that the specimen \
+             has deformed, and splines need a regular one; leave one of them out"
+        )
+        .into());
+    }
+    if options.start == StartFrom::Independent {
+        let why = if has_shard { "--shard" } else { "--start independent" };
+        return Err(format!(
+            "--update-reference {update} does not go with {why}: a reference is made of the frames before, one after the \
+             other; leave one of them out"
+        )
+        .into());
+    }
+    Ok(())
+}
+
 /// The options of the correlation that overlay and case ask for together.
 fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<Options> {
     let given = &case.correlation;
@@ -298,6 +315,7 @@ fn options_of(asked: &Overlay, case: &CaseFile, n_references: usize) -> Result<O
         noise_correlation: asked.noise_correlation.or(given.noise_correlation).unwrap_or_default(),
         drop_textureless: asked.drop_textureless || given.drop_textureless.unwrap_or(false),
         // The edges of an opening are the faces of a joint.
+        elements: asked.elements.or(given.elements).unwrap_or_default(),
         whole_borders: case.openings.iter().flat_map(|opening| opening.zones.clone()).collect(),
         regularisation: regularisation(asked, given)?,
         ..default

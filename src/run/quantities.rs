@@ -117,7 +117,7 @@ pub(crate) struct Fields<'a> {
     pub header: &'a [String],
     pub pixel_size: Option<PixelSize>,
     pub element_size_px: f64,
-    /// Whether they were regularised: standard uncertainties are then upper bounds.
+    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties are then upper bounds.
     pub regularised: bool,
 }
 

@@ -12,10 +12,14 @@ impl Record {
         Self(header.case.parse().unwrap_or_default())
     }
 
-    /// Whether the fields are regularised: standard uncertainties of what is drawn from them are then upper bounds.
+    /// Whether a regularisation or splines bind the nodes to each other: standard uncertainties of what is drawn from them are then upper
+    /// bounds.
     pub fn is_regularised(&self) -> bool {
-        let kind = self.0.get("correlation").and_then(|section| section.get("regularisation"));
-        kind.is_some_and(|kind| kind.as_str() != Some("none"))
+        let section = self.0.get("correlation");
+        let is = |key: &str, usual: &str| {
+            section.and_then(|section| section.get(key)).is_some_and(|kind| kind.as_str() != Some(usual))
+        };
+        is("regularisation", "none") || is("elements", "bilinear")
     }
 
     /// Page of the reference.

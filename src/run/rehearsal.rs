@@ -1,11 +1,12 @@
 //! A case is read whole before anything runs: the joint that the measurement will give is made of the zones alone, and everything
 //! that is said of it and of the fit is tried on it.
 
-use super::error::Result;
+use super::error::{Result, RunError};
 use super::plan::Plan;
 use super::reference::{Reference, about_reference};
 use super::zones::Zones;
 use crate::correlate::CorrelationError;
+use crate::field::Elements;
 use crate::identify::Case;
 use crate::io::case::CaseDocument;
 use crate::io::joint::{
@@ -27,6 +28,13 @@ const SIGMA_PX: f64 = 0.01;
 /// Zones without elements, faces that do not pair, a border that does not hold the joint, and all that
 /// [`Case::joint`] and [`Case::new`] refuse.
 pub(super) fn rehearse(case: &RunCase, plan: &Plan) -> Result<Vec<String>> {
+    if plan.options.elements == Elements::CubicSpline {
+        return Err(RunError::Refused(
+            "identification needs bilinear elements: the nodes of cubic splines are bound to each other, and intervals made of them \
+             would be too narrow; leave elements = \"cubic-spline\" (--elements) out"
+                .into(),
+        ));
+    }
     let Some(scale) = plan.pixel_size else { return Ok(Vec::new()) };
     let path = case.text.path();
     let run = made_up(case, plan, scale)?;
@@ -60,7 +68,7 @@ fn made_up(case: &RunCase, plan: &Plan, scale: PixelSize) -> Result<JointRun> {
     let Reference { image, .. } = Reference::of(plan)?;
     let (size, options) = ([image.width(), image.height()], &plan.options);
     let zones = Zones::on(&plan.zones, options.element_size, size)?.zones;
-    let laid = PixelMesh::on_zones(&zones, options.element_size, options.element_share, size)
+    let laid = PixelMesh::on_zones(&zones, options.mesh_size(), options.element_share, size)
         .map_err(|error| about_reference(plan, &CorrelationError::Mesh(error)))?;
     let on_specimen = laid.mesh.to_mm(scale);
     let (elements, groups) = (on_specimen.elements().to_vec(), on_specimen.zones().to_vec());

@@ -25,7 +25,7 @@ use super::which_reference::about_texts;
 use super::zones::Zones;
 use super::{crack_auto, doubts, pipeline, quantities, report, said};
 use crate::correlate::Correlate;
-use crate::field::{RegularisationKind, Status, StrainWindows, UpdateReference};
+use crate::field::{Status, StrainWindows, UpdateReference};
 use crate::imaging::{FlatBlocks, Image, Saturation};
 use crate::io::quantities::QuantitySummary;
 use crate::io::store::{STORE, Store, StoreWriter};
@@ -120,8 +120,7 @@ impl Before {
 
 /// What makes the strains over a window, where one is asked for.
 fn strain_windows(plan: &Plan, mesh: &Mesh<Px>) -> Option<StrainWindows> {
-    let regularised = plan.options.regularisation.kind() != RegularisationKind::None;
-    plan.strain_window.map(|window| StrainWindows::new(mesh, window, regularised))
+    plan.strain_window.map(|window| StrainWindows::new(mesh, window, plan.options.is_held()))
 }
 
 impl<'a> PreparedSeries<'a> {

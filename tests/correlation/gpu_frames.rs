@@ -11,7 +11,7 @@ use quadrille::backend::{Backend, BackendError, GreyTransfer};
 use quadrille::correlate::{
     Correlate, Correlation, CorrelationError, Correlator, Options, Regularisation, Start, TextureFault, Tracker,
 };
-use quadrille::field::{Brightness, StartFrom, Status};
+use quadrille::field::{Brightness, Elements, StartFrom, Status};
 use quadrille::imaging::{Image, Interpolation, Levels, Pixels};
 use quadrille::io::images::read_image;
 use quadrille::linalg::SolverChoice;
@@ -268,6 +268,27 @@ fn the_direct_solver_gives_the_field_of_the_cpu() {
     let pair = noisy_pair(&Accuracy::new(320, 320), &eight_bit(320, 320));
     let options = Options { solver: SolverChoice::Direct, ..Options::default() };
     assert_parity(&gpu, "direct", &pair, &inside(320, 320, 16), options);
+}
+
+#[test]
+fn cubic_splines_give_the_field_of_the_cpu_on_rectangles_and_masks_that_lose_pixels() {
+    let Some(gpu) = device() else { return };
+    let pair = noisy_pair(&Accuracy::new(320, 320), &eight_bit(320, 320));
+    let polygon = vec![[0.0, 3.0], [320.0, 0.0], [290.0, 310.0], [130.0, 240.0], [5.0, 320.0]];
+    let shapes = [
+        ("splines inside", inside(320, 320, 16)),
+        ("splines, whole image", inside(320, 320, 0)),
+        ("splines in a polygon", vec![Zone { name: "poly".into(), polygon, ..Zone::default() }]),
+    ];
+    for (what, zones) in shapes {
+        let options = Options { elements: Elements::CubicSpline, ..Options::default() };
+        let found = assert_parity(&gpu, what, &pair, &zones, options);
+        // The host solves, as with a regularisation.
+        let traffic = found.traffic.unwrap();
+        if what == "splines inside" {
+            assert!(traffic.readbacks <= 3 * (found.iterations + found.coarse_iterations) + 4, "{what}: {traffic:?}");
+        }
+    }
 }
 
 const SIZE: [usize; 2] = [261, 203];

@@ -27,6 +27,7 @@ mod reference_update;
 mod regions;
 mod regularisation;
 mod shaders;
+mod splines;
 mod strain;
 mod strain_gauges;
 mod strain_window;

@@ -575,7 +575,7 @@ impl Backend for CpuBackend {
         level.fit_transfer(&zones, field);
         field.steps += 1;
         field.relaxation.swap(0, 1);
-        if !is_relaxed(field.steps) {
+        if !is_relaxed(field.steps, solver) {
             field.relaxation[0].clear();
         }
         Ok(level.corrected(field, &zones, solver, scale))

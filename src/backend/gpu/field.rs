@@ -266,7 +266,7 @@ impl GpuField {
     ) -> Result<Step, BackendError> {
         let (n_nodes, [cos, sin]) = (self.n_nodes as u32, scale.map(|v| v as f32));
         let half = |step: usize| (step % 2) as u32 * n_nodes;
-        let before_first = if is_relaxed(self.steps) { half(self.steps - 1) } else { NOTHING };
+        let before_first = if is_relaxed(self.steps, solver) { half(self.steps - 1) } else { NOTHING };
         let first = half(self.steps);
         let coupled = solver.responses.is_some().into();
         let constants =

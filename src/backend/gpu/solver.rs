@@ -107,7 +107,10 @@ impl GpuSolver {
             Some(_) => (REDUCTION_REGULARISED, None),
             None => (host.reduction(), Some(REDUCTION_CHANGED)),
         };
-        let trial = |reduction: f64| host.trial_iterations(reduction, MOST).max(LEAST);
+        let trial = |reduction: f64| match host.subspace() {
+            Some(_) => MOST, // its factor is the host's
+            None => host.trial_iterations(reduction, MOST).max(LEAST),
+        };
         let iterations = trial(reduction);
         let on_device = match host.penalty() {
             Some(penalty) => iterations < MOST && acts_on_differences(penalty),

@@ -49,6 +49,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
         "Correlation",
         &[
             "element_size",
+            "elements",
             "interpolation",
             "tolerance",
             "max_iterations",
@@ -114,7 +115,7 @@ const RARE: [&str; 19] = [
 ];
 
 /// What an option is in a few words, for a command with many: a line each.
-const BRIEF: [(&str, &str); 22] = [
+const BRIEF: [(&str, &str); 23] = [
     ("deformed", "deformed images; the first is the reference"),
     ("reference", "the reference; several: their mean"),
     ("case", "a case file that says the same; flags win"),
@@ -124,6 +125,7 @@ const BRIEF: [(&str, &str); 22] = [
     ("mesh", "a mesh to measure with, .msh or .vtu"),
     ("guard", "pixels left out beside the border of a zone"),
     ("element_size", "side of the elements, 4 to 128 px; 16"),
+    ("elements", "bilinear, cubic-spline"),
     ("interpolation", "cubic, quintic, keys, bilinear"),
     ("brightness", "auto, zone, smooth, element, off"),
     ("start", "previous frame, or independent"),

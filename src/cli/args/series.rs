@@ -15,6 +15,7 @@ use super::words::slurm_word;
 use crate::backend::choice::DeviceChoice;
 use crate::cli::frames::Frames;
 use crate::field::Brightness;
+use crate::field::Elements;
 use crate::field::Noise;
 use crate::field::NoiseCorrelation;
 use crate::field::RegularisationKind;
@@ -146,6 +147,10 @@ pub struct CorrelateArgs {
     /// Side of the square elements, px (4 to 128). Smaller: finer detail and more noise. Default 16.
     #[arg(long, value_name = "PX", allow_hyphen_values = true)]
     pub element_size: Option<i64>,
+    /// Displacement between the nodes: bilinear in each element, or cubic-spline, smooth over all of them (knots one element size
+    /// apart, nodes half as far). Default bilinear.
+    #[arg(long, value_name = "bilinear|cubic-spline")]
+    pub elements: Option<Elements>,
     /// Interpolation between pixels. Default cubic; quintic has ten times less bias at twice the cost.
     #[arg(long, value_name = "NAME", value_parser = interpolation)]
     pub interpolation: Option<Interpolation>,

@@ -100,6 +100,13 @@ impl NodalNoise {
         Self { mass: None, around, measured, marks: None, reads_coefficients: true, points, columns }
     }
 
+    /// The same of `field`; what is read at points is made of values there if the field has any, as that of splines.
+    pub fn unknown_of<U: Length>(field: &Measurement<U>) -> Self {
+        let has_values = field.points.as_ref().is_some_and(|points| points.is_value.contains(&true));
+        let unknown = Self::unknown(&field.mesh, &field.measured);
+        Self { marks: field.marks.clone(), reads_coefficients: !has_values, ..unknown }
+    }
+
     /// The elements around a node that have all their nodes measured.
     pub(super) fn around(&self, node: usize) -> impl Iterator<Item = usize> {
         self.around[node].iter().map(|&element| element as usize)

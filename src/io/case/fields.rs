@@ -3,7 +3,7 @@
 use super::guard::CaseGuard;
 use super::lists::{OneOrMore, four_numbers, name, one_or_list, one_or_more, polygon, polygons};
 use crate::field::{
-    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
+    Brightness, Elements, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UpdateReference,
 };
 use crate::imaging::Interpolation;
 use crate::mesh::Roi;
@@ -57,6 +57,10 @@ pub struct CaseCorrelation {
     /// Side of the elements, px, 4 to 128.
     #[schemars(extend("default" = 16, "x-flag" = "--element-size"))]
     pub element_size_px: Option<u32>,
+    /// What the displacement is between the nodes: bilinear in each element, or a bicubic spline with knots one element size apart, kept at
+    /// nodes half as far apart (docs/correlation.md, 2.9.1); on regular meshes, without regularisation.
+    #[schemars(extend("default" = "bilinear", "x-flag" = "--elements"))]
+    pub elements: Option<Elements>,
     /// Share of its pixels that an element of a polygon or a mask must have inside, to be kept; above 0, up to 1.
     #[schemars(extend("default" = 0.5, "x-flag" = "--element-share"))]
     pub element_share: Option<f64>,

@@ -330,6 +330,12 @@ pub enum JointFileError {
         /// The run.
         path: PathBuf,
     },
+    /// A correlation run of splines.
+    #[error("{}: the displacements of the run are cubic splines, whose nodes are bound to each other: intervals made of them would be too narrow; correlate again without --elements", path.display())]
+    Splines {
+        /// The run.
+        path: PathBuf,
+    },
     /// A correlation run without a frame that can be used.
     #[error("{}: no frame of the run converged; look at its summary.json", path.display())]
     NoFrame {

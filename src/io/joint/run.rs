@@ -1,7 +1,7 @@
 //! A correlation run, read from its store.
 
 use super::{JointFileError, JointMeshFile, JointRun, RunMatrix};
-use crate::field::Status;
+use crate::field::{Elements, Status};
 use crate::io::store::Store;
 use crate::linalg::{ElementMatrix, alike};
 use crate::mesh::mean_products;
@@ -14,12 +14,15 @@ const SUMMARY: &str = "summary.json";
 /// Reads the run in the folder `path`, or of the store `path`.
 ///
 /// # Errors
-/// A store that cannot be read, no pixel size, no frame that converged.
+/// A store that cannot be read, no pixel size, no frame that converged; displacements that are splines.
 pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
     let store = Store::open(path)?;
     let Some(scale) = store.header().pixel_size else {
         return Err(JointFileError::NoPixelSize { path: path.to_owned() });
     };
+    if store.header().elements() == Elements::CubicSpline {
+        return Err(JointFileError::Splines { path: path.to_owned() });
+    }
     let measured = store.mesh();
     let on_specimen = Arc::new(measured.to_mm(scale));
     let mesh = JointMeshFile {

@@ -177,7 +177,7 @@ impl Variable {
                  few of the window are measured"
             }
             Variable::SigmaStrainWindow => {
-                "standard uncertainty of each component of strain_window; an upper bound where the run was regularised"
+                "standard uncertainty of each component of strain_window; an upper bound where the run was regularised or of splines"
             }
             Variable::Residual => "root mean square of the residual f - (1 + c) g - d over the element",
             Variable::ModelError => {

@@ -17,7 +17,7 @@ pub use layout::{Place, Variable};
 pub use reader::{Store, StoredFrame};
 pub use writer::{StoreWriter, remove_store};
 
-use crate::field::{StrainDefinition, StrainWindow};
+use crate::field::{Elements, StrainDefinition, StrainWindow};
 use crate::mesh::{Mesh, MeshError};
 use crate::units::{PixelSize, Px};
 use std::error::Error;
@@ -60,6 +60,13 @@ pub struct StoreHeader {
 }
 
 impl StoreHeader {
+    /// What the displacement is between the nodes, as the case says; bilinear where it says nothing.
+    pub fn elements(&self) -> Elements {
+        let case: toml::Table = self.case.parse().unwrap_or_default();
+        let named = case.get("correlation").and_then(|section| section.get("elements")).and_then(toml::Value::as_str);
+        named.and_then(|name| name.parse().ok()).unwrap_or_default()
+    }
+
     /// What a reader of the numbers must know, a line each: version, device, frame of reference, units, how
     /// standard uncertainties and strains are made.
     pub fn about(&self) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! Noise and strain against the length of the virtual strain gauge.
 
 use super::{CorrelationReport, DrawnFrame};
-use crate::field::{ELEMENT_NOISE, Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
+use crate::field::{ELEMENT_NOISE, Elements, Measurement, StrainDefinition, StrainWindow, StrainWindows, TensorStrain};
 use crate::report::page::{Block, Curves, Section};
 use crate::report::scale::percentiles;
 use crate::report::words::significant;
@@ -77,8 +77,9 @@ impl CorrelationReport<'_> {
         let regularised = self.is_regularised();
         if regularised {
             blocks.push(Block::Text(
-                "The run was regularised, which correlates the noise of the nodes: the noise below is that of a run without, and \
-                 the cut-off length of the regularisation takes part in the length of the gauge."
+                "A regularisation or splines bind the nodes to each other, which correlates their noise: the noise below is that of \
+                 nodes that are not, more than there is, and the cut-off length, or the distance of the knots, takes part in the \
+                 length of the gauge."
                     .into(),
             ));
         }
@@ -119,7 +120,8 @@ impl CorrelationReport<'_> {
 
     /// Whether the displacement was held by something beside the images.
     pub(super) fn is_regularised(&self) -> bool {
-        self.case.correlation.cutoff_px.is_some()
+        let options = &self.case.correlation;
+        options.cutoff_px.is_some() || options.elements == Some(Elements::CubicSpline)
     }
 
     fn rows(&self, first: &DrawnFrame, last: &DrawnFrame) -> Option<Vec<Row>> {

@@ -2,7 +2,7 @@
 
 use super::CorrelationReport;
 use super::gauge::median_sigma;
-use crate::field::{Noise, RegularisationKind, StrainWindow};
+use crate::field::{Elements, Noise, RegularisationKind, StrainWindow};
 use crate::report::page::{Block, Section};
 use crate::report::words::significant;
 
@@ -75,7 +75,10 @@ impl CorrelationReport<'_> {
                 (Some(kind), Some(cutoff)) if kind != RegularisationKind::None => {
                     format!("{kind} regularisation, cut-off {}", self.length(cutoff))
                 }
-                _ => "none".into(),
+                _ => match options.elements {
+                    Some(Elements::CubicSpline) => "cubic splines with a knot every two elements".into(),
+                    _ => "none".into(),
+                },
             },
         );
         add(
@@ -140,7 +143,7 @@ impl CorrelationReport<'_> {
         let window = first.strain.window.as_ref().map(|strains| strains.window);
         let factor = window.map_or(crate::field::ELEMENT_NOISE, StrainWindow::noise);
         let [x, y] = sigma.map(|sigma| factor * sigma / self.element_px);
-        let upper = if self.is_regularised() { ", without the regularisation" } else { "" };
+        let upper = if self.is_regularised() { ", were nodes not bound to each other" } else { "" };
         add(
             "strain noise floor",
             format!(

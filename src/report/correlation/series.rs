@@ -136,7 +136,8 @@ impl CorrelationReport<'_> {
             return Ok(None);
         }
         let mut blocks = Vec::new();
-        let bound = if self.is_regularised() { " (upper bounds: the field is regularised)" } else { "" };
+        let bound =
+            if self.is_regularised() { " (upper bounds: neighbouring nodes are bound to each other)" } else { "" };
         for curve in curves.iter().take(CURVES) {
             let places = spread(curve.x.len(), POINTS);
             let thin = |values: &[f64]| places.iter().map(|&k| values[k]).collect::<Vec<f64>>();
