@@ -16,7 +16,7 @@ VALUES = [
     np.broadcast_to(np.uint8(3), (48, 48)), np.lib.stride_tricks.as_strided(np.zeros(99, np.uint8), (48, 48), (1, 1)),
 ]
 KEYS = [
-    "element_size_px", "element_share", "interpolation", "tolerance_px", "max_iterations", "brightness", "start", "noise", "noise_correlation",
+    "element_size_px", "elements", "element_share", "interpolation", "tolerance_px", "max_iterations", "brightness", "start", "noise", "noise_correlation",
     "regularisation", "cutoff_px", "poisson", "strain", "strain_window", "drop_textureless", "isa", "threads", "mask", "cracks", "zones", "nonsense",
 ]
 

@@ -24,7 +24,7 @@ fn cubic(t: f64) -> f64 {
 /// Every function that has a value at a node is one of them, so that at a border, too, no polynomial up to the third degree is missing.
 pub(super) fn splines(mesh: &Mesh<Px>) -> Option<Subspace> {
     let mut of_nodes = Vec::with_capacity(mesh.n_nodes());
-    let (mut coupled, mut lines, mut middles): (Vec<Vec<u32>>, Vec<[u32; 3]>, Vec<[f64; 2]>) = Default::default();
+    let (mut coupled, mut lines, mut middles) = (Vec::<Vec<u32>>::new(), Vec::new(), Vec::new());
     for zone in 0..mesh.zones().len() {
         let functions = Functions::new(mesh.grid(zone)?);
         let places: Vec<[usize; 2]> =

@@ -1,7 +1,7 @@
 //! Case files: read, written, and what is said about wrong ones.
 
 use quadrille::field::{
-    Brightness, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice,
+    Brightness, Elements, Noise, NoiseCorrelation, RegularisationKind, StartFrom, StrainDefinition, UnknownChoice,
 };
 use quadrille::imaging::Interpolation;
 use quadrille::io::case::{
@@ -23,6 +23,7 @@ max_image_mpx = 64
 
 [correlation]
 element_size_px = 16
+elements = "bilinear"
 element_share = 0.25
 interpolation = "quintic"
 tolerance_px = 1e-4
@@ -82,6 +83,7 @@ fn full() -> CaseFile {
         },
         correlation: CaseCorrelation {
             element_size_px: Some(16),
+            elements: Some(Elements::Bilinear),
             element_share: Some(0.25),
             interpolation: Some(Interpolation::Quintic),
             tolerance_px: Some(1e-4),
