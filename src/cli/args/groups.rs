@@ -92,7 +92,8 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Options that few ever need: in `--help` alone, for the commands where the short help would be longer than a screen.
-const RARE: [&str; 19] = [
+const RARE: [&str; 20] = [
+    "elements",
     "trust_device",
     "crack_guard",
     "crack_young",
@@ -115,7 +116,7 @@ const RARE: [&str; 19] = [
 ];
 
 /// What an option is in a few words, for a command with many: a line each.
-const BRIEF: [(&str, &str); 23] = [
+const BRIEF: [(&str, &str); 22] = [
     ("deformed", "deformed images; the first is the reference"),
     ("reference", "the reference; several: their mean"),
     ("case", "a case file that says the same; flags win"),
@@ -125,7 +126,6 @@ const BRIEF: [(&str, &str); 23] = [
     ("mesh", "a mesh to measure with, .msh or .vtu"),
     ("guard", "pixels left out beside the border of a zone"),
     ("element_size", "side of the elements, 4 to 128 px; 16"),
-    ("elements", "bilinear, cubic-spline"),
     ("interpolation", "cubic, quintic, keys, bilinear"),
     ("brightness", "auto, zone, smooth, element, off"),
     ("start", "previous frame, or independent"),
