@@ -28,6 +28,27 @@ def cubic(t):
     return np.where(t < 1, 2 / 3 - t * t + t**3 / 2, np.where(t < 2, np.maximum(2 - t, 0) ** 3 / 6, 0.0))
 
 
+def kept(t):
+    """The spline as it is kept: by its values at nodes half as far apart as the knots, bilinear between."""
+    nodes = np.linspace(-2.0, 2.0, 9)
+    return np.interp(t, nodes, cubic(nodes), left=0.0, right=0.0)
+
+
+def values_of_kept(elements):
+    """Values at points of such splines: the filter at their nodes, cubic interpolation between."""
+
+    def at_node(at):
+        return (elements.shape(at - 0.5) + 10 * elements.shape(at) + elements.shape(at + 0.5)) / 12
+
+    def reading(at):
+        node = np.floor(2 * at + 1e-9)
+        s = 2 * at - node
+        weights = (-s * (1 - s) * (2 - s) / 6, (1 - s * s) * (2 - s) / 2, s * (1 + s) * (2 - s) / 2, -s * (1 - s * s) / 6)
+        return sum(w * at_node((node - 1 + k) / 2) for k, w in enumerate(weights))
+
+    return reading
+
+
 class Elements:
     """Functions with these middles; coefficients of a projection, and their covariance."""
 
@@ -80,6 +101,9 @@ def main():
     judged("bilinear: values at points (`displacement_point_px`)", bilinear, bilinear.right_to(3, 4))
     judged("bilinear: ten coefficients, right to the seventh degree", bilinear, bilinear.right_to(7, 10))
     judged("cubic splines: the field", splines, splines.shape)
+    on_mesh = Elements(kept, splines.middles)
+    judged("`--elements cubic-spline`: the field (`displacement_px`)", on_mesh, on_mesh.shape)
+    judged("`--elements cubic-spline`: values at points (`displacement_point_px`)", on_mesh, values_of_kept(on_mesh))
 
 
 if __name__ == "__main__":

@@ -237,10 +237,18 @@ exclude = [[{", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in hole)}]]
         self.say("star", "noise times period", f"{noise * period:.3f} px²", "<= 0.72 px²", noise * period <= 0.72)
         text = f"{mean(periods):.1f} px (row {', '.join(f'{p:.1f}' for p in periods)} px), noise times it {mean(noises) * mean(periods):.3f}"
         self.say("star", "period at 90 % averaged over four phases", text)
-        # The same with values at points, along the row by the program itself.
+        self.star_at_points("star", "at points", 0.45)
+        # The same pair with cubic splines, knots as far apart as the nodes were.
+        for phase in range(4):
+            self.run(f"star-splines-{phase}", "dicchallenge2-star", ["DIC_Challenge_Star_Noise_Ref.tiff", "DIC_Challenge_Star_Noise_Def.tiff"],
+                     "--roi", f"4,{10 + 4 * phase},3996,500", "--elements", "cubic-spline", pictures=(1, "uy") if phase == 0 else None)
+        self.star_at_points("star-splines", "splines, at points", 0.37)
+
+    def star_at_points(self, name, what, wanted):
+        """The period with values at points, along the row by the program itself; `wanted` is asked of the phase with a node row there."""
         periods, noises = [], []
         for phase in range(4):
-            folder = self.output / f"star-{phase}"
+            folder = self.output / f"{name}-{phase}"
             subprocess.run([str(self.quadrille), "probe", str(folder), "--line", "8,250,3990,250", "--step", "2", "--quiet"], check=True)
             with open(folder / "quantities" / "lines.csv", encoding="utf8") as lines:
                 rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
@@ -249,11 +257,14 @@ exclude = [[{", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in hole)}]]
             periods.append(10 + 290 * max(x for x, v in smooth if v < 0.45) / 4000)
             now = Field(folder / "csv" / "000001.csv")
             noises.append(rms(v[4] for nodes in now.nodes.values() for (x, y), v in nodes.items() if x > 1500 and 30 < y < 470))
-        self.say("star", "at points: period at 90 %, node row on y = 250", f"{periods[0]:.1f} px")
-        self.say("star", "at points: noise of the displacement", f"{noises[0]:.4f} px")
-        self.say("star", "at points: noise times period", f"{noises[0] * periods[0]:.3f} px²", "<= 0.45 px²", noises[0] * periods[0] <= 0.45)
+        products = [noise * period for noise, period in zip(noises, periods)]
+        self.say("star", f"{what}: period at 90 %, node row on y = 250", f"{periods[0]:.1f} px")
+        self.say("star", f"{what}: noise of the displacement", f"{noises[0]:.4f} px")
+        self.say("star", f"{what}: noise times period", f"{products[0]:.3f} px²", f"<= {wanted} px²", products[0] <= wanted)
         text = f"{mean(periods):.1f} px (row {', '.join(f'{p:.1f}' for p in periods)} px), noise times it {mean(noises) * mean(periods):.3f}"
-        self.say("star", "at points: period at 90 % averaged over four phases", text)
+        self.say("star", f"{what}: period at 90 % averaged over four phases", text)
+        text = f"{', '.join(f'{p:.2f}' for p in products)} px², {mean(products):.3f} in the mean"
+        self.say("star", f"{what}: noise times period in each phase", text)
 
     def crack(self):
         """A crack that opens by 57 px, 20 frames: the plate as one zone, the opening between two zones."""
