@@ -45,7 +45,7 @@ pub struct Summary {
     pub seconds_total: f64,
     /// Nodes without texture that were left out.
     pub nodes_left_out: Vec<NodeWithoutTexture>,
-    /// Nodes without texture that the regularisation holds.
+    /// Nodes without texture that a regularisation or splines hold.
     pub nodes_held: Vec<NodeWithoutTexture>,
     /// What to know about the zones, such as one that ends at a place without texture and has no guard.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

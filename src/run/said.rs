@@ -3,6 +3,7 @@
 use super::plan::{MANY, Plan};
 use super::text::{plural, ranges};
 use crate::correlate::{BareBorder, Reference, TextureFault};
+use crate::field::Elements;
 use crate::imaging::{GreyDepth, Image, Saturation};
 use crate::io::store::STORE;
 use crate::report::summary::{ReferenceSummary, Summary, saturation_message, units};
@@ -12,14 +13,18 @@ use std::collections::BTreeMap;
 pub(super) fn begin_line(plan: &Plan, correlator: &Reference, reference: &Image, threads: usize) -> String {
     let mesh = correlator.mesh();
     format!(
-        "reference {} ({} x {} px, {}), {}, {} elements of {} px, {} nodes; {}, {}",
+        "reference {} ({} x {} px, {}), {}, {} elements of {} px{}, {} nodes; {}, {}",
         plan.reference_name(),
         reference.width(),
         reference.height(),
         reference.pixels().depth(),
         plural(mesh.zones().len(), "zone"),
         mesh.n_elements(),
-        plan.options.element_size,
+        plan.options.mesh_size(),
+        match plan.options.elements {
+            Elements::Bilinear => String::new(),
+            Elements::CubicSpline => format!(" with cubic splines over every {} px", plan.options.element_size),
+        },
         mesh.n_nodes(),
         correlator.device(),
         plural(threads, "thread"),
@@ -38,7 +43,7 @@ pub(super) fn about_nodes(correlator: &Reference) -> impl Iterator<Item = String
         (!faults.is_empty()).then(|| format!("{begin}{n} with too little texture {what}: {}", places.join("; ")))
     };
     let dropped = said(correlator.dropped(), "warning: ", "left out");
-    let held = said(correlator.held(), "", "held by the regularisation");
+    let held = said(correlator.held(), "", "held by the nodes around them");
     [dropped, held].into_iter().flatten()
 }
 
