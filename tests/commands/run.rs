@@ -458,6 +458,8 @@ fn a_case_that_cannot_be_run_is_one_clear_line() {
     refused("deformed = ", "deformed = \"none*.png\" #", &["none*.png"]);
     refused("pixel_size_mm = ", "# ", &["pixel_size_mm is missing"]);
     refused("[interface]", "[interfaces]", &["interfaces"]);
+    let splines = "elements = \"cubic-spline\"\nelement_size_px = ";
+    refused("element_size_px = ", splines, &["identification needs bilinear elements", "cubic-spline"]);
     // What is wrong with the joint is told with its line before anything is correlated.
     refused("delta_n_mm = ", "delta_n_m = ", &["case.toml, line ", "delta_n_m:"]);
     refused("parameters = [\"phi_n\"", "parameters = [\"phi\"", &["case.toml, line ", "'phi'"]);

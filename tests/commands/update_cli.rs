@@ -188,6 +188,8 @@ fn what_cannot_go_with_it_is_refused() {
     for (flags, wanted) in [
         ("--start independent --update-reference residual", "--update-reference residual does not go with --start"),
         ("--update-reference every 3 --shard 1/2", "--update-reference every 3 does not go with --shard"),
+        ("--elements cubic-spline --update-reference every 3", "does not go with --elements cubic-spline"),
+        ("--elements cubic", "`cubic` is not a choice for elements; expected bilinear or cubic-spline"),
         ("--update-reference every 0", "`every 0` is not a choice for update-reference; expected never, residual"),
         ("--update-reference often", "`often` is not a choice"),
         ("--update-reference every", "`every ref.png`"),

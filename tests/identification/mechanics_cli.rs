@@ -278,6 +278,11 @@ fn a_mesh_of_gmsh_with_named_faces_and_border_gives_what_the_rectangle_gives() {
 
 /// A correlation run of two zones, 6 by 2 elements of 16 px each, whose frames end as `statuses` say and lack `node`.
 fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Option<usize>) {
+    correlation_run_by(path, statuses, mm_per_px, node, "");
+}
+
+/// The same by the options of `case`.
+fn correlation_run_by(path: &Path, statuses: &[Status], mm_per_px: f64, node: Option<usize>, case: &str) {
     let zone = |(name, top): (&str, f64)| {
         let corner = |k: u32| k % 6 + 7 * (k / 6);
         ZoneElements {
@@ -301,7 +306,7 @@ fn correlation_run(path: &Path, statuses: &[Status], mm_per_px: f64, node: Optio
         element_size_px: 16.0,
         strain: StrainDefinition::Infinitesimal,
         strain_window: None,
-        case: String::new(),
+        case: case.into(),
     };
     let writer = StoreWriter::create(&path.join("fields.zarr"), &header).unwrap();
     for (number, &status) in (1..).zip(statuses) {
@@ -362,6 +367,9 @@ fn a_correlation_run_drives_the_joint_with_y_turned_up_and_says_which_frames_it_
     refused(&case, "no pixel size");
     correlation_run(&run, &[Status::Converged], 0.00193125, Some(6));
     refused(&case, "frame 1 has no displacement at node 6");
+    let splines = "[correlation]\nelements = \"cubic-spline\"";
+    correlation_run_by(&run, &[Status::Converged], 0.00193125, None, splines);
+    refused(&case, "correlate again without --elements");
     assert!(!Path::new("nowhere").exists());
 }
 
