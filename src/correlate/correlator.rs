@@ -98,7 +98,7 @@ pub struct Correlator<B: Backend> {
     pub(super) mesh_lines: MeshLines,
     /// See [`Limits::enough`].
     pub(super) enough: Vec<Enough>,
-    /// What the nodes see; none where the noise is stated or a regularisation holds them.
+    /// What the nodes see; none where the noise is stated or they are held.
     pub(super) seen: Vec<SeenByNode>,
     /// Standard deviation of the rounding to integer grey levels.
     pub(super) rounding: f64,
@@ -215,7 +215,6 @@ impl<B: Backend> Correlator<B> {
             moments: finest.moments.clone(),
             n_levels: levels.len(),
             solver_name: finest.solver.name(),
-            is_regularised: finest.regulariser.is_some(),
             zone_pixels,
             spread,
             tolerance_px,
@@ -230,10 +229,9 @@ impl<B: Backend> Correlator<B> {
             misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
             mesh_lines: MeshLines::new(&finest.mesh),
             enough,
-            seen: if reference.is_regularised || reference.options.noise.constant().is_some() {
-                Vec::new()
-            } else {
-                seen
+            seen: match reference.options.is_held() || reference.options.noise.constant().is_some() {
+                true => Vec::new(),
+                false => seen,
             },
             rounding,
             backend,

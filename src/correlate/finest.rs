@@ -27,7 +27,7 @@ pub(super) struct Finest<B: Backend> {
     pub seen: Vec<SeenByNode>,
     /// Nodes left out.
     pub dropped: Vec<TextureFault>,
-    /// Nodes without texture that the regularisation holds.
+    /// Nodes without texture that a regularisation or splines hold.
     pub held: Vec<TextureFault>,
 }
 
@@ -101,11 +101,11 @@ pub(super) fn finest_level<B: Backend>(
     let mut seen = Seen::new((&mesh, &pattern), moments, kernel, lambda);
     let mut keep = vec![true; mesh.n_nodes()];
     let mut dropped: Vec<TextureFault> = Vec::new();
-    // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let splines = match options.elements {
         Elements::Bilinear => None,
         Elements::CubicSpline => Some(Arc::new(on_regular_mesh(&mesh)?)),
     };
+    // The matrix of the last round that came so far, its spread, and the elements that have been left out since.
     let (mut made, mut left_out): (Option<(BlockMatrix, NodalSpread)>, Vec<u32>) = (None, Vec::new());
     loop {
         let mut found = faults(&mesh, &seen.blocks, &seen.support, noise, kernel.interpolation);
@@ -206,7 +206,7 @@ pub(super) fn finest_level<B: Backend>(
     }
 }
 
-/// Cubic splines on a mesh.
+/// The cubic splines on a mesh, which must be regular.
 fn on_regular_mesh(mesh: &Mesh<Px>) -> Result<Subspace, CorrelationError> {
     splines(mesh).ok_or_else(|| {
         let zone = (0..mesh.zones().len()).find(|&zone| mesh.grid(zone).is_none()).unwrap_or(0);

@@ -24,7 +24,6 @@ pub struct Reference {
     pub(super) moments: Arc<Vec<ElementMoments>>,
     pub(super) n_levels: usize,
     pub(super) solver_name: &'static str,
-    pub(super) is_regularised: bool,
     /// The pixels of each zone that are summed over.
     pub(super) zone_pixels: Vec<PixelSet>,
     pub(super) spread: NodalSpread,
@@ -100,9 +99,9 @@ impl Reference {
     }
 
     /// The normal matrices of the elements of the finest level, whose sum `M` gives the covariance `2 sigma^2 M^-1` of
-    /// every field; `None` with regularisation, or with brightness for each element, where it is not of this form.
+    /// every field; `None` with regularisation or splines, or with brightness for each element, where it is not of this form.
     pub fn normal_matrices(&self) -> Option<Vec<ElementMatrix>> {
-        let plain = !self.is_regularised && self.options.brightness != Brightness::Element;
+        let plain = !self.options.is_held() && self.options.brightness != Brightness::Element;
         plain.then(|| self.moments.iter().map(|moments| moments.matrix()).collect())
     }
 

@@ -107,11 +107,9 @@ impl GpuSolver {
             Some(_) => (REDUCTION_REGULARISED, None),
             None => (host.reduction(), Some(REDUCTION_CHANGED)),
         };
-        let trial = |reduction: f64| match host.subspace() {
-            Some(_) => MOST, // its factor is the host's
-            None => host.trial_iterations(reduction, MOST).max(LEAST),
-        };
-        let iterations = trial(reduction);
+        let trial = |reduction: f64| host.trial_iterations(reduction, MOST).max(LEAST);
+        // One with a factor of its own is not tried.
+        let iterations = if host.name() == "iterative" || host.penalty().is_some() { trial(reduction) } else { MOST };
         let on_device = match host.penalty() {
             Some(penalty) => iterations < MOST && acts_on_differences(penalty),
             None => host.name() == "iterative",
