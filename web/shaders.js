@@ -456,7 +456,7 @@ fn main(
 `,
   'gradient': `// The reference: grey levels and the gradient of their spline at the pixels, row by row f, then both components of the gradient
 // in one word.
-// Twin: \`Gradient\` in src/backend/cpu/gradient.rs. Thread = column of ROWS
+// Twin: \`gradients\` in src/backend/cpu/gradient.rs. Thread = column of ROWS
 // pixels: going down, sums along four of five rows of coefficients stay in registers.
 #import types
 #import gradient
@@ -1109,7 +1109,7 @@ fn spline_weights(t: f32) -> vec4<f32> {
 }
 `,
   'shared/gradient': `// The gradient of the reference at a pixel: whole 16-bit numbers of a unit, x in the low half of a word, y in the high one.
-// Twin: \`Gradient\` in src/backend/cpu/gradient.rs.
+// Twin: \`gradients\` in src/backend/cpu/gradient.rs.
 
 fn packed_gradient(x: f32, y: f32) -> u32 {
     return (nearest(x) & 0xffffu) | (nearest(y) << 16u);

@@ -1,93 +1,95 @@
 //! The gradient of the reference at its pixels.
 
-use super::plane::{Plane, Pool, View};
-use crate::backend::BackendError;
+use super::lanes::Lanes;
+use super::plane::View;
+use super::sample::load;
 use crate::backend::spline::at_pixel;
 use crate::imaging::Interpolation;
-use crate::isa::{Isa, mul_add, multiversioned};
-use rayon::prelude::*;
+use crate::isa::mul_add;
 
-/// Gradient of a reference at its pixels, in whole `unit`s of grey levels per px: 16 bits are half the bytes of `f32` that every
-/// pass over the pixels reads, and as many digits as a gradient has (see [`KernelOptions`](crate::backend::KernelOptions)).
-#[derive(Debug)]
-pub(super) struct Gradient {
-    pub x: Plane<i16>,
-    pub y: Plane<i16>,
+/// How the gradient at a pixel is made of the coefficients around it: in whole `unit`s of grey levels per px, since 16 bits are half the bytes of `f32` that
+/// every pass over the pixels reads, and as many digits as a gradient has (see [`KernelOptions`](crate::backend::KernelOptions)).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AtPixel {
+    value: [f32; 5],
+    derivative: [f32; 5],
     pub unit: f32,
+    per_unit: f32,
+}
+
+impl AtPixel {
+    /// For an interpolation.
+    pub fn new(interpolation: Interpolation, unit: f32) -> Self {
+        let (value, derivative) = at_pixel(interpolation);
+        Self { value, derivative, unit, per_unit: 1.0 / unit }
+    }
 }
 
 /// Added to a number below 2^22, it leaves the nearest whole one in the low bits of the sum. Twin: shaders/gradient.wgsl.
 const NEAREST: f32 = 12_582_912.0; // 1.5 * 2^23
 
-impl Gradient {
-    /// Of the spline with these coefficients.
-    pub fn of(
-        pool: &Pool,
-        isa: Isa,
-        coefficients: &Plane,
-        interpolation: Interpolation,
-        unit: f32,
-    ) -> Result<Self, BackendError> {
-        let (width, height) = (coefficients.width, coefficients.height);
-        let (mut fx, mut fy) = (pool.plane::<i16>(width, height)?, pool.plane::<i16>(width, height)?);
-        let (stride, first, c) = (fx.stride, fx.at(0, 0), coefficients.view());
-        let (value, derivative) = at_pixel(interpolation);
-        fx.data_mut()[first..]
-            .par_chunks_mut(stride)
-            .take(height)
-            .with_min_len(16)
-            .zip(fy.data_mut()[first..].par_chunks_mut(stride))
-            .enumerate()
-            .for_each_init(
-                || (vec![0.0; stride], vec![0.0; stride]),
-                |(smooth, slope), (y, (fx, fy))| {
-                    gradient_row(isa, c, y, &value, &derivative, 1.0 / unit, smooth, slope, fx, fy);
-                },
-            );
-        Ok(Self { x: fx, y: fy, unit })
+/// Room for `L` lanes and two more at both sides.
+const ROOM: usize = 32;
+/// Rows that are summed along y before the first is summed along x: what has just been written piece by piece cannot be read across the pieces at once.
+const ROWS: usize = 16;
+
+/// Sums along y, of the value and of the derivative.
+#[derive(Debug)]
+pub(super) struct AlongY {
+    smooth: [[f32; ROOM]; ROWS],
+    slope: [[f32; ROOM]; ROWS],
+}
+
+impl Default for AlongY {
+    fn default() -> Self {
+        Self { smooth: [[0.0; ROOM]; ROWS], slope: [[0.0; ROOM]; ROWS] }
     }
 }
 
-multiversioned! {
-    fn gradient_row[][](c: View<'_>, y: usize, value: &[f32; 5], derivative: &[f32; 5], per_unit: f32, smooth: &mut [f32], slope: &mut [f32], fx: &mut [i16], fy: &mut [i16])
-        => gradient_row_body
-}
-
+/// The gradient of the spline with coefficients `c` in rows of lanes one below the other, of which the first begins at column `x` of row `y`. Beyond the image
+/// it is a number, but no gradient.
 #[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
-fn gradient_row_body<const FMA: bool>(
+pub(super) fn gradients<const FMA: bool, const L: usize>(
     c: View<'_>,
-    y: usize,
-    value: &[f32; 5],
-    derivative: &[f32; 5],
-    per_unit: f32,
-    smooth: &mut [f32],
-    slope: &mut [f32],
-    fx: &mut [i16],
-    fy: &mut [i16],
+    [x, y]: [i32; 2],
+    AtPixel { value, derivative, per_unit, .. }: &AtPixel,
+    AlongY { smooth, slope }: &mut AlongY,
+    lanes: &mut [Lanes<L>],
 ) {
-    // Along y first, two pixels beyond both ends, then along x.
-    let n = c.width + 4;
-    let rows: [&[f32]; 5] = std::array::from_fn(|k| &c.data[c.at(-2, y as isize + k as isize - 2)..][..n]);
-    let (smooth, slope) = (&mut smooth[..n], &mut slope[..n]);
-    for x in 0..n {
-        let (mut v, mut d) = (0.0, 0.0);
-        for k in 0..5 {
-            v = mul_add::<FMA>(value[k], rows[k][x], v);
-            d = mul_add::<FMA>(derivative[k], rows[k][x], d);
+    let (value, derivative, per_unit) = (*value, *derivative, *per_unit);
+    let mut first = c.at(x as isize - 2, y as isize - 2);
+    for lanes in lanes.chunks_mut(ROWS) {
+        // Along y first, two pixels beyond both ends, then along x.
+        for (smooth, slope) in smooth.iter_mut().zip(slope.iter_mut()).take(lanes.len()) {
+            for part in [0, 4] {
+                let rows: [&[f32; L]; 5] = std::array::from_fn(|k| load(c.data, first + k * c.stride + part));
+                let parts = smooth[part..].first_chunk_mut::<L>().zip(slope[part..].first_chunk_mut::<L>());
+                let Some((smooth, slope)) = parts else { continue };
+                for i in 0..L {
+                    let (mut v, mut d) = (0.0, 0.0);
+                    for k in 0..5 {
+                        v = mul_add::<FMA>(value[k], rows[k][i], v);
+                        d = mul_add::<FMA>(derivative[k], rows[k][i], d);
+                    }
+                    smooth[i] = v;
+                    slope[i] = d;
+                }
+            }
+            first += c.stride;
         }
-        smooth[x] = v;
-        slope[x] = d;
-    }
-    let (fx, fy) = (&mut fx[..c.width], &mut fy[..c.width]);
-    for x in 0..c.width {
-        let (mut gx, mut gy) = (0.0, 0.0);
-        for k in 0..5 {
-            gx = mul_add::<FMA>(derivative[k], smooth[x + k], gx);
-            gy = mul_add::<FMA>(value[k], slope[x + k], gy);
+        for ((smooth, slope), lanes) in smooth.iter().zip(slope.iter()).zip(lanes) {
+            let smooth: [&[f32; L]; 5] = std::array::from_fn(|k| load(smooth, k));
+            let slope: [&[f32; L]; 5] = std::array::from_fn(|k| load(slope, k));
+            for i in 0..L {
+                let (mut gx, mut gy) = (0.0, 0.0);
+                for k in 0..5 {
+                    gx = mul_add::<FMA>(derivative[k], smooth[k][i], gx);
+                    gy = mul_add::<FMA>(value[k], slope[k][i], gy);
+                }
+                lanes.fx[i] = whole(per_unit * gx);
+                lanes.fy[i] = whole(per_unit * gy);
+            }
         }
-        fx[x] = whole(per_unit * gx);
-        fy[x] = whole(per_unit * gy);
     }
 }
 
@@ -101,21 +103,39 @@ fn whole(value: f32) -> i16 {
 mod tests {
     use super::*;
     use crate::backend::KernelOptions;
+    use crate::backend::cpu::memory::Pool;
+    use crate::backend::cpu::plane::Plane;
     use crate::backend::cpu::prefilter::coefficients;
+    use crate::backend::cpu::reference::{Reference, Source};
     use crate::field::Brightness;
+    use crate::isa::Isa;
+    use crate::mesh::{PixelMesh, Roi, Zone};
 
     const SIZE: usize = 40;
     const INTERPOLATIONS: [Interpolation; 4] =
         [Interpolation::Cubic, Interpolation::Quintic, Interpolation::Keys, Interpolation::Bilinear];
 
+    /// The coefficients of an image less 127.5, and its gradients in px, row by row, as the passes are given them.
+    fn of_image(isa: Isa, image: &[f32], interpolation: Interpolation, unit: f32) -> (Plane, Vec<[f64; 2]>) {
+        let roi = Roi { x0: 0.0, y0: 0.0, x1: SIZE as f64, y1: SIZE as f64 };
+        let pixels = PixelMesh::on_zones(&[Zone::rectangle("all", roi)], 8, 0.5, [SIZE, SIZE]).unwrap().pixels;
+        let (pool, offset, at_pixel) = (Pool::default(), 127.5, AtPixel::new(interpolation, unit));
+        let plane = coefficients(&pool, isa, image, SIZE, SIZE, offset, interpolation).unwrap();
+        let source = Source { grey: image, offset, coefficients: plane.view(), at_pixel };
+        let reference = Reference::new::<_, 8>(&pool, isa, &source, &pixels).unwrap();
+        let mut gradients = vec![[f64::NAN; 2]; SIZE * SIZE];
+        for element in 0..pixels.elements().len() {
+            reference.for_each::<8>(element, |[x, y], _, _, gradient| {
+                gradients[y as usize * SIZE + x as usize] = gradient.map(f64::from);
+            });
+        }
+        (plane, gradients)
+    }
+
     /// The gradient along x of an image whose rows are all `row`, grey levels between 0 and 255, in its middle row.
     fn along(row: &[f32], interpolation: Interpolation, unit: f32) -> Vec<f64> {
-        let (pool, isa) = (Pool::default(), Isa::detect());
-        let image = row.repeat(SIZE);
-        let plane = coefficients(&pool, isa, &image, SIZE, SIZE, 0.0, interpolation).unwrap();
-        let Gradient { x, .. } = Gradient::of(&pool, isa, &plane, interpolation, unit).unwrap();
-        let at = x.at(0, SIZE as isize / 2);
-        x.data()[at..at + SIZE].iter().map(|whole| f64::from(*whole) * f64::from(unit)).collect()
+        let (_, gradients) = of_image(Isa::detect(), &row.repeat(SIZE), interpolation, unit);
+        gradients[SIZE / 2 * SIZE..][..SIZE].iter().map(|[x, _]| *x).collect()
     }
 
     #[test]
@@ -147,9 +167,8 @@ mod tests {
         for (interpolation, isa) in
             INTERPOLATIONS.into_iter().flat_map(|of| Isa::available().into_iter().map(move |isa| (of, isa)))
         {
-            let (pool, unit) = (Pool::default(), 1.0 / 64.0);
-            let plane = coefficients(&pool, isa, &image, SIZE, SIZE, 127.5, interpolation).unwrap();
-            let gradient = Gradient::of(&pool, isa, &plane, interpolation, unit).unwrap();
+            let unit = 1.0 / 64.0;
+            let (plane, gradients) = of_image(isa, &image, interpolation, unit);
             let (value, derivative) = at_pixel(interpolation);
             let sum = |at: [isize; 2], along_x: [f32; 5], along_y: [f32; 5]| -> f64 {
                 let terms = (0..25).map(|k| {
@@ -159,8 +178,7 @@ mod tests {
                 terms.sum()
             };
             for at in (0..SIZE * SIZE).map(|k| [k % SIZE, k / SIZE].map(|k| k as isize)) {
-                let place = plane.at(at[0], at[1]);
-                let got = [&gradient.x, &gradient.y].map(|of| f64::from(unit) * f64::from(of.data()[place]));
+                let got = gradients[at[1] as usize * SIZE + at[0] as usize];
                 let want = [sum(at, derivative, value), sum(at, value, derivative)];
                 // Sums of `f32` products of coefficients up to some thousands, beside half a unit.
                 let allowed = 0.5 * f64::from(unit) + 1e-3;

@@ -5,16 +5,19 @@
 
 mod corners;
 mod gradient;
+mod lanes;
+mod memory;
 mod normal_matrix;
 mod pass;
 mod plane;
 mod prefilter;
+mod reference;
 mod residual;
 mod residual_fitted;
 mod residual_runs;
 mod sample;
 
-use crate::backend::pyramid::Pyramid;
+use crate::backend::pyramid::{Grey, Pyramid};
 use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
@@ -25,13 +28,15 @@ use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Levels};
 use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
-use crate::mesh::{ElementPixels, Mesh, PixelMesh};
+use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
 use crate::units::Px;
 use corners::{Corners, Light};
-use gradient::Gradient;
-use pass::{ElementSums, Pass, Reference};
-use plane::{Plane, Pool};
+use gradient::AtPixel;
+use memory::Pool;
+use pass::{ElementSums, Pass};
+use plane::Plane;
 use rayon::prelude::*;
+use reference::{Reference, Source};
 use residual_fitted::Scratch;
 use std::sync::Arc;
 
@@ -61,6 +66,17 @@ impl CpuBackend {
         frame.coefficients(self, level)?;
         Ok(())
     }
+
+    /// The pixels of a reference.
+    fn pixels<G: Grey>(
+        &self,
+        source: &Source<'_, G>,
+        map: &Arc<PixelMap>,
+        narrow: bool,
+    ) -> Result<Reference, BackendError> {
+        let new = if narrow { Reference::new::<G, 8> } else { Reference::new::<G, 16> };
+        new(&self.pool, self.isa, source, map)
+    }
 }
 
 impl Default for CpuBackend {
@@ -85,23 +101,26 @@ impl CpuFrame {
             self.coefficients.resize_with(level + 1, || None);
         }
         if self.coefficients[level].is_none() {
-            let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
-            let (isa, pool) = (backend.isa, &backend.pool);
-            let plane = if level == 0 {
-                let image = &self.grey.image;
-                let (width, height) = (image.width(), image.height());
-                match image.pixels() {
-                    Levels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
-                    Levels::U16(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
-                    Levels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
-                }
-            } else {
-                let grey = self.grey.level(level);
-                prefilter::coefficients(pool, isa, &grey.values, grey.width, grey.height, 0.0, interpolation)
-            }?;
-            self.coefficients[level] = Some(plane);
+            self.coefficients[level] = Some(self.filtered(backend, level)?);
         }
         Ok(self.coefficients[level].as_ref().expect("made above"))
+    }
+
+    /// The coefficients of a level, made anew.
+    fn filtered(&mut self, backend: &CpuBackend, level: usize) -> Result<Plane, BackendError> {
+        let KernelOptions { grey_offset: offset, interpolation, .. } = self.options;
+        let (isa, pool) = (backend.isa, &backend.pool);
+        if level > 0 {
+            let grey = self.grey.level(level);
+            return prefilter::coefficients(pool, isa, &grey.values, grey.width, grey.height, 0.0, interpolation);
+        }
+        let image = &self.grey.image;
+        let (width, height) = (image.width(), image.height());
+        match image.pixels() {
+            Levels::U8(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+            Levels::U16(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+            Levels::F32(p) => prefilter::coefficients(pool, isa, p, width, height, offset, interpolation),
+        }
     }
 }
 
@@ -226,26 +245,26 @@ impl CpuLevel {
 
     /// Evaluates residual and sums of all elements at the field's displacement.
     fn evaluate(&self, isa: Isa, deformed: &Plane, field: &mut CpuField) {
-        let pass = Pass::new(isa, &self.reference, deformed);
         match (self.options.interpolation, self.narrow) {
-            (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Cubic),
-            (Interpolation::Cubic, true) => self.run::<_, 4, 8>(isa, &pass, field, spline::Cubic),
-            (Interpolation::Quintic, false) => self.run::<_, 6, 16>(isa, &pass, field, spline::Quintic),
-            (Interpolation::Quintic, true) => self.run::<_, 6, 8>(isa, &pass, field, spline::Quintic),
-            (Interpolation::Keys, false) => self.run::<_, 4, 16>(isa, &pass, field, spline::Keys),
-            (Interpolation::Keys, true) => self.run::<_, 4, 8>(isa, &pass, field, spline::Keys),
-            (Interpolation::Bilinear, false) => self.run::<_, 2, 16>(isa, &pass, field, spline::Bilinear),
-            (Interpolation::Bilinear, true) => self.run::<_, 2, 8>(isa, &pass, field, spline::Bilinear),
+            (Interpolation::Cubic, false) => self.run::<_, 4, 16>(isa, deformed, field, spline::Cubic),
+            (Interpolation::Cubic, true) => self.run::<_, 4, 8>(isa, deformed, field, spline::Cubic),
+            (Interpolation::Quintic, false) => self.run::<_, 6, 16>(isa, deformed, field, spline::Quintic),
+            (Interpolation::Quintic, true) => self.run::<_, 6, 8>(isa, deformed, field, spline::Quintic),
+            (Interpolation::Keys, false) => self.run::<_, 4, 16>(isa, deformed, field, spline::Keys),
+            (Interpolation::Keys, true) => self.run::<_, 4, 8>(isa, deformed, field, spline::Keys),
+            (Interpolation::Bilinear, false) => self.run::<_, 2, 16>(isa, deformed, field, spline::Bilinear),
+            (Interpolation::Bilinear, true) => self.run::<_, 2, 8>(isa, deformed, field, spline::Bilinear),
         }
     }
 
     fn run<S: Spline<K>, const K: usize, const L: usize>(
         &self,
         isa: Isa,
-        pass: &Pass<'_>,
+        deformed: &Plane,
         field: &mut CpuField,
         spline: S,
     ) {
+        let pass = &Pass::<L>::new(isa, &self.reference, deformed);
         let displacement = &field.displacement;
         let light = field.light.as_deref();
         let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
@@ -433,25 +452,25 @@ impl Backend for CpuBackend {
         options: &KernelOptions,
     ) -> Result<(CpuLevel, Vec<ElementMoments>), BackendError> {
         let KernelOptions { interpolation, gradient_unit, .. } = *options;
-        let coefficients = frame.coefficients(self, level)?;
-        let gradient = Gradient::of(&self.pool, self.isa, coefficients, interpolation, gradient_unit)?;
-        frame.coefficients[level] = None;
-        let f = if level == 0 {
-            let image = &frame.grey.image;
-            let (width, height, offset) = (image.width(), image.height(), options.grey_offset);
-            match image.pixels() {
-                Levels::U8(p) => plane::plane_of(&self.pool, p, width, height, offset),
-                Levels::U16(p) => plane::plane_of(&self.pool, p, width, height, offset),
-                Levels::F32(p) => plane::plane_of(&self.pool, p, width, height, offset),
+        // Nothing needs those of a reference any more.
+        let coefficients = match frame.coefficients.get_mut(level).and_then(Option::take) {
+            Some(coefficients) => coefficients,
+            None => frame.filtered(self, level)?,
+        };
+        let (coefficients, at_pixel) = (coefficients.view(), AtPixel::new(interpolation, gradient_unit));
+        let narrow = mesh.pixels.elements().iter().all(|e| e.nx <= 8);
+        let (offset, map) = (options.grey_offset, &mesh.pixels);
+        let reference = if level == 0 {
+            match frame.grey.image.pixels() {
+                Levels::U8(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
+                Levels::U16(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
+                Levels::F32(grey) => self.pixels(&Source { grey, offset, coefficients, at_pixel }, map, narrow),
             }
         } else {
-            let grey = frame.grey.level(level);
-            plane::plane_of(&self.pool, &grey.values, grey.width, grey.height, 0.0)
+            let grey = &frame.grey.level(level).values[..];
+            self.pixels(&Source { grey, offset: 0.0, coefficients, at_pixel }, map, narrow)
         }?;
-        let elements = mesh.pixels.elements().to_vec();
-        let narrow = elements.iter().all(|e| e.nx <= 8);
         let with_transfer = options.brightness != Brightness::Off;
-        let reference = Reference { f, gradient, elements, map: mesh.pixels.clone() };
         let mesh = mesh.mesh.clone();
         let mut moments = vec![ElementMoments::default(); mesh.n_elements()];
         moments.par_chunks_mut(PIECE).enumerate().for_each(|(piece, moments)| {

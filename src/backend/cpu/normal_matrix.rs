@@ -2,9 +2,10 @@
 //! 27 sums instead of the 36 entries (see [`ElementMoments`]).
 
 use super::corners::Corners;
-use super::gradient::Gradient;
-use super::pass::{Reference, chunk, total};
+use super::lanes::Lanes;
+use super::pass::{chunk, total};
 use super::plane::Plane;
+use super::reference::Reference;
 use crate::backend::ElementMoments;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -23,15 +24,15 @@ fn element_moments_body<const FMA: bool, const L: usize>(
     moments: &mut [ElementMoments],
 ) {
     for (k, moments) in moments.iter_mut().enumerate() {
-        let element = &reference.elements[first + k];
+        let (number, element) = (first + k, &reference.elements[first + k]);
         if element.n_runs > 0 {
-            *moments = partial_moments(reference, element, with_transfer, |_, _, _, _| 1.0);
+            *moments = partial_moments::<L>(reference, number, with_transfer, |_, _, _| 1.0);
             continue;
         }
-        *moments = one_element::<FMA, L>(reference, element, |_, _, _, _, mask| *mask);
+        *moments = one_element::<FMA, L>(reference, number, |_, _, _, _, mask| *mask);
         moments.n = f64::from(element.nx) * f64::from(element.ny);
         if with_transfer {
-            moments.transfer = coupling_of_one::<FMA, L>(reference, element);
+            moments.transfer = coupling_of_one::<FMA, L>(reference, number);
         }
     }
 }
@@ -51,15 +52,15 @@ fn remaining_moments_body<const FMA: bool, const L: usize>(
     with_transfer: bool,
     moments: &mut [ElementMoments],
 ) {
-    for (&element, moments) in lost.iter().zip(moments) {
-        let (element, corners) = (&reference.elements[element], &corners[element]);
-        if element.n_runs > 0 || with_transfer {
-            let weight = |x, y, xi, eta| corners.weights(x, y, &[xi], eta, deformed)[0];
-            *moments = partial_moments(reference, element, with_transfer, weight);
+    for (&number, moments) in lost.iter().zip(moments) {
+        let corners = &corners[number];
+        if reference.elements[number].n_runs > 0 || with_transfer {
+            let weight = |[x, y]: [i32; 2], xi, eta| corners.weights(x, y, &[xi], eta, deformed)[0];
+            *moments = partial_moments::<L>(reference, number, with_transfer, weight);
             continue;
         }
         let mut n = 0.0;
-        *moments = one_element::<FMA, L>(reference, element, |x, y, xi, eta, mask| {
+        *moments = one_element::<FMA, L>(reference, number, |x, y, xi, eta, mask| {
             let mut weights = corners.weights(x, y, xi, eta, deformed);
             for i in 0..L {
                 weights[i] *= mask[i];
@@ -76,23 +77,20 @@ fn remaining_moments_body<const FMA: bool, const L: usize>(
 #[inline(always)]
 fn one_element<const FMA: bool, const L: usize>(
     reference: &Reference,
-    element: &ElementPixels,
+    element: usize,
     mut weights: impl FnMut(i32, i32, &[f32; L], f32, &[f32; L]) -> [f32; L],
 ) -> ElementMoments {
-    let (f, fx, fy) = (reference.f.view(), reference.gradient.x.view(), reference.gradient.y.view());
+    let (lanes, element) = (&reference.lanes::<L>()[reference.range(element)], &reference.elements[element]);
     let mut moments = ElementMoments::default();
-    let mut column = 0;
-    while column < element.nx as usize {
+    for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows_of(element))) {
         let (_, xi, mask) = chunk::<L>(element, column);
         // Products fx fx, fx fy, fy fy times 1, eta, eta^2; the other weights follow from these.
         let mut acc = [[[0.0f32; L]; 3]; 3];
         let (mut sf, mut sff) = ([0.0f32; L], [0.0f32; L]);
-        for k in 0..element.ny as i32 {
+        for (k, Lanes { f, fx, fy }) in lanes.iter().enumerate() {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
-            let (x, y) = (element.x + column as i32, element.y + k);
+            let (x, y) = (element.x + column as i32, element.y + k as i32);
             let weight = weights(x, y, &xi, eta, &mask);
-            let at = f.at(x as isize, y as isize);
-            let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
             for i in 0..L {
                 let (fx, fy) = (f32::from(fx[i]), f32::from(fy[i]));
                 let (gx, gy, grey) = (weight[i] * fx, weight[i] * fy, weight[i] * f[i]);
@@ -126,11 +124,16 @@ fn one_element<const FMA: bool, const L: usize>(
                 }
             }
         }
-        column += L;
     }
-    let unit = f64::from(reference.gradient.unit);
+    let unit = f64::from(reference.unit);
     moments.gradient.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|sum| *sum *= unit * unit);
     moments
+}
+
+/// Rows of the lanes of a rectangle of pixels.
+#[inline(always)]
+fn rows_of(element: &ElementPixels) -> usize {
+    usize::from(element.ny).max(1)
 }
 
 /// Sums weighted by (1-s)^2, s (1-s), s^2 from those weighted by 1, s, s^2.
@@ -141,18 +144,15 @@ fn shape_products([zero, one, two]: [f64; 3]) -> [f64; 3] {
 
 /// [`transfer_coupling`] of a rectangle of pixels.
 #[inline(always)]
-fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, element: &ElementPixels) -> [[f64; 8]; 2] {
-    let (f, fx, fy) = (reference.f.view(), reference.gradient.x.view(), reference.gradient.y.view());
+fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, element: usize) -> [[f64; 8]; 2] {
+    let (lanes, element) = (&reference.lanes::<L>()[reference.range(element)], &reference.elements[element]);
     let mut sums = [[0.0; 8]; 2];
-    let mut column = 0;
-    while column < element.nx as usize {
+    for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows_of(element))) {
         let (_, xi, mask) = chunk::<L>(element, column);
         // f fx, f fy, fx, fy times 1 and eta.
         let mut acc = [[[0.0f32; L]; 2]; 4];
-        for k in 0..element.ny as i32 {
+        for (k, Lanes { f, fx, fy }) in lanes.iter().enumerate() {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
-            let at = f.at((element.x + column as i32) as isize, (element.y + k) as isize);
-            let (f, fx, fy) = (&f.data[at..at + L], &fx.data[at..at + L], &fy.data[at..at + L]);
             for i in 0..L {
                 let (gx, gy) = (mask[i] * f32::from(fx[i]), mask[i] * f32::from(fy[i]));
                 for (p, value) in [gx * f[i], gy * f[i], gx, gy].into_iter().enumerate() {
@@ -173,19 +173,18 @@ fn coupling_of_one<const FMA: bool, const L: usize>(reference: &Reference, eleme
                 sums[p / 2][2 * a + p % 2] += of_corner;
             }
         }
-        column += L;
     }
-    sums.map(|of| of.map(|sum| sum * f64::from(reference.gradient.unit)))
+    sums.map(|of| of.map(|sum| sum * f64::from(reference.unit)))
 }
 
-/// `sum psi_a grad f` times f and times 1, each pixel by its weight (of column, row, xi, eta).
-fn transfer_coupling(
+/// `sum psi_a grad f` times f and times 1, each pixel by its weight (of column and row, xi, eta).
+fn transfer_coupling<const L: usize>(
     reference: &Reference,
-    element: &ElementPixels,
-    weight: impl Fn(i32, i32, f32, f32) -> f32,
+    element: usize,
+    weight: impl Fn([i32; 2], f32, f32) -> f32,
 ) -> [[f64; 8]; 2] {
     let mut sums = [[0.0; 8]; 2];
-    for_each_pixel(reference, element, weight, |weight, psi, f, gradient| {
+    for_each_pixel::<L>(reference, element, weight, |weight, psi, f, gradient| {
         for (i, sum) in (0..8).map(|i| (i, weight * psi[i / 2] * gradient[i % 2])) {
             sums[0][i] += sum * f;
             sums[1][i] += sum;
@@ -194,16 +193,16 @@ fn transfer_coupling(
     sums
 }
 
-/// Moments with a weight per pixel (of column, row, xi, eta), in plain f64 loops: for elements whose pixels are
+/// Moments with a weight per pixel (of column and row, xi, eta), in plain f64 loops: for elements whose pixels are
 /// no rectangle, and the few that a frame has moved partly out of the image.
-pub(super) fn partial_moments(
+fn partial_moments<const L: usize>(
     reference: &Reference,
-    element: &ElementPixels,
+    element: usize,
     with_transfer: bool,
-    weight: impl Fn(i32, i32, f32, f32) -> f32,
+    weight: impl Fn([i32; 2], f32, f32) -> f32,
 ) -> ElementMoments {
     let mut moments = ElementMoments::default();
-    for_each_pixel(reference, element, &weight, |weight, psi, f, [fx, fy]| {
+    for_each_pixel::<L>(reference, element, &weight, |weight, psi, f, [fx, fy]| {
         let (xi, eta) = (psi[1] + psi[2], psi[2] + psi[3]);
         let (wx, wy) = (shape_products([1.0, xi, xi * xi]), shape_products([1.0, eta, eta * eta]));
         for (p, value) in [fx * fx, fx * fy, fy * fy].into_iter().enumerate() {
@@ -218,23 +217,20 @@ pub(super) fn partial_moments(
         moments.ff += weight * f * f;
     });
     if with_transfer {
-        moments.transfer = transfer_coupling(reference, element, weight);
+        moments.transfer = transfer_coupling::<L>(reference, element, weight);
     }
     moments
 }
 
-fn for_each_pixel(
+fn for_each_pixel<const L: usize>(
     reference: &Reference,
-    element: &ElementPixels,
-    weight: impl Fn(i32, i32, f32, f32) -> f32,
+    element: usize,
+    weight: impl Fn([i32; 2], f32, f32) -> f32,
     mut visit: impl FnMut(f64, [f64; 4], f64, [f64; 2]),
 ) {
-    reference.map.for_each(element, |x, y, xi, eta| {
-        let at = reference.f.at(x as isize, y as isize);
-        let Gradient { x: fx, y: fy, unit } = &reference.gradient;
-        let gradient = [fx, fy].map(|plane| f64::from(plane.data()[at]) * f64::from(*unit));
-        let weight = f64::from(weight(x, y, xi, eta));
+    reference.for_each::<L>(element, |at, [xi, eta], f, gradient| {
+        let weight = f64::from(weight(at, xi, eta));
         let psi = crate::mesh::shape_functions(f64::from(xi), f64::from(eta));
-        visit(weight, psi, f64::from(reference.f.data()[at]), gradient);
+        visit(weight, psi, f64::from(f), gradient.map(f64::from));
     });
 }

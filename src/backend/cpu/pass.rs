@@ -1,21 +1,10 @@
 //! What passes over the pixels of elements have in common: what they are given, and what they leave.
 
-use super::gradient::Gradient;
+use super::lanes::Lanes;
 use super::plane::{Plane, View};
+use super::reference::Reference;
 use crate::isa::{Isa, Path};
 use crate::mesh::{ElementPixels, PixelMap};
-use std::sync::Arc;
-
-/// A reference image at one scale with its elements.
-#[derive(Debug)]
-pub(super) struct Reference {
-    pub f: Plane,
-    pub gradient: Gradient,
-    /// The pixels of each element; none for those left out.
-    pub elements: Vec<ElementPixels>,
-    /// The runs of those that are no rectangle.
-    pub map: Arc<PixelMap>,
-}
 
 /// Sums of one element, as the kernel leaves them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -47,30 +36,33 @@ impl ElementSums {
 }
 
 /// Everything a kernel call needs besides the elements themselves.
-pub(super) struct Pass<'a> {
-    pub elements: &'a [ElementPixels],
+pub(super) struct Pass<'a, const L: usize> {
+    reference: &'a Reference,
     pub map: &'a PixelMap,
-    pub f: View<'a>,
-    pub fx: View<'a, i16>,
-    pub fy: View<'a, i16>,
+    /// The pixels of all elements.
+    pub lanes: &'a [Lanes<L>],
     /// Of the gradient.
     pub unit: f32,
     pub deformed: View<'a>,
     pub scalar: bool,
 }
 
-impl<'a> Pass<'a> {
+impl<'a, const L: usize> Pass<'a, L> {
     pub fn new(isa: Isa, reference: &'a Reference, deformed: &'a Plane) -> Self {
         Self {
-            elements: &reference.elements,
+            reference,
             map: &reference.map,
-            f: reference.f.view(),
-            fx: reference.gradient.x.view(),
-            fy: reference.gradient.y.view(),
-            unit: reference.gradient.unit,
+            lanes: reference.lanes(),
+            unit: reference.unit,
             deformed: deformed.view(),
             scalar: isa.path() == Path::Scalar,
         }
+    }
+
+    /// An element and its pixels.
+    #[inline(always)]
+    pub fn element(&self, element: usize) -> (&'a ElementPixels, &'a [Lanes<L>]) {
+        (&self.reference.elements[element], &self.lanes[self.reference.range(element)])
     }
 }
 

@@ -8,7 +8,8 @@
 
 #![allow(unsafe_code, reason = "threads filter disjoint columns of one plane")]
 
-use super::plane::{Plane, Pool};
+use super::memory::Pool;
+use super::plane::Plane;
 use crate::backend::BackendError;
 use crate::backend::pyramid::Grey;
 use crate::backend::spline::causal_start;
@@ -30,7 +31,7 @@ pub(super) fn coefficients<G: Grey>(
     offset: f32,
     interpolation: Interpolation,
 ) -> Result<Plane, BackendError> {
-    let mut plane = pool.plane(width, height)?;
+    let mut plane = Plane::new(pool, width, height)?;
     let poles = interpolation.poles();
     let (stride, first) = (plane.stride, plane.at(0, 0));
     let inner = &mut plane.data_mut()[first..];

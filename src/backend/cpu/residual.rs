@@ -11,10 +11,11 @@
 //! rows of a chunk of columns, and the weights in xi come once, at the end.
 
 use super::corners::{AsItIs, Brings, Corners, Light, row_displacement};
+use super::lanes::Lanes;
 use super::pass::{ElementSums, Pass, chunk, total};
 use super::plane::{BORDER, View};
 use super::residual_runs::run_sums;
-use super::sample::{interpolate, load, next_taps, prefetch, sample_row};
+use super::sample::{interpolate, next_taps, prefetch, sample_row};
 use crate::backend::spline::Spline;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -22,13 +23,13 @@ use crate::mesh::ElementPixels;
 multiversioned! {
     /// Sums of the elements from `first` on; `corners`, `transfer` (gain, offset) and `sums` run over them.
     pub(super) fn residual_sums[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], sums: &mut [ElementSums], spline: S,
+        pass: &Pass<'_, L>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], sums: &mut [ElementSums], spline: S,
     ) => residual_sums_body
 }
 
 #[inline(always)]
 fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
+    pass: &Pass<'_, L>,
     first: usize,
     corners: &[Corners],
     transfer: &[(f32, f32)],
@@ -36,8 +37,7 @@ fn residual_sums_body<const FMA: bool, S: Spline<K>, const K: usize, const L: us
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
-        let element = &pass.elements[first + k];
-        *sums = sums_of::<FMA, S, K, L, _>(pass, element, &corners[k], AsItIs, transfer[k]);
+        *sums = sums_of::<FMA, S, K, L, _>(pass, first + k, &corners[k], AsItIs, transfer[k]);
     }
 }
 
@@ -45,13 +45,13 @@ multiversioned! {
     /// As [`residual_sums`], where the deformed image is brought to the `light` of the reference first: sums of g are those of the image so
     /// brought.
     pub(super) fn residual_sums_in_light[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], light: &[Light], sums: &mut [ElementSums], spline: S,
+        pass: &Pass<'_, L>, first: usize, corners: &[Corners], transfer: &[(f32, f32)], light: &[Light], sums: &mut [ElementSums], spline: S,
     ) => residual_sums_in_light_body
 }
 
 #[inline(always)]
 fn residual_sums_in_light_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
+    pass: &Pass<'_, L>,
     first: usize,
     corners: &[Corners],
     transfer: &[(f32, f32)],
@@ -60,26 +60,26 @@ fn residual_sums_in_light_body<const FMA: bool, S: Spline<K>, const K: usize, co
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
-        let element = &pass.elements[first + k];
-        *sums = sums_of::<FMA, S, K, L, _>(pass, element, &corners[k], &light[k], transfer[k]);
+        *sums = sums_of::<FMA, S, K, L, _>(pass, first + k, &corners[k], &light[k], transfer[k]);
     }
 }
 
 /// Sums of an element of any shape, wherever it is.
 #[inline(always)]
 fn sums_of<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    pass: &Pass<'_, L>,
+    element: usize,
     corners: &Corners,
     light: B,
     transfer: (f32, f32),
 ) -> ElementSums {
+    let (element, lanes) = pass.element(element);
     let sums = if element.n_runs > 0 {
-        run_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
+        run_sums::<FMA, S, K, L, B>(pass, (element, lanes), corners, light, transfer)
     } else if corners.is_outside(element, pass.deformed) {
         ElementSums::default()
     } else {
-        element_sums::<FMA, S, K, L, B>(pass, element, corners, light, transfer)
+        element_sums::<FMA, S, K, L, B>(pass, (element, lanes), corners, light, transfer)
     };
     sums.times_unit(pass.unit)
 }
@@ -102,15 +102,9 @@ impl<const L: usize> Accumulators<L> {
 
     /// Adds one row; `weight` is 1 where a lane counts, 0 where it does not, between at the image's edge.
     #[inline(always)]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "kernels take their operands one by one, so that they stay in registers"
-    )]
     pub fn add<const FMA: bool>(
         &mut self,
-        f: &[f32; L],
-        fx: &[i16; L],
-        fy: &[i16; L],
+        Lanes { f, fx, fy }: &Lanes<L>,
         g: &[f32; L],
         weight: &[f32; L],
         (gain, offset): (f32, f32),
@@ -178,8 +172,8 @@ fn is_uniform<const K: usize, const L: usize>(element: &ElementPixels, corners: 
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
 fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    deformed: View<'_>,
+    (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     light: B,
     (gain, offset): (f32, f32),
@@ -188,26 +182,20 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, 
     mask: &[f32; L],
     sums: &mut ElementSums,
 ) {
-    let Pass { f, fx, fy, deformed, .. } = *pass;
     let before = (K / 2 - 1) as isize;
     let x = element.x + column as i32;
-    let mut at = f.at(x as isize, element.y as isize);
     let to = [x + corners.whole[0], element.y + corners.whole[1]];
     let mut taps_at = deformed.at(to[0] as isize - before, to[1] as isize - before);
     let (mut bx, mut by, mut ex, mut ey) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
     let (mut rr, mut sg, mut sgg, mut sfg) = ([0.0; L], [0.0; L], [0.0; L], [0.0; L]);
-    for k in 0..element.ny as i32 {
+    for (k, Lanes { f, fx, fy }) in lanes.iter().enumerate() {
         // The next chunk to the right, row by row: rows are a stride apart, more streams than the
         // hardware follows. The lowest tap row of each row is the one not seen before.
-        prefetch(f.data, at + L);
-        prefetch(fx.data, at + L);
-        prefetch(fy.data, at + L);
         prefetch(deformed.data, taps_at + (K - 1) * deformed.stride + 2 * L);
         let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
         let [tx, ty] = row_displacement::<FMA, L>(corners, xi, eta);
         let mut g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
         light.row::<FMA, L>(xi, eta, &mut g);
-        let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
             let (r, wg) = (mask[i] * difference, mask[i] * g[i]);
@@ -221,7 +209,6 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, 
             sgg[i] = mul_add::<FMA>(wg, g[i], sgg[i]);
             sfg[i] = mul_add::<FMA>(f[i], wg, sfg[i]);
         }
-        at += pass.f.stride;
         taps_at += deformed.stride;
     }
     let acc = Accumulators { b: [[bx, by], [ex, ey]], rr, g: sg, gg: sgg, fg: sfg };
@@ -230,54 +217,51 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, 
 
 #[inline(always)]
 fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    pass: &Pass<'_, L>,
+    (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     light: B,
     transfer: (f32, f32),
 ) -> ElementSums {
-    let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
+    let Pass { deformed, scalar, .. } = *pass;
+    let rows = usize::from(element.ny).max(1); // of none there are no lanes
     let mut sums = ElementSums::default();
     if !scalar && is_uniform::<K, L>(element, corners, deformed) {
-        for column in (0..element.nx as usize).step_by(L) {
+        for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows)) {
             let (_, xi, mask) = chunk::<L>(element, column);
-            uniform_chunk::<FMA, S, K, L, B>(pass, element, corners, light, transfer, column, &xi, &mask, &mut sums);
+            let of_chunk = (element, lanes);
+            uniform_chunk::<FMA, S, K, L, B>(
+                deformed, of_chunk, corners, light, transfer, column, &xi, &mask, &mut sums,
+            );
         }
         sums.n = f32::from(element.nx) * f32::from(element.ny);
         return sums;
     }
-    let mut column = 0;
-    while column < element.nx as usize {
-        let (lanes, xi, mask) = chunk::<L>(element, column);
+    for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows)) {
+        let (n, xi, mask) = chunk::<L>(element, column);
         let mut acc = Accumulators::<L>::new();
         // Pixels counted in part, and the sums of f and f^2 over what is not.
         let [mut counted, mut f_lost, mut ff_lost] = [[0.0; L]; 3];
         let x = element.x + column as i32;
-        for k in 0..element.ny as i32 {
-            let y = element.y + k;
+        for (k, lanes) in lanes.iter().enumerate() {
+            let y = element.y + k as i32;
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let [ux, uy] = row_displacement::<FMA, L>(corners, &xi, eta);
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let at = f.at(x as isize, y as isize);
-            // The next chunk to the right, row by row: rows are a stride apart, more streams than the
-            // hardware follows. The lowest tap row of each row is the one not seen before.
-            prefetch(f.data, at + L);
-            prefetch(fx.data, at + L);
-            prefetch(fy.data, at + L);
+            // As above.
             prefetch(deformed.data, next_taps(deformed, to, K / 2, 2 * L));
-            let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            let mut row = sample_row::<FMA, S, K, L>(deformed, scalar, to, n, &ux, &uy);
             light.row::<FMA, L>(&xi, eta, &mut row.g);
-            let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
             if row.all_counted {
-                acc.add::<FMA>(f, fx, fy, &row.g, &mask, transfer, eta);
-                sums.n += lanes as f32;
+                acc.add::<FMA>(lanes, &row.g, &mask, transfer, eta);
+                sums.n += n as f32;
             } else {
-                acc.add::<FMA>(f, fx, fy, &row.g, &row.counted, transfer, eta);
+                acc.add::<FMA>(lanes, &row.g, &row.counted, transfer, eta);
                 for i in 0..L {
                     let lost = mask[i] * (1.0 - row.counted[i]);
                     counted[i] += row.counted[i];
-                    f_lost[i] += lost * f[i];
-                    ff_lost[i] += lost * f[i] * f[i];
+                    f_lost[i] += lost * lanes.f[i];
+                    ff_lost[i] += lost * lanes.f[i] * lanes.f[i];
                 }
             }
         }
@@ -285,7 +269,6 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B
         sums.n += total(&counted);
         sums.f_lost += total(&f_lost);
         sums.ff_lost += total(&ff_lost);
-        column += L;
     }
     sums
 }

@@ -2,9 +2,11 @@
 //! between them the fit.
 
 use super::corners::{AsItIs, Corners, row_displacement};
+use super::lanes::Lanes;
 use super::pass::{ElementSums, Pass, chunk, total};
+use super::reference::parts;
 use super::residual::Accumulators;
-use super::residual_runs::{OfRun, RunAccumulators, of_run, parts};
+use super::residual_runs::{OfRun, RunAccumulators, of_run};
 use super::sample::{load, sample_row};
 use crate::backend::spline::Spline;
 use crate::isa::{mul_add, multiversioned};
@@ -34,13 +36,13 @@ multiversioned! {
     /// As [`residual_sums`] in two passes over an element: one that interpolates, and one that forms the residual.
     /// Between them gain and offset are eliminated in each element, and `transfer` receives what was fitted.
     pub(super) fn residual_sums_two_passes[S: Spline<K>, const K: usize, const L: usize][S, K, L](
-        pass: &Pass<'_>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
+        pass: &Pass<'_, L>, first: usize, corners: &[Corners], transfer: &mut [(f32, f32)], sums: &mut [ElementSums], scratch: &mut Scratch, spline: S,
     ) => residual_sums_two_passes_body
 }
 
 #[inline(always)]
 fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
+    pass: &Pass<'_, L>,
     first: usize,
     corners: &[Corners],
     transfer: &mut [(f32, f32)],
@@ -49,9 +51,9 @@ fn residual_sums_two_passes_body<const FMA: bool, S: Spline<K>, const K: usize, 
     _: S,
 ) {
     for (k, sums) in sums.iter_mut().enumerate() {
-        let element = &pass.elements[first + k];
+        let element = pass.element(first + k);
         let (corners, transfer) = (&corners[k], &mut transfer[k]);
-        let of_element = if element.n_runs > 0 {
+        let of_element = if element.0.n_runs > 0 {
             run_sums_two_passes::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
         } else {
             two_pass_sums::<FMA, S, K, L>(pass, element, corners, transfer, scratch)
@@ -93,33 +95,32 @@ impl<const L: usize> Moments<L> {
 
 #[inline(always)]
 fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    pass: &Pass<'_, L>,
+    (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     transfer: &mut (f32, f32),
     scratch: &mut Scratch,
 ) -> ElementSums {
-    let Pass { f, fx, fy, deformed, scalar, .. } = *pass;
+    let Pass { deformed, scalar, .. } = *pass;
     let rows = element.ny as usize;
     let chunks = (element.nx as usize).div_ceil(L);
     scratch.make_room(rows * chunks * L);
     let mut moments = [0.0f64; 5];
     let mut sums = ElementSums::default();
     for part in 0..chunks {
-        let (lanes, xi, mask) = chunk::<L>(element, part * L);
+        let (n, xi, mask) = chunk::<L>(element, part * L);
         let x = element.x + (part * L) as i32;
         let mut of_part = Moments::<L>::NONE;
-        for k in 0..rows {
+        for (k, Lanes { f, .. }) in lanes[part * rows..][..rows].iter().enumerate() {
             let y = element.y + k as i32;
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
             let [ux, uy] = row_displacement::<FMA, L>(corners, &xi, eta);
             let to = [x + corners.whole[0], y + corners.whole[1]];
-            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
+            let row = sample_row::<FMA, S, K, L>(deformed, scalar, to, n, &ux, &uy);
             let counted = if row.all_counted { mask } else { row.counted };
-            let f = load::<_, L>(f.data, f.at(x as isize, y as isize));
             of_part.add::<FMA>(f, &row.g, &counted);
             if !row.all_counted {
-                for i in 0..lanes {
+                for i in 0..n {
                     let lost = 1.0 - counted[i];
                     sums.f_lost += lost * f[i];
                     sums.ff_lost += lost * f[i] * f[i];
@@ -134,13 +135,11 @@ fn two_pass_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     for part in 0..chunks {
         let (_, xi, _) = chunk::<L>(element, part * L);
         let mut acc = Accumulators::<L>::new();
-        for k in 0..rows {
+        for (k, lanes) in lanes[part * rows..][..rows].iter().enumerate() {
             let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
-            let at = f.at((element.x + (part * L) as i32) as isize, (element.y + k as i32) as isize);
-            let (f, fx, fy) = (load::<_, L>(f.data, at), load::<_, L>(fx.data, at), load::<_, L>(fy.data, at));
             let at = (part * rows + k) * L;
             let (g, counted) = (load::<_, L>(&scratch.g, at), load::<_, L>(&scratch.counted, at));
-            acc.add::<FMA>(f, fx, fy, g, counted, *transfer, eta);
+            acc.add::<FMA>(lanes, g, counted, *transfer, eta);
         }
         acc.finish::<FMA>(&xi, &mut sums);
     }
@@ -160,27 +159,25 @@ fn fitted(&[n, sf, sg, sgg, sfg]: &[f64; 5]) -> (f32, f32) {
 /// As [`run_sums`], with gain and offset fitted to the element between two passes, into `transfer`.
 #[inline(always)]
 fn run_sums_two_passes<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    pass: &Pass<'_, L>,
+    (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     transfer: &mut (f32, f32),
     scratch: &mut Scratch,
 ) -> ElementSums {
-    let Pass { map, f, .. } = *pass;
-    let runs = map.runs_of(element);
-    scratch.make_room(parts::<L>(runs).count() * L);
+    let runs = pass.map.runs_of(element);
+    scratch.make_room(lanes.len() * L);
     let (mut sums, mut moments) = (ElementSums::default(), Moments::<L>::NONE);
-    for (k, part) in parts::<L>(runs).enumerate() {
-        let OfRun { at, g, counted } = of_run::<FMA, S, K, L, _>(pass, part, corners, AsItIs, &mut sums);
-        moments.add::<FMA>(load::<_, L>(f.data, at[0]), &g, &counted);
+    for (k, (part, Lanes { f, .. })) in parts::<L>(runs).zip(lanes).enumerate() {
+        let OfRun { g, counted, .. } = of_run::<FMA, S, K, L, _>(pass, part, f, corners, AsItIs, &mut sums);
+        moments.add::<FMA>(f, &g, &counted);
         scratch.put(k * L, &g, &counted);
     }
     *transfer = fitted(&moments.totals());
     let mut acc = RunAccumulators::<L>::NONE;
-    for (k, (run, column)) in parts::<L>(runs).enumerate() {
-        let at = [f.at((run.x + column as i32) as isize, run.y as isize), run.at as usize + column];
+    for (k, ((run, column), lanes)) in parts::<L>(runs).zip(lanes).enumerate() {
         let (g, counted) = (load::<_, L>(&scratch.g, k * L), load::<_, L>(&scratch.counted, k * L));
-        acc.add::<FMA>(pass, at, g, counted, *transfer);
+        acc.add::<FMA>(pass, (lanes, run.at as usize + column), g, counted, *transfer);
     }
     acc.finish(&mut sums);
     sums

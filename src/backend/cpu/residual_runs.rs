@@ -1,7 +1,9 @@
 //! The residual pass over elements whose pixels are runs with local coordinates of their own: cut by a mask, or of any shape.
 
 use super::corners::{Brings, Corners};
+use super::lanes::Lanes;
 use super::pass::{ElementSums, Pass, total};
+use super::reference::parts;
 use super::sample::{load, sample_lanes};
 use crate::backend::spline::Spline;
 use crate::isa::mul_add;
@@ -21,18 +23,17 @@ impl<const L: usize> RunAccumulators<L> {
     pub const NONE: Self =
         Self { b: [[0.0; L]; 8], rr: [0.0; L], g: [0.0; L], gg: [0.0; L], fg: [0.0; L], n: [0.0; L] };
 
-    /// Adds lanes `at` of the reference and `local` of the map, which count as `counted` says.
+    /// Adds `lanes` of the reference, from `local` of the map on, which count as `counted` says.
     #[inline(always)]
     pub fn add<const FMA: bool>(
         &mut self,
-        pass: &Pass<'_>,
-        [at, local]: [usize; 2],
+        pass: &Pass<'_, L>,
+        (lanes, local): (&Lanes<L>, usize),
         g: &[f32; L],
         counted: &[f32; L],
         (gain, offset): (f32, f32),
     ) {
-        let (f, fx, fy) =
-            (load::<_, L>(pass.f.data, at), load::<_, L>(pass.fx.data, at), load::<_, L>(pass.fy.data, at));
+        let Lanes { f, fx, fy } = lanes;
         let (xi, eta) = (load::<_, L>(pass.map.xi(), local), load::<_, L>(pass.map.eta(), local));
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
@@ -63,32 +64,27 @@ impl<const L: usize> RunAccumulators<L> {
 
 /// Lanes of one run of pixels.
 pub(super) struct OfRun<const L: usize> {
-    /// Where they are in the planes of the reference, and in the map.
-    pub at: [usize; 2],
+    /// Where they are in the map.
+    pub local: usize,
     pub g: [f32; L],
     pub counted: [f32; L],
-}
-
-/// The runs of an element, lanes by lanes: each with the column of the run.
-#[inline(always)]
-pub(super) fn parts<const L: usize>(runs: &[Run]) -> impl Iterator<Item = (&Run, usize)> {
-    runs.iter().flat_map(|run| (0..run.n as usize).step_by(L).map(move |column| (run, column)))
 }
 
 /// Brings the deformed image to lanes of a run, and adds to `sums` what is not counted.
 #[inline(always)]
 pub(super) fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
-    pass: &Pass<'_>,
+    pass: &Pass<'_, L>,
     (run, column): (&Run, usize),
+    f: &[f32; L],
     corners: &Corners,
     light: B,
     sums: &mut ElementSums,
 ) -> OfRun<L> {
-    let Pass { map, f, deformed, scalar, .. } = *pass;
+    let Pass { map, deformed, scalar, .. } = *pass;
     let lanes = (run.n as usize - column).min(L);
     let [x, y] = [run.x + column as i32, run.y];
-    let at = [f.at(x as isize, y as isize), run.at as usize + column];
-    let (xi, eta) = (load::<_, L>(map.xi(), at[1]), load::<_, L>(map.eta(), at[1]));
+    let local = run.at as usize + column;
+    let (xi, eta) = (load::<_, L>(map.xi(), local), load::<_, L>(map.eta(), local));
     let [ux, uy] = corners.displacement::<FMA, L>(xi, eta);
     let to = [x + corners.whole[0], y + corners.whole[1]];
     let mut row = sample_lanes::<FMA, S, K, L>(deformed, scalar, to, lanes, &ux, &uy);
@@ -99,7 +95,6 @@ pub(super) fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             counted[i] = if i < lanes { 1.0 } else { 0.0 };
         }
     } else {
-        let f = load::<_, L>(f.data, at[0]);
         counted[..lanes].copy_from_slice(&row.counted[..lanes]);
         for i in 0..lanes {
             let lost = 1.0 - counted[i];
@@ -107,22 +102,22 @@ pub(super) fn of_run<const FMA: bool, S: Spline<K>, const K: usize, const L: usi
             sums.ff_lost += lost * f[i] * f[i];
         }
     }
-    OfRun { at, g: row.g, counted }
+    OfRun { local, g: row.g, counted }
 }
 
 /// Sums of an element whose pixels are runs.
 #[inline(always)]
 pub(super) fn run_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
-    pass: &Pass<'_>,
-    element: &ElementPixels,
+    pass: &Pass<'_, L>,
+    (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     light: B,
     transfer: (f32, f32),
 ) -> ElementSums {
     let (mut sums, mut acc) = (ElementSums::default(), RunAccumulators::<L>::NONE);
-    for part in parts::<L>(pass.map.runs_of(element)) {
-        let OfRun { at, g, counted } = of_run::<FMA, S, K, L, B>(pass, part, corners, light, &mut sums);
-        acc.add::<FMA>(pass, at, &g, &counted, transfer);
+    for (part, lanes) in parts::<L>(pass.map.runs_of(element)).zip(lanes) {
+        let OfRun { local, g, counted } = of_run::<FMA, S, K, L, B>(pass, part, &lanes.f, corners, light, &mut sums);
+        acc.add::<FMA>(pass, (lanes, local), &g, &counted, transfer);
     }
     acc.finish(&mut sums);
     sums
