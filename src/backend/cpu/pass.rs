@@ -40,7 +40,7 @@ pub(super) struct Pass<'a, const L: usize> {
     reference: &'a Reference,
     pub map: &'a PixelMap,
     /// The pixels of all elements.
-    pub lanes: &'a [Lanes<L>],
+    lanes: &'a [Lanes<L>],
     /// Of the gradient.
     pub unit: f32,
     pub deformed: View<'a>,
