@@ -56,6 +56,7 @@ pub(super) fn gradients<const FMA: bool, const L: usize>(
     AlongY { smooth, slope }: &mut AlongY,
     lanes: &mut [Lanes<L>],
 ) {
+    const { assert!(L + 4 <= ROOM, "no room for the lanes") };
     let (value, derivative, per_unit) = (*value, *derivative, *per_unit);
     let mut first = c.at(x as isize - 2, y as isize - 2);
     for lanes in lanes.chunks_mut(ROWS) {

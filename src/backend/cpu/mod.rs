@@ -36,12 +36,10 @@ use memory::Pool;
 use pass::{ElementSums, Pass};
 use plane::Plane;
 use rayon::prelude::*;
-use reference::{Reference, Source};
+use reference::{PIECE, Reference, Source};
 use residual_fitted::Scratch;
 use std::sync::Arc;
 
-/// Elements per piece of parallel work.
-const PIECE: usize = 32;
 /// Nodes per piece of parallel work.
 const NODES: usize = 2048;
 

@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Elements per piece of parallel work.
-const PIECE: usize = 32;
+pub(super) const PIECE: usize = 32;
 
 /// A reference image at one scale with its elements.
 #[derive(Debug)]
