@@ -3,6 +3,7 @@
 // The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index
+#import step
 
 struct Correct {
     n_nodes: u32,
@@ -16,11 +17,6 @@ struct Correct {
     unused: vec2<u32>,
 }
 
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
 @group(0) @binding(0) var<uniform> correct: Correct;
 @group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
@@ -31,6 +27,8 @@ struct Worst {
 @group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
 // Corrections, and what they were multiplied by.
 @group(0) @binding(7) var<storage, read_write> relaxation: array<vec4<f32>>;
+// Where the nodes were.
+@group(0) @binding(8) var<storage, read_write> before: array<Displacement>;
 
 const NOTHING: u32 = 0xffffffffu;
 const SHORTEST: f32 = 0.6;
@@ -61,17 +59,18 @@ fn main(
         }
         var factor = 1.0;
         if correct.before_first != NOTHING {
-            let before = relaxation[correct.before_first + node];
-            let squares = dot(before.xy, before.xy);
+            let earlier = relaxation[correct.before_first + node];
+            let squares = dot(earlier.xy, earlier.xy);
             // A node that was not moved has no rate, and one that was far off tells nothing by it.
             if squares > 0.0 && squares <= FARTHEST * FARTHEST {
-                let rate = dot(before.xy, du) / squares;
-                factor = clamp(before.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
+                let rate = dot(earlier.xy, du) / squares;
+                factor = clamp(earlier.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
             }
         }
         relaxation[correct.first + node] = vec4<f32>(du, factor * length(vec2<f32>(correct.cos, correct.sin)), 0.0);
         let by = factor * du;
         let u = displacement[node];
+        before[node] = u;
         let turned = vec2<f32>(correct.cos * by.x - correct.sin * by.y, correct.cos * by.y + correct.sin * by.x);
         let moved = u.rest + turned;
         let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));

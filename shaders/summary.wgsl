@@ -1,15 +1,16 @@
-// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (`main`). After a correction the largest
-// component of all (`largest`). One workgroup. Twins: `zone_sums` and `fit_transfer` in src/backend/cpu/mod.rs, `PixelSums` in src/backend/sums.rs.
+// The end of an evaluation: sums, gain and offset of every zone, and what a step tells the host. One workgroup.
+// Twins: `zone_sums` and `fit_transfer` in src/backend/cpu/mod.rs, `PixelSums` in src/backend/sums.rs.
 #import tallies
+#import step
 
 struct Summary {
     n_zones: u32,
-    // Partial results of the largest correction; none after an evaluation without a step.
-    n_worst: u32,
     // What has a gain and offset: nothing, zones, elements.
     brightness: u32,
     // Whether this is the first evaluation of a field.
     first: u32,
+    // Number of the step in its batch, from 0.
+    at: u32,
 }
 
 // Groups of elements of a zone, and how many elements they hold.
@@ -37,32 +38,14 @@ struct Zone {
     unused: f32,
 }
 
-// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
-// and its node.
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
-struct Step {
-    worst: Worst,
-    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
-    correlation: f32,
-    gained: f32,
-    counted: f32,
-    lossy: f32,
-    unused: vec2<u32>,
-}
-
 @group(0) @binding(0) var<uniform> summary: Summary;
 @group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
 @group(0) @binding(2) var<storage, read> group_sums: array<f32>;
-@group(0) @binding(3) var<storage, read> worst: array<Worst>;
-@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
-@group(0) @binding(6) var<storage, read_write> step: Step;
+@group(0) @binding(3) var<storage, read_write> transfer: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> zones: array<Zone>;
+@group(0) @binding(5) var<storage, read_write> steps: array<Step>;
 // What the transfer of each zone gained, as shares of f and of 1: `GreyTransfer::change` in src/backend/mod.rs.
-@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> change: array<vec2<f32>>;
 
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
@@ -74,8 +57,6 @@ const ELEMENT: u32 = 2u;
 
 var<workgroup> partial: array<f32, 704>; // TALLIES * 64
 var<workgroup> total: array<f32, TALLIES>;
-var<workgroup> worst_bits: array<u32, 64>;
-var<workgroup> worst_node: array<u32, 64>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(local_invocation_index) thread: u32) {
@@ -169,33 +150,9 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         workgroupBarrier();
     }
     if thread == 0u {
-        step.correlation = correlation;
-        step.gained = gained;
-        step.counted = counted;
-        step.lossy = lossy;
-    }
-}
-
-@compute @workgroup_size(64)
-fn largest(@builtin(local_invocation_index) thread: u32) {
-    var bits = 0u;
-    var node = 0u;
-    for (var k = thread; k < summary.n_worst; k += 64u) {
-        if worst[k].bits > bits {
-            bits = worst[k].bits;
-            node = worst[k].node;
-        }
-    }
-    worst_bits[thread] = bits;
-    worst_node[thread] = node;
-    workgroupBarrier();
-    if thread == 0u {
-        for (var i = 1u; i < 64u; i++) {
-            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
-                bits = worst_bits[i];
-                node = worst_node[i];
-            }
-        }
-        step.worst = Worst(bits, node);
+        steps[summary.at].correlation = correlation;
+        steps[summary.at].gained = gained;
+        steps[summary.at].counted = counted;
+        steps[summary.at].lossy = lossy;
     }
 }

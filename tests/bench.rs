@@ -122,6 +122,7 @@ fn a_series_from_its_files_is_measured_against_its_parts() {
             assert!(0.0 < fastest && fastest <= median && median <= slowest, "{name}: {fastest} {median} {slowest}");
             median
         };
+        median("frame_processor_s");
         let parts = median("decode_alone_s") + median("correlate_alone_s");
         let share = number(&cost["share_of_bound"], "share_of_bound");
         assert!((share * median("frame_s") / parts - 1.0).abs() < 1e-9, "{cost}");
@@ -132,4 +133,24 @@ fn a_series_from_its_files_is_measured_against_its_parts() {
     assert!(desk.files(".").is_empty(), "nothing is left behind: {:?}", desk.files("."));
     desk.run("bench series --size 64").refused(&["--size 64", "96 px at least"]);
     desk.run("bench series --frames 2").refused(&["--frames 2"]);
+}
+
+#[test]
+fn a_device_that_takes_no_time_shows_what_the_host_does_and_measures_for_nobody() {
+    let desk = Desk::new();
+    let line = "bench series --size 512 --frames 12 --runs 1 --format tiff --threads 2 --folder . --json --device";
+    let cost = |device: &str| -> Value {
+        let measured: Value = serde_json::from_str(&desk.run(&format!("{line} {device}")).printed()).unwrap();
+        measured["series"][0].clone()
+    };
+    let [instant, cpu] = ["instant", "cpu"].map(cost);
+    assert!(instant["device"].as_str().unwrap().contains("nothing is measured"), "{instant}");
+    // Frames end after about as many iterations as on the CPU (those of a frame that was predicted from one alone), without the passes over the
+    // pixels: a fifth of the time where this was written.
+    let iterations = |of: &Value| number(&of["iterations_mean"], "iterations_mean");
+    assert!((iterations(&instant) - iterations(&cpu)).abs() < 2.0, "{instant} {cpu}");
+    let alone = |of: &Value| number(&of["correlate_alone_s"]["median"], "correlate_alone_s");
+    println!("{} of the time on the CPU", alone(&instant) / alone(&cpu));
+    assert!(alone(&instant) < 0.9 * alone(&cpu), "{instant} {cpu}");
+    desk.run("correlate --device instant --output out a.tif b.tif").refused(&["instant", "graphics device"]);
 }

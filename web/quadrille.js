@@ -439,6 +439,7 @@ class Field {
     this.node_groups = Math.ceil(n_nodes / TOGETHER);
     this.worst = device.buffer(8 * this.node_groups, 'corrections');
     this.change = device.buffer(8, 'change of light');
+    this.groups = device.buffer(16, 'workgroups of the next step');
     // Corrections before the last evaluation and after it, in turns in two halves.
     this.relaxation = nodal(32, 'corrections');
     this.node_zone = device.buffer(4 * n_nodes, 'the zone of the nodes'); // the first one
@@ -484,13 +485,20 @@ class Field {
     this.solving = kernels;
   }
 
-  /** The sums of the zone, its gain and offset, and what a step reports; or, after a correction, the largest (`largest`). */
-  summary(kernel = 'summary') {
-    const constants = { n_zones: 1, n_worst: this.node_groups, brightness: 1, first: Number(!this.evaluated) };
+  /** The sums of the zone, its gain and offset, and what a step reports. */
+  summary() {
+    const constants = { n_zones: 1, brightness: 1, first: Number(!this.evaluated), at: 0 };
     this.evaluated = true;
     const { device, level } = this;
-    return device.bound(kernel, [device.uniform('Summary', constants), level.zone_groups, this.group_sums, this.worst,
+    return device.bound('summary', [device.uniform('Summary', constants), level.zone_groups, this.group_sums,
       this.transfer, this.zones, this.step_report, this.change], 1);
+  }
+
+  /** The largest correction. No step follows before this one has been looked at. */
+  largest() {
+    const none = { at: 0, lost: 0, n_sizes: 0, correction: [0, 0], counted: [0, 0], sizes: [] };
+    const constants = this.device.uniform('Largest', { n_worst: this.node_groups, ...none });
+    return this.device.bound('largest', [constants, this.worst, this.step_report, this.groups], 1);
   }
 
   /** The sums at the field as it is. */
@@ -517,8 +525,7 @@ class Field {
   /** One Gauss-Newton step; `scale` is the damping times cosine and sine of the angle that the correction is turned by. */
   step(scale) {
     this.steps += 1;
-    const record = this.device.record().run(this.evaluation, this.summary());
-    return this.correct(record.copy(this.displacement, this.before, 16 * this.level.grid.n_nodes), scale);
+    return this.correct(this.device.record().run(this.evaluation, this.summary()), scale);
   }
 
   /** The correction of the last step taken back, and another one made from the same sums. */
@@ -536,7 +543,8 @@ class Field {
       .run(this.solving)
       .run(device.bound('correct', [
         correct, this.solution, this.displacement, this.worst, this.change, this.node_zone, this.change, this.relaxation,
-      ], this.node_groups), this.summary('largest'))
+        this.before,
+      ], this.node_groups), this.largest())
       .fetch([this.step_report, LAYOUTS.Step.size], [this.zones, LAYOUTS.Zone.size]);
     const [worst] = new Float32Array(report, LAYOUTS.Step.fields.worst[0], 1);
     this.corrected = true;

@@ -78,20 +78,20 @@ const SHADERS = {
   correct: {
     file: 'correct',
     entry: 'main',
-    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read', 'write'],
+    bindings: ['uniform', 'read', 'write', 'write', 'read', 'read', 'read', 'write', 'write'],
     constants: { BORDER: 4, SUMS: 16, N: 8, RR: 9, G: 10, GG: 11, FG: 12, F_LOST: 13, FF_LOST: 14, OUT: 15, NOTHING: 4294967295 },
   },
   summary: {
     file: 'summary',
     entry: 'main',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
+    bindings: ['uniform', 'read', 'read', 'write', 'write', 'write', 'write'],
     constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
   },
   largest: {
-    file: 'summary',
-    entry: 'largest',
-    bindings: ['uniform', 'read', 'read', 'read', 'write', 'write', 'write', 'write'],
-    constants: { TALLIES: 11, ROOM: 12, OFF: 0, ZONE: 1, ELEMENT: 2 },
+    file: 'largest',
+    entry: 'main',
+    bindings: ['uniform', 'read', 'write', 'write'],
+    constants: {  },
   },
   prolong: {
     file: 'prolong',
@@ -266,6 +266,7 @@ fn main(
 // The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index
+#import step
 
 struct Correct {
     n_nodes: u32,
@@ -279,11 +280,6 @@ struct Correct {
     unused: vec2<u32>,
 }
 
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
 @group(0) @binding(0) var<uniform> correct: Correct;
 @group(0) @binding(1) var<storage, read> solution: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read_write> displacement: array<Displacement>;
@@ -294,6 +290,8 @@ struct Worst {
 @group(0) @binding(6) var<storage, read> change: array<vec2<f32>>;
 // Corrections, and what they were multiplied by.
 @group(0) @binding(7) var<storage, read_write> relaxation: array<vec4<f32>>;
+// Where the nodes were.
+@group(0) @binding(8) var<storage, read_write> before: array<Displacement>;
 
 const NOTHING: u32 = 0xffffffffu;
 const SHORTEST: f32 = 0.6;
@@ -324,17 +322,18 @@ fn main(
         }
         var factor = 1.0;
         if correct.before_first != NOTHING {
-            let before = relaxation[correct.before_first + node];
-            let squares = dot(before.xy, before.xy);
+            let earlier = relaxation[correct.before_first + node];
+            let squares = dot(earlier.xy, earlier.xy);
             // A node that was not moved has no rate, and one that was far off tells nothing by it.
             if squares > 0.0 && squares <= FARTHEST * FARTHEST {
-                let rate = dot(before.xy, du) / squares;
-                factor = clamp(before.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
+                let rate = dot(earlier.xy, du) / squares;
+                factor = clamp(earlier.z / max(1.0 - rate, LEAST_LEFT), SHORTEST, LONGEST);
             }
         }
         relaxation[correct.first + node] = vec4<f32>(du, factor * length(vec2<f32>(correct.cos, correct.sin)), 0.0);
         let by = factor * du;
         let u = displacement[node];
+        before[node] = u;
         let turned = vec2<f32>(correct.cos * by.x - correct.sin * by.y, correct.cos * by.y + correct.sin * by.x);
         let moved = u.rest + turned;
         let floors = clamp(floor(moved), vec2<f32>(-1e6), vec2<f32>(1e6));
@@ -511,6 +510,78 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         even = vec4<f32>(even.yzw, even_below);
         slope = vec4<f32>(slope.yzw, slope_below);
+    }
+}
+`,
+  'largest': `// The end of a step: the largest component of its correction, and whether the next one of its batch is made before the host has seen it.
+// Where it is not, the kernels of that one run on no workgroups. One workgroup. Twin: \`Ahead\` in src/backend/mod.rs.
+#import step
+
+struct Largest {
+    // Partial results.
+    n_worst: u32,
+    // Number of the step in its batch, from 0.
+    at: u32,
+    // Bounds within which another step may follow: elements lost,
+    lost: f32,
+    // sizes of dispatches in use,
+    n_sizes: u32,
+    // bits of the largest correction, at least and less than,
+    correction: vec2<u32>,
+    // and pixels counted, at least and at most.
+    counted: vec2<f32>,
+    // Workgroups along x and y of dispatches of a step.
+    sizes: array<vec4<u32>, 8>,
+}
+
+@group(0) @binding(0) var<uniform> largest: Largest;
+@group(0) @binding(1) var<storage, read> worst: array<Worst>;
+@group(0) @binding(2) var<storage, read_write> steps: array<Step>;
+// Workgroups of the dispatches of the next step, three numbers each.
+@group(0) @binding(3) var<storage, read_write> groups: array<u32>;
+
+var<workgroup> worst_bits: array<u32, 64>;
+var<workgroup> worst_node: array<u32, 64>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) thread: u32) {
+    var bits = 0u;
+    var node = 0u;
+    for (var k = thread; k < largest.n_worst; k += 64u) {
+        if worst[k].bits > bits {
+            bits = worst[k].bits;
+            node = worst[k].node;
+        }
+    }
+    worst_bits[thread] = bits;
+    worst_node[thread] = node;
+    workgroupBarrier();
+    if thread == 0u {
+        for (var i = 1u; i < 64u; i++) {
+            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
+                bits = worst_bits[i];
+                node = worst_node[i];
+            }
+        }
+        let at = largest.at;
+        var made = true;
+        if at > 0u {
+            made = steps[at - 1u].goes_on != 0u;
+        }
+        var goes_on = false;
+        if made {
+            steps[at].worst = Worst(bits, node);
+            let counted = steps[at].counted;
+            goes_on = bits >= largest.correction.x && bits < largest.correction.y && abs(steps[at].lossy - largest.lost) < 0.5
+                && counted >= largest.counted.x && counted <= largest.counted.y;
+        }
+        steps[at].made = select(0u, 1u, made);
+        steps[at].goes_on = select(0u, 1u, goes_on);
+        for (var k = 0u; k < largest.n_sizes; k++) {
+            groups[3u * k] = select(0u, largest.sizes[k].x, goes_on);
+            groups[3u * k + 1u] = select(0u, largest.sizes[k].y, goes_on);
+            groups[3u * k + 2u] = 1u;
+        }
     }
 }
 `,
@@ -1232,6 +1303,26 @@ fn sum_of_group(term: f32, thread: u32) -> f32 {
     return all;
 }
 `,
+  'shared/step': `// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
+// and its node.
+struct Worst {
+    bits: u32,
+    node: u32,
+}
+
+// What a step tells the host.
+struct Step {
+    worst: Worst,
+    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
+    correlation: f32,
+    gained: f32,
+    counted: f32,
+    lossy: f32,
+    // Whether it was made, and whether another one may follow before the host has seen it.
+    made: u32,
+    goes_on: u32,
+}
+`,
   'shared/sums': `// The end of both residual kernels: the sums of LANES threads become those of their element. The kernel declares
 // \`run\` and \`sums\`.
 
@@ -1369,18 +1460,19 @@ const FF_LOST: u32 = 14u;
 const OUT: u32 = 15u;
 const EXCLUDED: f32 = -1.0;
 `,
-  'summary': `// The end of an evaluation: sums, gain and offset of every zone, and what the host asks for (\`main\`). After a correction the largest
-// component of all (\`largest\`). One workgroup. Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
+  'summary': `// The end of an evaluation: sums, gain and offset of every zone, and what a step tells the host. One workgroup.
+// Twins: \`zone_sums\` and \`fit_transfer\` in src/backend/cpu/mod.rs, \`PixelSums\` in src/backend/sums.rs.
 #import tallies
+#import step
 
 struct Summary {
     n_zones: u32,
-    // Partial results of the largest correction; none after an evaluation without a step.
-    n_worst: u32,
     // What has a gain and offset: nothing, zones, elements.
     brightness: u32,
     // Whether this is the first evaluation of a field.
     first: u32,
+    // Number of the step in its batch, from 0.
+    at: u32,
 }
 
 // Groups of elements of a zone, and how many elements they hold.
@@ -1408,32 +1500,14 @@ struct Zone {
     unused: f32,
 }
 
-// A correction's largest component (the bits of its magnitude, so that what is no number counts as largest)
-// and its node.
-struct Worst {
-    bits: u32,
-    node: u32,
-}
-
-struct Step {
-    worst: Worst,
-    // Smallest correlation coefficient of a zone, and smallest change since the first evaluation.
-    correlation: f32,
-    gained: f32,
-    counted: f32,
-    lossy: f32,
-    unused: vec2<u32>,
-}
-
 @group(0) @binding(0) var<uniform> summary: Summary;
 @group(0) @binding(1) var<storage, read> zone_groups: array<ZoneGroups>;
 @group(0) @binding(2) var<storage, read> group_sums: array<f32>;
-@group(0) @binding(3) var<storage, read> worst: array<Worst>;
-@group(0) @binding(4) var<storage, read_write> transfer: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> zones: array<Zone>;
-@group(0) @binding(6) var<storage, read_write> step: Step;
+@group(0) @binding(3) var<storage, read_write> transfer: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> zones: array<Zone>;
+@group(0) @binding(5) var<storage, read_write> steps: array<Step>;
 // What the transfer of each zone gained, as shares of f and of 1: \`GreyTransfer::change\` in src/backend/mod.rs.
-@group(0) @binding(7) var<storage, read_write> change: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read_write> change: array<vec2<f32>>;
 
 // Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
 const SHARED: f32 = 0.5;
@@ -1445,8 +1519,6 @@ const ELEMENT: u32 = 2u;
 
 var<workgroup> partial: array<f32, 704>; // TALLIES * 64
 var<workgroup> total: array<f32, TALLIES>;
-var<workgroup> worst_bits: array<u32, 64>;
-var<workgroup> worst_node: array<u32, 64>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(local_invocation_index) thread: u32) {
@@ -1540,34 +1612,10 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         workgroupBarrier();
     }
     if thread == 0u {
-        step.correlation = correlation;
-        step.gained = gained;
-        step.counted = counted;
-        step.lossy = lossy;
-    }
-}
-
-@compute @workgroup_size(64)
-fn largest(@builtin(local_invocation_index) thread: u32) {
-    var bits = 0u;
-    var node = 0u;
-    for (var k = thread; k < summary.n_worst; k += 64u) {
-        if worst[k].bits > bits {
-            bits = worst[k].bits;
-            node = worst[k].node;
-        }
-    }
-    worst_bits[thread] = bits;
-    worst_node[thread] = node;
-    workgroupBarrier();
-    if thread == 0u {
-        for (var i = 1u; i < 64u; i++) {
-            if worst_bits[i] > bits || (worst_bits[i] == bits && worst_node[i] < node) {
-                bits = worst_bits[i];
-                node = worst_node[i];
-            }
-        }
-        step.worst = Worst(bits, node);
+        steps[summary.at].correlation = correlation;
+        steps[summary.at].gained = gained;
+        steps[summary.at].counted = counted;
+        steps[summary.at].lossy = lossy;
     }
 }
 `,
@@ -1755,12 +1803,13 @@ const LAYOUTS = {
   Gather: { size: 16, fields: { n_nodes: [0, 'u32'], unused0: [4, 'u32'], unused1: [8, 'u32'], unused2: [12, 'u32'] } },
   Gradient: { size: 96, fields: { width: [0, 'i32'], rows: [4, 'i32'], stride: [8, 'i32'], grey_first: [12, 'i32'], coefficients_first: [16, 'i32'], reference_first: [20, 'i32'], per_unit: [24, 'f32'], unused: [28, 'i32'], value: [32, 'f32'], derivative: [64, 'f32'] } },
   Group: { size: 8, fields: { first: [0, 'u32'], count: [4, 'u32'] } },
+  Largest: { size: 160, fields: { n_worst: [0, 'u32'], at: [4, 'u32'], lost: [8, 'f32'], n_sizes: [12, 'u32'], correction: [16, 'u32'], counted: [24, 'f32'], sizes: [32, 'u32'] } },
   Pass: { size: 80, fields: { image: [0, 'i32'], stride: [8, 'i32'], n_elements: [12, 'u32'], reference_first: [16, 'i32'], elements_from: [20, 'i32'], elements_to: [24, 'i32'], deformed_first: [28, 'i32'], floors_from: [32, 'i32'], floors_to: [36, 'i32'], own_transfer: [40, 'u32'], accumulate: [44, 'u32'], n_listed: [48, 'u32'], runs_at: [52, 'u32'], points_at: [56, 'u32'], weighted: [60, 'u32'], unit: [64, 'f32'], unused0: [68, 'u32'], unused1: [72, 'u32'], unused2: [76, 'u32'] } },
   Place: { size: 32, fields: { nodes: [0, 'u32'], weights: [16, 'f32'] } },
   Prefilter: { size: 304, fields: { n: [0, 'i32'], lines: [4, 'i32'], step: [8, 'i32'], line_step: [12, 'i32'], begin: [16, 'i32'], end: [20, 'i32'], source_first: [24, 'i32'], target_first: [28, 'i32'], poles: [32, 'f32'], n_poles: [40, 'i32'], n_start: [44, 'i32'], start: [48, 'f32'] } },
   Report: { size: 16, fields: { n_elements: [0, 'u32'], n_nodes: [4, 'u32'], unused: [8, 'u32'] } },
-  Step: { size: 32, fields: { worst: [0, 'Worst'], correlation: [8, 'f32'], gained: [12, 'f32'], counted: [16, 'f32'], lossy: [20, 'f32'], unused: [24, 'u32'] } },
-  Summary: { size: 16, fields: { n_zones: [0, 'u32'], n_worst: [4, 'u32'], brightness: [8, 'u32'], first: [12, 'u32'] } },
+  Step: { size: 32, fields: { worst: [0, 'Worst'], correlation: [8, 'f32'], gained: [12, 'f32'], counted: [16, 'f32'], lossy: [20, 'f32'], made: [24, 'u32'], goes_on: [28, 'u32'] } },
+  Summary: { size: 16, fields: { n_zones: [0, 'u32'], brightness: [4, 'u32'], first: [8, 'u32'], at: [12, 'u32'] } },
   Tally: { size: 32, fields: { n_elements: [0, 'u32'], n_groups: [4, 'u32'], kept_share: [8, 'f32'], back_share: [12, 'f32'], lossy_share: [16, 'f32'], own_transfer: [20, 'u32'], stays_out: [24, 'f32'], unused: [28, 'u32'] } },
   Unpack: { size: 32, fields: { width: [0, 'u32'], rows: [4, 'u32'], stride: [8, 'u32'], depth: [12, 'u32'], skip: [16, 'u32'], first: [20, 'u32'], offset: [24, 'f32'], unused: [28, 'u32'] } },
   Worst: { size: 8, fields: { bits: [0, 'u32'], node: [4, 'u32'] } },

@@ -78,6 +78,8 @@ pub struct GpuOptions {
     pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
+    /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing is measured then.
+    pub instant: bool,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.
     pub fail_after: Option<usize>,
 }

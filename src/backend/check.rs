@@ -5,7 +5,7 @@
 //! nothing to tell: only another device can.
 
 use super::cpu::CpuBackend;
-use super::{Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, coupled};
+use super::{Ahead, Backend, BackendError, ElementMoments, GreyTransfer, KernelOptions, PixelSums, Place, coupled};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation, Pixels};
 use crate::linalg::{BlockMatrix, ElementMatrix, Pattern, Solver};
@@ -212,7 +212,7 @@ impl Setting {
         let rhs = backend.right_hand_side(&coarser, &mut deformed, &field)?;
         add("right-hand side, level 1", rhs.into_flattened(), Tolerance::Share(RESIDUALS));
         for _ in 0..STEPS {
-            backend.step(&coarser, &mut deformed, &mut field, &solver, [1.0, 0.0])?;
+            backend.step(&coarser, &mut deformed, &mut field, &solver, [1.0, 0.0], &Ahead::NONE)?;
         }
         let found = backend.found(&coarser, &mut deformed, &field)?;
         add("displacement, level 1", found.displacement.into_flattened(), Tolerance::Px(DISPLACEMENTS_PX));
@@ -243,8 +243,16 @@ impl Setting {
         add("elements that have lost pixels", numbers, Tolerance::Share(0.1 / fine.mesh.n_elements() as f64));
         let remaining: Vec<ElementMoments> = remaining.into_iter().map(|(_, moments)| moments).collect();
         add("moments of what is left of them", of_moments(&remaining), Tolerance::Share(MOMENTS));
-        for _ in 0..STEPS {
-            backend.step(&level, &mut deformed, &mut field, &solver, [1.0, 0.0])?;
+        let mut ahead = Ahead::NONE;
+        for left in (0..STEPS).rev() {
+            let step = backend.step(&level, &mut deformed, &mut field, &solver, [1.0, 0.0], &ahead)?;
+            // The others follow without a word from the host, unless elements are lost or come back.
+            ahead = Ahead {
+                steps: left.saturating_sub(1),
+                correction_px: [0.0, f64::INFINITY],
+                lost: step.lost,
+                counted: [0.0, f64::INFINITY],
+            };
         }
         let found = backend.found(&level, &mut deformed, &field)?;
         let matches = found.elements.iter().flat_map(|e| [e.correlation, e.n / (ELEMENT * ELEMENT) as f64]);

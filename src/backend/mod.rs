@@ -9,11 +9,13 @@ pub mod gpu;
 #[cfg(not(feature = "gpu"))]
 #[path = "no_gpu.rs"]
 pub mod gpu;
+mod instant;
 mod pyramid;
 mod relaxation;
 mod spline;
 mod sums;
 
+pub use instant::InstantBackend;
 pub(crate) use relaxation::LONGEST;
 pub(crate) use spline::{at_pixel, taps};
 pub use sums::{ElementMatch, ElementMoments, PixelSums, coupled};
@@ -179,6 +181,25 @@ pub struct Step {
     pub counted: f64,
     /// Elements that have lost more than [`LOST_SHARE`] of their pixels; those that are left out count twice.
     pub lost: usize,
+}
+
+/// When steps may follow one, with the same solver and the same scale, before the host has seen what that came to: the way to a device and back is
+/// then saved. They are not made where any of this does not hold. Twin: shaders/largest.wgsl.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ahead {
+    /// So many at most.
+    pub steps: usize,
+    /// [`Step::correction_px`] at least, and less than.
+    pub correction_px: [f64; 2],
+    /// [`Step::lost`].
+    pub lost: usize,
+    /// [`Step::counted`] at least and at most.
+    pub counted: [f64; 2],
+}
+
+impl Ahead {
+    /// None follows.
+    pub const NONE: Self = Self { steps: 0, correction_px: [0.0; 2], lost: 0, counted: [0.0; 2] };
 }
 
 /// What an iteration has found when it ends.
@@ -349,7 +370,8 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// One Gauss-Newton step: right-hand side, solution, update of the field by `scale` times the correction, and of its
     /// transfer. `scale` is `damping (cos a, sin a)`: each correction is turned by the angle a of the field, since the
     /// matrix is made of gradients of the reference, which are turned in the deformed image. Beside the damping, which is of all,
-    /// each node is moved by as much of its correction as the fall of its last one tells.
+    /// each node is moved by as much of its correction as the fall of its last one tells. A device may make those after it too, as far as `ahead`
+    /// allows it, and give them back when they are asked for; until then nothing else may be asked of the field.
     ///
     /// # Errors
     /// When the device fails.
@@ -360,10 +382,11 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &mut Self::Field,
         solver: &Self::Solver,
         scale: [f64; 2],
+        ahead: &Ahead,
     ) -> Result<Step, BackendError>;
 
     /// Takes the correction of the last step back and makes another one with `solver` from the same sums: for a frame that
-    /// turned out to have lost pixels.
+    /// turned out to have lost pixels. As after [`Backend::step`] others may follow.
     ///
     /// # Errors
     /// When the device fails.
@@ -374,6 +397,7 @@ pub trait Backend: Clone + Send + Sync + 'static {
         field: &mut Self::Field,
         solver: &Self::Solver,
         scale: [f64; 2],
+        ahead: &Ahead,
     ) -> Result<Step, BackendError>;
 
     /// The right-hand side of the last evaluation, per node: what checks compare.

@@ -3,7 +3,7 @@
 use super::scene::{Scene, kernel_options};
 use super::times::{Times, repeat};
 use super::{BenchError, Subject};
-use crate::backend::{Backend, BackendError, GreyTransfer};
+use crate::backend::{Ahead, Backend, BackendError, GreyTransfer};
 use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, nested_dissection};
 use serde::Serialize;
 use std::sync::Arc;
@@ -87,7 +87,9 @@ impl<B: Subject> ResidualPass<B> {
     /// # Errors
     /// When the device fails.
     pub fn step(&mut self) -> Result<(), BackendError> {
-        self.backend.step(&self.level, &mut self.frame, &mut self.field, &self.solver, [1.0, 0.0]).map(|_| ())
+        self.backend
+            .step(&self.level, &mut self.frame, &mut self.field, &self.solver, [1.0, 0.0], &Ahead::NONE)
+            .map(|_| ())
     }
 
     /// The field and the match of every element, on the host.

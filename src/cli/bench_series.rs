@@ -2,7 +2,10 @@
 
 use super::args::{BenchSeriesArgs, FileFormat};
 use super::{Outcome, Result, bench, devices, plural, pool, without_doubles};
+use crate::backend::choice::DeviceChoice;
+use crate::backend::gpu::GpuOptions;
 use crate::bench::Spread;
+use crate::clock::{Elapsed, Stopwatch};
 use crate::correlate::{Tracker, prepare};
 use crate::field::Status;
 use crate::io::case::CaseFile;
@@ -13,10 +16,15 @@ use crate::synth::{Accuracy, RenderOptions, Series, Texture};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Standard deviation of the noise, grey levels: a camera of 8 bit in good light.
 const NOISE: f32 = 1.0;
+
+/// What `--device` takes here alone: see [`crate::backend::InstantBackend`].
+const INSTANT: &str = "instant";
+
+/// Cores of the workstation whose rate is projected.
+const PROJECTED_CORES: usize = 16;
 
 /// What one series has cost.
 #[derive(Debug, Serialize)]
@@ -30,6 +38,8 @@ struct Cost {
     frames_per_second: f64,
     /// Seconds per frame without the preparation of the reference: what a long series comes to.
     frame_s: Spread,
+    /// Processor seconds per frame of all threads, the preparation of the reference taken off.
+    frame_processor_s: Spread,
     /// Each alone, on all threads; correlation with the images in memory.
     decode_alone_s: Spread,
     correlate_alone_s: Spread,
@@ -94,6 +104,14 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
+/// All frames correlated, the images in memory.
+struct Correlated {
+    seconds: f64,
+    /// What the preparation of the reference took before it.
+    reference: Elapsed,
+    device: String,
+}
+
 /// One series.
 struct Bench<'a> {
     args: &'a BenchSeriesArgs,
@@ -111,6 +129,10 @@ impl Bench<'_> {
         }
     }
 
+    fn is_instant(&self) -> bool {
+        self.args.device == INSTANT
+    }
+
     fn images(&self) -> PathBuf {
         self.folder.join(format!("{}-{}", self.size, self.name()))
     }
@@ -124,10 +146,15 @@ impl Bench<'_> {
         let options = RenderOptions { noise: NOISE, ..RenderOptions::new(size, size) };
         let motion = Accuracy::new(size, size);
         let series = Series { texture: Texture::new(1, 4.5)?, motion, n_frames: args.frames, options };
+        let file = |frame: usize| self.images().join(format!("{frame:06}.{ending}"));
         (0..=args.frames)
             .map(|frame| {
-                let path = self.images().join(format!("{frame:06}.{ending}"));
-                write_image(&path, &series.image(frame)?)?;
+                let path = file(frame);
+                match frame.checked_sub(1).filter(|&before| self.is_instant() && before > 1) {
+                    // What ends as the frame before it shows what that shows.
+                    Some(before) => drop(std::fs::copy(file(before), &path)?),
+                    None => write_image(&path, &series.image(frame)?)?,
+                }
                 Ok(path)
             })
             .collect()
@@ -143,18 +170,19 @@ impl Bench<'_> {
         let size = self.size;
         self.decode(files)?; // they are in the page cache from here on
         let n = (files.len() - 1) as f64;
-        let (mut decode, mut correlate, mut series) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut decode, mut correlate, mut series, mut processor) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         // By turns: what slows the machine down for a while slows all of them down.
-        let (device, Ran { summary, busy, .. }, seconds) = loop {
+        let (device, Ran { summary, busy, .. }, run) = loop {
             let run = series.len();
             let plan = self.plan(files)?;
             decode.push(self.decode(files)? / n);
-            let (correlate_s, device) = self.correlate(files, &plan)?;
-            correlate.push(correlate_s / n);
-            let (ran, seconds) = self.run(&plan, run)?;
-            series.push((seconds - ran.summary.seconds_reference) / n);
+            let Correlated { seconds, reference, device } = self.correlate(files, &plan)?;
+            correlate.push(seconds / n);
+            let (ran, run) = self.run(&plan, run)?;
+            series.push((run.wall_s - ran.summary.seconds_reference) / n);
+            processor.push((run.cpu_s - reference.cpu_s) / n);
             if series.len() >= self.args.runs.max(1) {
-                break (device, ran, seconds);
+                break (device, ran, run);
             }
         };
         let frames = &summary.frames;
@@ -164,7 +192,7 @@ impl Bench<'_> {
                 frame.number
             ))?;
         }
-        let [decode, correlate, series] = [decode, correlate, series].map(Spread::of);
+        let [decode, correlate, series, processor] = [decode, correlate, series, processor].map(Spread::of);
         Ok(Cost {
             size_px: size,
             format: self.name(),
@@ -173,19 +201,20 @@ impl Bench<'_> {
             device,
             frames_per_second: 1.0 / series.median,
             frame_s: series,
+            frame_processor_s: processor,
             decode_alone_s: decode,
             correlate_alone_s: correlate,
             share_of_bound: (decode.median + correlate.median) / series.median,
             iterations_mean: frames.iter().map(|frame| frame.iterations as f64).sum::<f64>() / n,
             seconds_reference: summary.seconds_reference,
-            stage_percent: busy.percent_of(seconds).to_vec(),
+            stage_percent: busy.percent_of(run.wall_s).to_vec(),
             limited_by: busy.limiting(),
         })
     }
 
     /// Seconds to read all frames on all threads.
     fn decode(&self, files: &[PathBuf]) -> Result<f64> {
-        let begin = Instant::now();
+        let watch = Stopwatch::start();
         let read = |first: usize| {
             files[1..].iter().skip(first).step_by(self.threads).try_for_each(|file| read_image(file, 0).map(drop))
         };
@@ -193,7 +222,7 @@ impl Bench<'_> {
             let threads: Vec<_> = (0..self.threads).map(|first| scope.spawn(move || read(first))).collect();
             threads.into_iter().try_for_each(|thread| Ok(thread.join().map_err(|_| "a decoder stopped")??))
         })?;
-        Ok(begin.elapsed().as_secs_f64())
+        Ok(watch.elapsed().wall_s)
     }
 
     /// Each run has its own: where many files have just been removed, some file systems are slow to make new ones.
@@ -209,42 +238,44 @@ impl Bench<'_> {
             roi: vec![[x0, y0, x1, y1]],
             element_size: Some(self.args.element_size as i64),
             export: Some(vec![Export::None]),
-            device: self.args.device.parse()?,
-            gpu: devices::options(false),
+            device: if self.is_instant() { DeviceChoice::Cpu } else { self.args.device.parse()? },
+            gpu: GpuOptions { instant: self.is_instant(), ..devices::options(false) },
             ..Overlay::default()
         };
         Ok(Plan::of(&asked, &CaseFile::default())?)
     }
 
-    /// Seconds to correlate all frames on all threads, each in memory when its turn comes; and the device.
-    fn correlate(&self, files: &[PathBuf], plan: &Plan) -> Result<(f64, String)> {
+    /// Correlates all frames on all threads, each in memory when its turn comes.
+    fn correlate(&self, files: &[PathBuf], plan: &Plan) -> Result<Correlated> {
         let image = |file: &PathBuf| -> Result<_> { Ok(Arc::new(read_image(file, 0)?.image)) };
         let (reference, zones) = (image(&files[0])?, [Zone::rectangle("all", self.roi())]);
         pool(Some(self.threads))?.install(|| {
+            let watch = Stopwatch::start();
             let correlator = prepare(
                 &plan.device(reference.width() * reference.height())?,
                 reference,
                 &zones,
                 plan.options.clone(),
             )?;
+            let prepared = watch.elapsed();
             let mut tracker = Tracker::new(&*correlator);
             let mut seconds = 0.0;
             for (number, file) in (1..).zip(&files[1..]) {
                 let image = image(file)?;
-                let begin = Instant::now();
+                let watch = Stopwatch::start();
                 tracker.correlate(number, image)?;
-                seconds += begin.elapsed().as_secs_f64();
+                seconds += watch.elapsed().wall_s;
             }
-            Ok((seconds, correlator.device().to_owned()))
+            Ok(Correlated { seconds, reference: prepared, device: correlator.device().to_owned() })
         })
     }
 
-    /// Runs the plan, and the seconds that it took.
-    fn run(&self, plan: &Plan, run: usize) -> Result<(Ran, f64)> {
-        let begin = Instant::now();
+    /// Runs the plan, and what it took.
+    fn run(&self, plan: &Plan, run: usize) -> Result<(Ran, Elapsed)> {
+        let watch = Stopwatch::start();
         let folder = RunFolder::writable(&self.results(run))?;
         let ran = run_series(plan, &folder, &pool(Some(self.threads))?, Session::new(Existing::Replace), &mut |_| ())?;
-        Ok((ran, begin.elapsed().as_secs_f64()))
+        Ok((ran, watch.elapsed()))
     }
 }
 
@@ -271,6 +302,13 @@ impl std::fmt::Display for Measured {
             let iterations = format!("{:.1} iterations", cost.iterations_mean);
             writeln!(f, "  correlation alone    {}   {iterations}", rates(cost.correlate_alone_s))?;
             writeln!(f, "  of 1/(1/d + 1/c)     {:8.0} %", 100.0 * cost.share_of_bound)?;
+            let Spread { median, fastest, slowest } = cost.frame_processor_s.scaled(1e3);
+            let most = PROJECTED_CORES as f64 / cost.frame_processor_s.median;
+            writeln!(
+                f,
+                "  processor, ms/frame  {median:8.1} ({fastest:.1}-{slowest:.1})   all threads together: {PROJECTED_CORES} cores like these \
+                 do {most:.0} frames/s at most"
+            )?;
             let stages: Vec<String> =
                 cost.stage_percent.iter().map(|(stage, percent)| format!("{stage} {percent:.0} %")).collect();
             writeln!(f, "  busy                 {}; limited by: {}", stages.join(", "), cost.limited_by)?;

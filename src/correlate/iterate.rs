@@ -4,7 +4,7 @@ use super::level::Level;
 use super::own::Own;
 use super::pace::Pace;
 use super::regularisation::Regulariser;
-use crate::backend::{Backend, BackendError, COUPLED, KernelOptions, LONGEST};
+use crate::backend::{Ahead, Backend, BackendError, COUPLED, KernelOptions, LONGEST};
 use crate::field::{Brightness, RigidMotion, Status};
 use crate::linalg::Pattern;
 use crate::mesh::Mesh;
@@ -234,6 +234,28 @@ fn is_far<B: Backend>(
     Ok((0..level.mesh.zones().len()).any(is_far))
 }
 
+/// The steps that a device may make after that of `iteration` before the host has seen it: as long as what the host would look at leaves it no
+/// choice. A frame with a solver of its own was so when that was `made`: pixels counted and elements lost.
+fn ahead(iteration: usize, limits: &Limits<'_>, made: Option<(f64, usize)>, size: f64) -> Ahead {
+    let of_own = limits.own && made.is_none();
+    let steps = Pace::SAME.min(limits.max_iterations).saturating_sub(iteration);
+    // Light is to follow each of them.
+    if steps == 0 || of_own || limits.late_light {
+        return Ahead::NONE;
+    }
+    let counted = made.map_or([0.0, f64::INFINITY], |(counted, _)| {
+        let most = RENEW_SHARE * size * size;
+        [counted - most, counted + most]
+    });
+    let correction_px = [last_px(limits), limits.near_px.min(limits.wild_elements * size)];
+    Ahead { steps, correction_px, lost: made.map_or(0, |(_, lost)| lost), counted }
+}
+
+/// No larger a correction is the last, px.
+fn last_px(limits: &Limits<'_>) -> f64 {
+    limits.tolerance_px.max(LAST_PX.min(LAST * limits.tolerance_px))
+}
+
 /// Iterates `field` on `level` until the error that the last correction leaves is below the tolerance. After each step
 /// that another one follows comes `between`: what else is to follow the field.
 pub(super) fn iterate<B: Backend>(
@@ -264,7 +286,8 @@ pub(super) fn iterate<B: Backend>(
     for iteration in 1..=limits.max_iterations {
         let scale = [pace.factor() * limits.turn.cos, pace.factor() * limits.turn.sin];
         let solver = outcome.own.as_ref().map_or(&level.solver, |own| &own.solver);
-        let mut step = backend.step(&level.prepared, frame, field, solver, scale)?;
+        let ahead = self::ahead(iteration, &limits, outcome.own.as_ref().map(|_| made_at), size);
+        let mut step = backend.step(&level.prepared, frame, field, solver, scale, &ahead)?;
         let moved = (step.counted - made_at.0).abs() > RENEW_SHARE * size * size;
         let renew = match outcome.own {
             None => {
@@ -277,8 +300,10 @@ pub(super) fn iterate<B: Backend>(
                 own.give_back(backend, level);
             }
             let own = Own::new(backend, level, frame, field, options, limits.regulariser)?;
-            step = backend.solve_again(&level.prepared, frame, field, &own.solver, scale)?;
-            (outcome.own, made_at) = (Some(own), (step.counted, step.lost));
+            made_at = (step.counted, step.lost);
+            let ahead = self::ahead(iteration, &limits, Some(made_at), size);
+            step = backend.solve_again(&level.prepared, frame, field, &own.solver, scale, &ahead)?;
+            outcome.own = Some(own);
         }
         let correction = step.correction_px;
         outcome.iterations = iteration;
@@ -300,8 +325,7 @@ pub(super) fn iterate<B: Backend>(
             && matches!(options.brightness, Brightness::Zone | Brightness::Off)
             && step.correlation >= COUPLED;
         let left = LONGEST * pace.left(correction, is_even);
-        let last_px = limits.tolerance_px.max(LAST_PX.min(LAST * limits.tolerance_px));
-        let is_small = correction < last_px && left < limits.tolerance_px;
+        let is_small = correction < last_px(&limits) && left < limits.tolerance_px;
         let enough = limits.enough.get(step.worst_node);
         let round_off_px = enough.map_or(0.0, |enough| ROUND_OFF_SHARE * enough.px).max(ROUND_OFF_PX);
         if is_small || correction < limits.tolerance_px.min(round_off_px) {

@@ -67,6 +67,9 @@ impl Default for Pace {
 }
 
 impl Pace {
+    /// So many steps have the same length, whatever the corrections: two of these have to fall alike before one is another.
+    pub const SAME: usize = 3;
+
     /// What the next correction is multiplied by.
     pub fn factor(&self) -> f64 {
         self.factor
@@ -196,6 +199,24 @@ mod tests {
         assert_eq!(iterations_left(1e-5, 1e-2, 1e-4), 0.0);
         assert_eq!(iterations_left(1e-2, 1e-2, 1e-4), f64::INFINITY);
         assert_eq!(iterations_left(2e-2, 1e-2, 1e-4), f64::INFINITY);
+    }
+
+    #[test]
+    fn the_first_steps_have_their_whole_length_whatever_the_corrections() {
+        let corrections = [1e-3, 0.04, 0.06, 0.5, 0.98, 1.0, 1.3, f64::INFINITY];
+        for (first, second) in corrections.iter().flat_map(|first| corrections.map(|second| (*first, second))) {
+            for anew in [false, true] {
+                let mut pace = Pace::default();
+                for correction in [first, second].into_iter().take(Pace::SAME - 1) {
+                    assert_eq!(pace.factor(), 1.0);
+                    pace.note(correction, anew);
+                }
+                assert_eq!(pace.factor(), 1.0, "{first} {second} {anew}");
+            }
+        }
+        let mut pace = Pace::default();
+        [1.0, 0.5, 0.25].into_iter().for_each(|c| pace.note(c, false));
+        assert_ne!(pace.factor(), 1.0, "the one after them need not");
     }
 
     #[test]

@@ -8,7 +8,9 @@ use common::gpu::device;
 use common::round_off::{Evaluation, Moments, Near, Task, correlation};
 use common::*;
 use quadrille::backend::cpu::CpuBackend;
-use quadrille::backend::{Backend, ElementMoments, Found, GreyTransfer, KernelOptions, PixelSums, Place, STAYS_OUT};
+use quadrille::backend::{
+    Ahead, Backend, ElementMoments, Found, GreyTransfer, KernelOptions, PixelSums, Place, STAYS_OUT, Step,
+};
 use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation, Pixels};
 use quadrille::linalg::{BlockMatrix, Pattern, Solver, SolverChoice};
@@ -572,7 +574,7 @@ fn assert_step<B: Backend>(device: &str, backend: &B, element_size: usize) {
     for (damping, turned) in [(1.0, false), (0.5, false), (1.0, true)] {
         let scale = if turned { [0.0, damping] } else { [damping, 0.0] };
         let mut field = backend.start(&level, &mut frame, &laid.displacement, &transfer).unwrap();
-        let step = backend.step(&level, &mut frame, &mut field, &solver, scale).unwrap();
+        let step = backend.step(&level, &mut frame, &mut field, &solver, scale, &Ahead::NONE).unwrap();
         let after = backend.found(&level, &mut frame, &field).unwrap().displacement;
         let moved = |k: usize| [0, 1].map(|i| (after[k][i] - before[k][i]) / damping);
         let back = |[x, y]: [f64; 2]| if turned { [y, -x] } else { [x, y] };
@@ -603,6 +605,98 @@ fn a_step_solves_the_normal_equations_and_names_the_largest_correction() {
     }
 }
 
+/// Three steps of a field, each allowed to make those `ahead` of it, and what they found.
+fn three_steps<B: Backend>(backend: &B, ahead: &Ahead) -> (Vec<Step>, Found) {
+    let (width, height) = (150, 118);
+    let pair = images(width, height, Depth::U8);
+    // The border stays in the image.
+    let at = Case { motion: [0.2, -0.3], ..case("", &pair, inside(width, height, 8), 16) };
+    let laid = at.laid();
+    let mut reference = backend.frame(pair[0].clone(), &laid.options).unwrap();
+    let mut frame = backend.frame(pair[1].clone(), &laid.options).unwrap();
+    let (level, moments) = backend.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let mesh = &laid.mesh.mesh;
+    let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+    let matrices: Vec<_> = moments.iter().map(ElementMoments::matrix).collect();
+    let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
+    let solver = backend.solver(&level, Solver::new(matrix, SolverChoice::Iterative, Vec::new).unwrap()).unwrap();
+    let mut field = backend.start(&level, &mut frame, &laid.displacement, &[GreyTransfer::NONE]).unwrap();
+    let mut step = |left: usize| {
+        let ahead = Ahead { steps: ahead.steps.min(left), ..*ahead };
+        backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &ahead).unwrap()
+    };
+    let steps = (0..3).rev().map(&mut step).collect();
+    (steps, backend.found(&level, &mut frame, &field).unwrap())
+}
+
+#[test]
+fn steps_made_ahead_are_those_made_one_by_one_and_end_where_they_are_to() {
+    let Some(gpu) = device() else { return };
+    let one_by_one = three_steps(&gpu, &Ahead::NONE);
+    let steps = &one_by_one.0;
+    println!("{steps:?}");
+    let corrections: Vec<f64> = steps.iter().map(|step| step.correction_px).collect();
+    assert!(corrections.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{corrections:?}");
+    assert!(steps.iter().all(|step| step.lost == 0));
+    let any = Ahead { steps: 2, correction_px: [0.0, f64::INFINITY], lost: 0, counted: [0.0, f64::INFINITY] };
+    let counted = steps[0].counted;
+    for (what, ahead) in [
+        ("all", any),
+        ("until they are small", Ahead { correction_px: [1.01 * corrections[1], f64::INFINITY], ..any }),
+        ("none, the first is small", Ahead { correction_px: [1.01 * corrections[0], f64::INFINITY], ..any }),
+        ("none, the first is large", Ahead { correction_px: [0.0, 0.99 * corrections[0]], ..any }),
+        ("none, elements lost", Ahead { lost: 1, ..any }),
+        ("none, fewer pixels", Ahead { counted: [counted + 1.0, f64::INFINITY], ..any }),
+        ("none, more pixels", Ahead { counted: [0.0, counted - 1.0], ..any }),
+    ] {
+        // The same bits, however many the device has made at a time.
+        assert_eq!(three_steps(&gpu, &ahead), one_by_one, "{what}");
+    }
+}
+
+#[test]
+fn a_step_that_ends_a_batch_before_its_time_can_be_made_again_and_its_field_is_that_of_one_step() {
+    let Some(gpu) = device() else { return };
+    let (width, height) = (150, 118);
+    let pair = images(width, height, Depth::U8);
+    let laid = Case { motion: [0.2, -0.3], ..case("", &pair, inside(width, height, 8), 16) }.laid();
+    let mut reference = gpu.frame(pair[0].clone(), &laid.options).unwrap();
+    let (level, moments) = gpu.reference(&mut reference, 0, &laid.mesh, &laid.options).unwrap();
+    let mesh = &laid.mesh.mesh;
+    let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
+    let solver = |softer: f64| {
+        let matrices: Vec<_> = moments.iter().map(|moments| moments.scaled(softer).matrix()).collect();
+        let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
+        gpu.solver(&level, Solver::new(matrix, SolverChoice::Iterative, Vec::new).unwrap()).unwrap()
+    };
+    let [first, softer] = [1.0, 0.8].map(solver);
+    // One element is lost in no step: the device ends the batch after the first. The correction made again is followed by another two.
+    let on = Ahead { steps: 2, correction_px: [0.0, f64::INFINITY], lost: 0, counted: [0.0, f64::INFINITY] };
+    let ends = Ahead { lost: 1, ..on };
+    let fields = [[Ahead::NONE; 2], [ends, on]].map(|[first_ahead, again_ahead]| {
+        let mut frame = gpu.frame(pair[1].clone(), &laid.options).unwrap();
+        let mut field = gpu.start(&level, &mut frame, &laid.displacement, &[GreyTransfer::NONE]).unwrap();
+        let mut all = Vec::new();
+        let scale = [1.0, 0.0];
+        all.push(gpu.step(&level, &mut frame, &mut field, &first, scale, &first_ahead).unwrap());
+        let at_first = gpu.found(&level, &mut frame, &field).unwrap();
+        all.push(gpu.solve_again(&level, &mut frame, &mut field, &softer, scale, &again_ahead).unwrap());
+        for _ in 0..2 {
+            all.push(gpu.step(&level, &mut frame, &mut field, &softer, scale, &Ahead::NONE).unwrap());
+        }
+        // Once more, from the last of a batch.
+        let at_third = gpu.found(&level, &mut frame, &field).unwrap();
+        all.push(gpu.solve_again(&level, &mut frame, &mut field, &first, scale, &again_ahead).unwrap());
+        for _ in 0..2 {
+            all.push(gpu.step(&level, &mut frame, &mut field, &first, scale, &Ahead::NONE).unwrap());
+        }
+        (all, [at_first, at_third, gpu.found(&level, &mut frame, &field).unwrap()])
+    });
+    assert_eq!(fields[0], fields[1]);
+    let [step, again] = [0, 1].map(|at| fields[0].0[at].correction_px);
+    assert!((again / step - 1.25).abs() < 0.02, "a matrix softer by a fifth: {step} px, then {again} px");
+}
+
 /// How far each of `steps` moved the nodes, px, and its largest correction, with a matrix that is too soft by the factor 0.7 and all nodes `off` px
 /// beside their place: corrections alternate and fall by 0.43 each where nodes are not relaxed.
 fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 2]>>, Vec<f64>) {
@@ -622,7 +716,9 @@ fn movements<B: Backend>(backend: &B, off: f64, steps: usize) -> (Vec<Vec<[f64; 
     let mut field = backend.start(&level, &mut frame, &at, &[GreyTransfer::NONE]).unwrap();
     let mut corrections = Vec::new();
     let of_step = |_| {
-        corrections.push(backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0]).unwrap().correction_px);
+        corrections.push(
+            backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap().correction_px,
+        );
         let now = backend.found(&level, &mut frame, &field).unwrap().displacement;
         let moved = now.iter().zip(&at).map(|(now, before)| [now[0] - before[0], now[1] - before[1]]).collect();
         at = now;
@@ -739,7 +835,7 @@ fn assert_hysteresis<B: Backend>(device: &str, backend: &B) {
     let out: Vec<usize> =
         (0..mesh.n_elements()).filter(|&e| mesh.corners(e)[0][0] == 144.0 && row(mesh.corners(e)[0][1]) == 0).collect();
     let mut field = backend.start(&level, &mut frame, &stretched, &[GreyTransfer::NONE]).unwrap();
-    backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0]).unwrap();
+    backend.step(&level, &mut frame, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap();
     let before = backend.found(&level, &mut frame, &field).unwrap();
     backend.observe(&level, &mut frame, &mut field).unwrap();
     let stayed = backend.found(&level, &mut frame, &field).unwrap();

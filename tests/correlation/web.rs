@@ -11,8 +11,8 @@ use naga::common::wgsl::TryToWgsl;
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::gpu::{Binding, KERNELS, Kernel, source};
 use quadrille::backend::{
-    BACK_MORE, Backend, ElementMoments, GreyTransfer, KEPT_MOST, KEPT_PX, KEPT_SHARE, KernelOptions, LOST_SHARE, Place,
-    STAYS_OUT,
+    Ahead, BACK_MORE, Backend, ElementMoments, GreyTransfer, KEPT_MOST, KEPT_PX, KEPT_SHARE, KernelOptions, LOST_SHARE,
+    Place, STAYS_OUT,
 };
 use quadrille::correlate::{Correlator, Options};
 use quadrille::field::{Brightness, Status};
@@ -354,7 +354,7 @@ impl Answer {
         let rhs = backend.right_hand_side(&coarser, &mut deformed, &field).unwrap();
         add("right-hand side, level 1", "", RESIDUALS, rhs.into_flattened());
         for _ in 0..self.steps {
-            backend.step(&coarser, &mut deformed, &mut field, &solver, [1.0, 0.0]).unwrap();
+            backend.step(&coarser, &mut deformed, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap();
         }
         let found = backend.found(&coarser, &mut deformed, &field).unwrap();
         add("displacement, level 1", "px", DISPLACEMENTS_PX, found.displacement.into_flattened());
@@ -378,7 +378,7 @@ impl Answer {
         let remaining: Vec<ElementMoments> = remaining.into_iter().map(|(_, moments)| moments).collect();
         add("moments of elements that have lost pixels", "", MOMENTS, of_moments(&remaining));
         for _ in 0..self.steps {
-            backend.step(&level, &mut deformed, &mut field, &solver, [1.0, 0.0]).unwrap();
+            backend.step(&level, &mut deformed, &mut field, &solver, [1.0, 0.0], &Ahead::NONE).unwrap();
         }
         let found = backend.found(&level, &mut deformed, &field).unwrap();
         let area = (self.element * self.element) as f64;

@@ -21,7 +21,7 @@ use crate::backend::pyramid::{Grey, Pyramid};
 use crate::backend::relaxation::{Relaxation, is_relaxed};
 use crate::backend::spline::{self, Spline};
 use crate::backend::{
-    Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions,
+    Ahead, Backend, BackendError, COUPLED, ElementMatch, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions,
     LOST_SHARE, PixelSums, Place, STAYS_OUT, Step, kept_and_back_share,
 };
 use crate::field::Brightness;
@@ -132,7 +132,7 @@ pub struct CpuLevel {
     whole: Vec<[f64; 3]>,
     /// See [`kept_and_back_share`].
     kept_and_back: [f64; 2],
-    level: usize,
+    pub(super) level: usize,
     narrow: bool,
     options: KernelOptions,
     /// Where the nodes lie in the next coarser level.
@@ -585,6 +585,7 @@ impl Backend for CpuBackend {
         field: &mut CpuField,
         solver: &Arc<Solver>,
         scale: [f64; 2],
+        _: &Ahead,
     ) -> Result<Step, BackendError> {
         level.evaluate(self.isa, frame.coefficients(self, level.level)?, field);
         field.evaluated.clone_from(&field.displacement);
@@ -605,6 +606,7 @@ impl Backend for CpuBackend {
         field: &mut CpuField,
         solver: &Arc<Solver>,
         scale: [f64; 2],
+        _: &Ahead,
     ) -> Result<Step, BackendError> {
         field.displacement.clone_from(&field.evaluated);
         Ok(level.corrected(field, &level.zone_sums(field), solver, scale))

@@ -23,6 +23,8 @@ const SHARED_BYTES: u32 = 16384;
 pub fn adapters() -> Adapters {
     let descriptor = wgpu::InstanceDescriptor {
         backends: wgpu::Backends::PRIMARY,
+        // Workgroups whose numbers the device sets are those of the host, or none.
+        flags: wgpu::InstanceFlags::from_build_config().difference(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL),
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     };
     let instance = wgpu::Instance::new(descriptor);
@@ -357,6 +359,11 @@ impl Gpu {
         self.buffer_for(bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC, what)
     }
 
+    /// A buffer for the workgroups of a [`Condition`].
+    pub fn conditions(&self, bytes: u64) -> Result<Buffer, BackendError> {
+        self.buffer_for(bytes, BufferUsages::STORAGE | BufferUsages::INDIRECT, "numbers of workgroups")
+    }
+
     /// As [`Gpu::storage`], for one that kernels see as a whole.
     pub fn visible(&self, bytes: u64, what: &str) -> Result<Buffer, BackendError> {
         if bytes > self.max_binding_bytes {
@@ -451,11 +458,22 @@ pub(super) struct Bound {
     group: wgpu::BindGroup,
 }
 
+/// Dispatches that run only where the device finds so: it sets their workgroups to none where it does not.
+#[derive(Debug, Clone)]
+pub(super) struct Condition {
+    /// Workgroups along x, y and z of every size.
+    pub groups: wgpu::Buffer,
+    /// Workgroups along x and y, of all sizes that occur.
+    pub sizes: Vec<[u32; 2]>,
+}
+
 /// Records a batch of work.
 pub(super) struct Recorder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) encoder: wgpu::CommandEncoder,
     pub(super) pass: Option<wgpu::ComputePass<'static>>,
+    /// What the dispatches from here on depend on.
+    pub condition: Option<Condition>,
     timing: Option<Timing>,
     pub(super) stamps: Option<Stamps>,
 }
@@ -463,26 +481,44 @@ pub(super) struct Recorder<'a> {
 /// Workgroups along one dimension at most (what every WebGPU device offers is 65535).
 pub(super) const MOST_GROUPS: u32 = 32768;
 
+/// So many workgroups along x and y, in rows when they are many.
+pub(super) fn folded(groups: u32) -> [u32; 2] {
+    [groups.min(MOST_GROUPS), groups.div_ceil(MOST_GROUPS)]
+}
+
 impl<'a> Recorder<'a> {
     /// One whose kernels are not timed.
     pub(super) fn untimed(gpu: &'a Gpu) -> Self {
         let encoder = gpu.device.create_command_encoder(&Default::default());
-        Self { gpu, encoder, pass: None, timing: None, stamps: None }
+        Self { gpu, encoder, pass: None, condition: None, timing: None, stamps: None }
+    }
+
+    /// Whether its kernels are timed: one by one, each with the host waiting for it.
+    pub fn is_timed(&self) -> bool {
+        self.timing.is_some()
     }
 
     /// Runs `bound` on `groups` workgroups, folded into rows when they are many.
     pub fn run(&mut self, bound: &Bound, groups: u32) {
         if groups > 0 {
-            self.run_2d(bound, groups.min(MOST_GROUPS), groups.div_ceil(MOST_GROUPS));
+            let [x, y] = folded(groups);
+            self.run_2d(bound, x, y);
         }
     }
 
     /// Runs `bound` on `x` by `y` workgroups.
     pub fn run_2d(&mut self, bound: &Bound, x: u32, y: u32) {
+        let condition = self.condition.as_ref().map(|condition| {
+            let of_size = condition.sizes.iter().position(|&size| size == [x, y]);
+            (condition.groups.clone(), 12 * of_size.expect("all sizes of a step are known") as u64)
+        });
         let dispatch = |pass: &mut wgpu::ComputePass<'_>| {
             pass.set_pipeline(&bound.pipeline.pipeline);
             pass.set_bind_group(0, &bound.group, &[]);
-            pass.dispatch_workgroups(x, y, 1);
+            match &condition {
+                Some((groups, at)) => pass.dispatch_workgroups_indirect(groups, *at),
+                None => pass.dispatch_workgroups(x, y, 1),
+            }
         };
         if let Some(timing) = self.timing {
             return self.run_timed(timing, bound.pipeline.kernel, dispatch);

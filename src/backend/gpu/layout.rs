@@ -2,6 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// All of the pixels of an element, as the share that shaders/residual_map.wgsl packs.
+pub(super) const WHOLE: u16 = 32767;
+
 /// A struct of the shaders, as the Rust side lays it out.
 #[derive(Debug, Clone)]
 pub struct Mirror {
@@ -138,7 +141,17 @@ mirror! {
     }
     /// Elements of one zone.
     Group { first: u32, count: u32 }
-    Summary { n_zones: u32, n_worst: u32, brightness: u32, first: u32 }
+    Summary { n_zones: u32, brightness: u32, first: u32, at: u32 }
+    /// What follows a correction, and when.
+    Largest {
+        n_worst: u32,
+        at: u32,
+        lost: f32,
+        n_sizes: u32,
+        correction: [u32; 2],
+        counted: [f32; 2],
+        sizes: [[u32; 4]; 8],
+    }
     /// Groups of elements of a zone.
     ZoneGroups { first: u32, count: u32, n_elements: u32, unused: u32 }
     /// Sums over a zone and what follows from them.
@@ -165,7 +178,8 @@ mirror! {
         gained: f32,
         counted: f32,
         lossy: f32,
-        unused: [u32; 2],
+        made: u32,
+        goes_on: u32,
     }
     Gather { n_nodes: u32, unused0: u32, unused1: u32, unused2: u32 }
     /// Part of an iteration of the conjugate gradients.

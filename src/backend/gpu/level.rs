@@ -1,7 +1,7 @@
 //! A reference prepared at one scale.
 
 use super::device::{Bound, Buffer, Gpu, values};
-use super::layout::{self, Element};
+use super::layout::{self, Element, WHOLE};
 use super::plane::{GpuFrame, Reference, too_wide, windows};
 use super::shader::Kernel;
 use crate::backend::{
@@ -185,6 +185,11 @@ impl GpuLevel {
     /// Pixels of each element.
     pub(super) fn pixels_of(&self, element: usize) -> f64 {
         f64::from(self.whole[element][0])
+    }
+
+    /// Whether the share of its pixels that an element has kept, packed, tells that a single one is lost.
+    pub(super) fn is_told_by_shares(&self) -> bool {
+        self.whole.iter().all(|whole| whole[0] < f32::from(WHOLE))
     }
 
     fn pass(&self, elements: Range<i32>, reference_first: usize) -> layout::Pass {

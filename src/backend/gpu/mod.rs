@@ -1,7 +1,7 @@
 //! The GPU backend: WGSL kernels through wgpu, on any adapter that offers WebGPU's default limits.
 //!
-//! Images, references and fields live on the device. An iteration is one batch of work and one small report
-//! (largest correction, match of the zones); the field comes back once, at the end. Sums run in a fixed order and
+//! Images, references and fields live on the device. Some iterations are one batch of work and one small report of each
+//! (largest correction, match of the zones), with which the field comes back where it may be the end. Sums run in a fixed order and
 //! without atomics, so one device gives the same bits on every run. Kernels: `shaders/`; their twins: the CPU
 //! backend.
 
@@ -29,8 +29,8 @@ pub use solver::GpuSolver;
 
 use crate::backend::check::DeviceCheck;
 use crate::backend::{
-    Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums, Place,
-    Step, Traffic,
+    Ahead, Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums,
+    Place, Step, Traffic,
 };
 use crate::imaging::Image;
 use crate::linalg::{Solver, SolverChoice};
@@ -244,8 +244,9 @@ impl Backend for GpuBackend {
         field: &mut GpuField,
         solver: &GpuSolver,
         scale: [f64; 2],
+        ahead: &Ahead,
     ) -> Result<Step, BackendError> {
-        field.step(&self.gpu, level, solver, scale, &mut frame.traffic)
+        field.step(&self.gpu, level, (solver, scale), ahead, &mut frame.traffic)
     }
 
     fn solve_again(
@@ -255,8 +256,9 @@ impl Backend for GpuBackend {
         field: &mut GpuField,
         solver: &GpuSolver,
         scale: [f64; 2],
+        ahead: &Ahead,
     ) -> Result<Step, BackendError> {
-        field.solve_again(&self.gpu, level, solver, scale, &mut frame.traffic)
+        field.solve_again(&self.gpu, level, (solver, scale), ahead, &mut frame.traffic)
     }
 
     fn right_hand_side(

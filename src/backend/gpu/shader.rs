@@ -140,13 +140,13 @@ kernels! {
     CgUpdate = "cg_update": "cg_update" main, 256 [Uniform Read Read Read Write Write Write Write],
         Solve, |of| of.runs * 72 * of.nodes, |of| of.runs * 50 * of.nodes, "per run: N (16 B block, 4 vectors in, 3 out of 8 B)";
     /// Correction of the field.
-    Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read Write],
-        Other, |of| 92 * of.nodes, |of| 60 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it, 16 B before and after)";
+    Correct = "correct": "correct" main, 256 [Uniform Read Write Write Read Read Read Write Write],
+        Other, |of| 108 * of.nodes, |of| 60 * of.nodes, "N (8 B correction, 16 B in and out, 20 B of how light moves it, 16 B before and after, 16 B of where it was)";
     /// Sums of the zones, and what follows from them.
-    Summary = "summary": "summary" main, 64 [Uniform Read Read Read Write Write Write Write],
+    Summary = "summary": "summary" main, 64 [Uniform Read Read Write Write Write Write],
         Other, |of| 48 * of.elements.div_ceil(256), |of| 20 * of.elements.div_ceil(256), "sums of groups of elements";
-    /// Largest correction.
-    Largest = "largest": "summary" largest, 64 [Uniform Read Read Read Write Write Write Write],
+    /// Largest correction, and whether another step follows.
+    Largest = "largest": "largest" main, 64 [Uniform Read Write Write],
         Other, |of| 8 * of.nodes.div_ceil(256), |of| 4 * of.nodes.div_ceil(256), "largest corrections of groups of nodes";
     /// Field of a level from that of the next coarser one.
     Prolong = "prolong": "prolong" main, 256 [Read Read Write],
@@ -224,7 +224,7 @@ macro_rules! shared {
 }
 
 shared! {
-    "bilinear" "cg" "cubic" "gradient" "index" "keys" "light" "place" "q4" "quintic" "reduce" "sums" "tallies" "taps4" "taps6"
+    "bilinear" "cg" "cubic" "gradient" "index" "keys" "light" "place" "q4" "quintic" "reduce" "step" "sums" "tallies" "taps4" "taps6"
     "types"
 }
 

@@ -189,8 +189,9 @@ pub struct BenchSeriesArgs {
     /// Elements left out at each side of the image. With 0 those at the border lose pixels in every frame, which costs.
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub margin: u8,
-    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name.
-    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX", env = "QUADRILLE_DEVICE", default_value = "auto")]
+    /// Device: auto, cpu, gpu, the number of an adapter, or part of its name; or instant, which answers at once and measures nothing: what is left
+    /// is the work of the host, which no graphics card makes faster.
+    #[arg(long, value_name = "auto|cpu|gpu|NAME|INDEX|instant", env = "QUADRILLE_DEVICE", default_value = "auto")]
     pub device: String,
     #[command(flatten)]
     pub threads: Threads,
