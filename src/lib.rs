@@ -69,6 +69,7 @@ pub mod bench;
 pub mod cli;
 mod clock;
 pub mod correlate;
+mod digest;
 pub mod field;
 pub mod identify;
 pub mod imaging;

@@ -7,12 +7,11 @@ pub use raw::Accepted;
 pub use write::{WriteError, png_bytes, write_image};
 
 use super::tiff as tiff_pages;
+use crate::digest::sha256_hex;
 use crate::imaging::{Image, ImageError, Pixels};
 use image::codecs::pnm::{PnmDecoder, PnmSubtype};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use raw::{Channels, ImageFault, Raw, check_size};
-use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
 use std::io::{self, Cursor, ErrorKind};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -306,11 +305,7 @@ pub fn pages_of(path: &Path) -> Vec<usize> {
 
 /// SHA-256 of `bytes`, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string does not fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    sha256_hex(bytes)
 }
 
 fn unreadable(path: &Path, reason: io::Error) -> ReadError {

@@ -5,11 +5,11 @@
 //! the one script of the page, which says those under the pointer. What is [`Interactive`] brings more of it.
 
 use super::{Picture, Plot, ReportError};
+use crate::digest::sha256;
 use base64::Engine;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use sha2::{Digest, Sha256};
 
 /// Between the axes of the curves on narrow screens.
 const COMPACT: [i32; 2] = [270, 220];
@@ -275,7 +275,7 @@ impl Page {
     pub fn html(&self) -> String {
         let interactive = self.sections.iter().find_map(Section::interactive);
         let script = [SCRIPT, interactive.map_or("", |part| &part.script)].concat();
-        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(script.as_bytes()));
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(sha256(script.as_bytes()));
         let policy =
             format!("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{sha256}'");
         let page = html! {
@@ -440,7 +440,7 @@ mod tests {
         };
         let html = page.html();
         let script = format!("{SCRIPT}run();");
-        let sha256 = base64::engine::general_purpose::STANDARD.encode(Sha256::digest(script.as_bytes()));
+        let sha256 = base64::engine::general_purpose::STANDARD.encode(sha256(script.as_bytes()));
         assert!(html.contains(&format!("script-src 'sha256-{sha256}'\"")) && html.contains(&script));
         assert!(html.contains("<section class=\"explore\"><h2>Fields</h2><canvas></canvas></section>"));
         assert!(html.contains("<section><h2>Last</h2></section>"));

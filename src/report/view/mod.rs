@@ -25,7 +25,6 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::io::Write;
 
 const HTML: &str = include_str!("page.html");
@@ -268,7 +267,7 @@ impl View<'_> {
 /// The page `html` with its one `script`, which alone may run, and the `data` that it shows.
 fn page_of(html: &str, script: &str, data: &Value) -> String {
     let data = within_script(data);
-    let sha256 = STANDARD.encode(Sha256::digest(script.as_bytes()));
+    let sha256 = STANDARD.encode(crate::digest::sha256(script.as_bytes()));
     let with = |html: String, name: &str, text: &str| html.replacen(name, text, 1);
     let html = with(html.to_owned(), "{SCRIPT_SHA256}", &sha256);
     let html = with(html, "{STYLE}", STYLE.trim_end());
