@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 mod circles;
 
 /// Ranks of the modules: a module names modules of lower rank only.
-const RANKS: [(&str, u8); 20] = [
+const RANKS: [(&str, u8); 21] = [
     ("units", 0),
     ("clock", 0),
+    ("digest", 0),
     ("isa", 0),
     ("linalg", 1),
     ("imaging", 2),
@@ -39,7 +40,7 @@ struct Home {
     places: &'static [&'static str],
 }
 
-const HOMES: [Home; 28] = [
+const HOMES: [Home; 29] = [
     Home { what: "the crate faer", named_by: |s, at| s.names_crate(at, "faer"), places: &["linalg/"] },
     Home {
         what: "the crate nalgebra",
@@ -54,6 +55,7 @@ const HOMES: [Home; 28] = [
     Home { what: "the crate image", named_by: |s, at| s.names_crate(at, "image"), places: &["io/", "report/"] },
     Home { what: "the crate tiff", named_by: |s, at| s.names_crate(at, "tiff"), places: &["io/"] },
     Home { what: "the crate flate2", named_by: |s, at| s.names_crate(at, "flate2"), places: &["io/", "report/view/"] },
+    Home { what: "the crate ring", named_by: |s, at| s.names_crate(at, "ring"), places: &["digest.rs"] },
     Home { what: "the crate zarrs", named_by: |s, at| s.names_crate(at, "zarrs"), places: &["io/store/"] },
     Home { what: "the crate zip", named_by: |s, at| s.names_crate(at, "zip"), places: &["io/npz.rs"] },
     Home { what: "the crate npyz", named_by: |s, at| s.names_crate(at, "npyz"), places: &["io/npz.rs"] },
