@@ -259,6 +259,11 @@ impl Setting {
         // They come as 16-bit numbers.
         add("match of elements", matches.collect(), Tolerance::Share(1e-4));
         add("displacement", found.displacement.into_flattened(), Tolerance::Px(DISPLACEMENTS_PX));
+        let at = (&*start, &*transfer);
+        let mut three_steps = |together| three_steps(backend, (&level, &mut deformed), &solver, at, together);
+        let (one_by_one, together) = (three_steps(0)?, three_steps(2)?);
+        let apart = one_by_one.iter().zip(&together).map(|(one, other)| one - other).collect();
+        add("steps made together and one by one", apart, Tolerance::Px(DISPLACEMENTS_PX));
 
         // Elements left out, and in another light.
         let excluded: Vec<bool> = (0..fine.mesh.n_elements()).map(|element| element % 5 == 0).collect();
@@ -300,6 +305,27 @@ impl Setting {
         // A device that is wrong may give moments of nothing; they are compared all the same.
         coupled(Solver::regularised(data.clone(), penalty, &order).unwrap_or_else(|_| Solver::iterative(data)))
     }
+}
+
+/// Where three steps from a start end, of which so many may follow the first `together`, without a word from the host.
+fn three_steps<B: Backend>(
+    backend: &B,
+    (level, frame): (&B::Level, &mut B::Frame),
+    solver: &B::Solver,
+    (displacement, transfer): (&[[f64; 2]], &[GreyTransfer]),
+    together: usize,
+) -> Result<Vec<f64>, BackendError> {
+    let scale = [1.0, 0.0];
+    // What is lost where they begin, to which they are bound.
+    let mut field = backend.start(level, frame, displacement, transfer)?;
+    let lost = backend.step(level, frame, &mut field, solver, scale, &Ahead::NONE)?.lost;
+    let mut field = backend.start(level, frame, displacement, transfer)?;
+    for left in (0..3).rev() {
+        let steps = together.min(left);
+        let ahead = Ahead { steps, correction_px: [0.0, f64::INFINITY], lost, counted: [0.0, f64::INFINITY] };
+        backend.step(level, frame, &mut field, solver, scale, &ahead)?;
+    }
+    Ok(backend.found(level, frame, &field)?.displacement.into_flattened())
 }
 
 /// Where the nodes of the fine mesh lie in the coarse one.

@@ -39,7 +39,7 @@ pub struct InstantField(Kind);
 #[derive(Debug)]
 enum Kind {
     Iterated {
-        field: CpuField,
+        field: Box<CpuField>,
         steps: Vec<Step>,
         remaining: OnceLock<Vec<(usize, ElementMoments)>>,
         /// Whether it began at a prediction on the finest level.
@@ -61,7 +61,7 @@ impl InstantBackend {
 
 impl InstantField {
     fn iterated(field: CpuField, is_predicted: bool) -> Self {
-        Self(Kind::Iterated { field, steps: Vec::new(), remaining: OnceLock::new(), is_predicted })
+        Self(Kind::Iterated { field: Box::new(field), steps: Vec::new(), remaining: OnceLock::new(), is_predicted })
     }
 }
 

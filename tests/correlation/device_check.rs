@@ -4,14 +4,17 @@
 
 use crate::common;
 use common::gpu::{device, device_with};
+use common::{eight_bit, inside, picture, prepared_on};
 use quadrille::backend::BackendError;
 use quadrille::backend::check::DeviceCheck;
-use quadrille::backend::gpu::{GpuOptions, KERNELS, source};
+use quadrille::backend::gpu::{GpuOptions, KERNELS, Kernel, source};
+use quadrille::correlate::Options;
 use quadrille::imaging::Interpolation;
+use quadrille::synth::{RenderOptions, Translation};
 
 /// What may be wrong with a driver, a compiler or a card, in every kernel that decides where an iteration ends: what is altered,
 /// and into what.
-const ALTERED: [[&str; 3]; 17] = [
+const ALTERED: [[&str; 3]; 18] = [
     ["pixels a little too bright", "= value - unpack.offset", "= 1.004 * value - unpack.offset"],
     ["means of four a little too large", "0.25 * ((fine", "0.2505 * ((fine"],
     [
@@ -31,6 +34,11 @@ const ALTERED: [[&str; 3]; 17] = [
     ["an element of a node", "k < incidence[node + 1u]", "k + 1u < incidence[node + 1u]"],
     ["the penalty", "r -= vec2<f32>(block.x * v.x", "r -= 0.9 * vec2<f32>(block.x * v.x"],
     ["the correction", "let moved = u.rest + turned;", "let moved = u.rest + turned + vec2<f32>(0.0005, 0.0);"],
+    [
+        "workgroups of a step that follows",
+        "groups[3u * k] = select(0u, largest.sizes[k].x, goes_on);",
+        "groups[3u * k] = 0u;",
+    ],
     ["the start of a finer level", "u = clamp(2.0 * u,", "u = clamp(2.01 * u,"],
     ["light of the nodes", "along(light.gain, xi, eta) * grey", "along(light.gain, xi, eta) * grey * 1.003"],
 ];
@@ -47,6 +55,24 @@ fn a_right_device_differs_from_the_cpu_by_a_part_of_what_round_off_allows() {
     let worst = check.worst().unwrap();
     assert!(worst.difference < 0.5 * worst.allowed, "{worst:?}");
     assert!(check.compared.len() > 30, "{}", check.compared.len());
+}
+
+#[test]
+fn a_device_that_does_not_end_its_steps_where_it_is_to_fails() {
+    // It goes on whatever is lost: the host asks for a field of which steps are ahead that nobody has asked for.
+    let text = ["abs(steps[at].lossy - largest.lost) < 0.5", "true"];
+    assert!(source(Kernel::Largest, Interpolation::Cubic).contains(text[0]));
+    let altered = Some(text.map(str::to_owned));
+    let Some(gpu) = device_with(&GpuOptions { altered, ..GpuOptions::default() }) else { return };
+    let options = RenderOptions { noise: 1.0, ..eight_bit(160, 160) };
+    let pair = [0.0, 3.3].map(|x| picture(&Translation([x, 0.0]), &options));
+    // The border leaves the image.
+    let correlator = prepared_on(gpu, &pair[0], &inside(160, 160, 0), Options::default());
+    let error = correlator.correlate(pair[1].clone(), None).expect_err("a field that nobody knows");
+    assert!(
+        error.to_string().contains("failed") || format!("{error:?}").contains("steps of it are ahead"),
+        "{error:?}"
+    );
 }
 
 #[test]
