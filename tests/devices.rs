@@ -2,6 +2,8 @@
 
 #![cfg(feature = "cli")]
 
+#[path = "common/data.rs"]
+mod data;
 mod program;
 
 use program::*;
@@ -289,4 +291,22 @@ fn a_gpu_asked_for_that_fails_with_the_reference_ends_the_run() {
     if has_adapter(&desk, "a_gpu_asked_for_that_fails_with_the_reference") {
         failing(&desk, 0, "out").refused(&["injected failure"]);
     }
+}
+
+#[test]
+fn a_right_device_is_not_given_up_on_real_images_whose_nodes_in_noise_end_before_they_settle() {
+    let desk = Desk::new();
+    if !has_adapter(&desk, "a_right_device_is_not_given_up") {
+        return;
+    }
+    let Some(folder) = data::folder("dicchallenge-s12-openhole") else { return };
+    let [reference, deformed] = ["oht_cfrp_00.tiff", "oht_cfrp_03.tiff"].map(|name| folder.join(name));
+    let words = ["correlate", "--device", "gpu", "--export", "none", "--no-report", "--output", "out"];
+    let files = [&reference, &deformed].map(|path| path.to_str().unwrap());
+    let ran = desk.run_with(&[], &[&words[..], &files[..]].concat()).fine();
+    assert!(!ran.stderr.contains("going on with the CPU"), "{ran}");
+    let frame = &desk.json("out/summary.json")["frames"][0];
+    // It was looked at, and goes on from what was taken as it was by more than what is allowed of a field that has settled.
+    let checked = frame["device_checked_px"].as_f64().unwrap();
+    assert!(frame["iterations"].as_u64().unwrap() >= 7 && checked > 1e-4 + TWINS_PX, "{frame:#}");
 }

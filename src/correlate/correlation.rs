@@ -1,5 +1,6 @@
 //! What is known of a frame.
 
+use super::iterate::SLOW;
 use super::light::SmoothLight;
 use super::noise_correlation::NoiseColour;
 use super::noise_model::PhotonNoise;
@@ -124,19 +125,24 @@ impl Correlation {
         })
     }
 
-    /// How far the field is from that of `other`, px: the largest difference at a node that both measured. Where they left out
-    /// different elements, whose neighbours then differ too, nine tenths of the nodes have less.
-    pub fn apart_from(&self, other: &Self) -> f64 {
+    /// How far the field is from that of `other`, px, and how far it may be, at the node of those that both measured where the former is most of the
+    /// latter: `allowed_px`; and a standard uncertainty more where the iteration was so long that nodes in noise may have been taken as they were, with
+    /// as much still before them. Where they left out different elements, whose neighbours then differ too, nine tenths of the nodes have less.
+    pub fn apart_from(&self, other: &Self, allowed_px: f64) -> [f64; 2] {
         let (here, there) = (&self.measurement, &other.measurement);
+        let is_long = self.iterations.max(other.iterations) >= SLOW[0];
         let both = (0..here.mesh.n_nodes()).filter(|&node| here.measured[node] && there.measured[node]);
         let apart = |node: usize| {
             let [a, b] = [here.displacement[node], there.displacement[node]];
-            (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
+            let [x, y] = here.sigma[node];
+            let left = if is_long { x.min(y) } else { 0.0 };
+            [(a[0] - b[0]).abs().max((a[1] - b[1]).abs()), allowed_px + left]
         };
-        let mut apart: Vec<f64> = both.map(apart).collect();
-        apart.sort_by(f64::total_cmp);
+        let mut apart: Vec<[f64; 2]> = both.map(apart).collect();
+        let share_of = |[apart, allowed]: &[f64; 2]| apart / allowed;
+        apart.sort_by(|a, b| share_of(a).total_cmp(&share_of(b)));
         let share = if self.counted == other.counted { 1.0 } else { 0.9 };
-        apart.get((share * apart.len().saturating_sub(1) as f64) as usize).copied().unwrap_or(0.0)
+        apart.get((share * apart.len().saturating_sub(1) as f64) as usize).copied().unwrap_or([0.0, allowed_px])
     }
 
     /// What the field may be off beyond noise: of a correlation it is always known.

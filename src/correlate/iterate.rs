@@ -88,7 +88,7 @@ impl Turn {
 
 /// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from the
 /// third on nodes that have not settled are not waited for.
-const SLOW: [usize; 3] = [7, 12, 20];
+pub(super) const SLOW: [usize; 3] = [7, 12, 20];
 /// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the first.
 const LEFT: [f64; 2] = [3.0, 10.0];
 

@@ -218,7 +218,7 @@ impl Engine {
         let again = || twin.upload(image.clone()).and_then(|frame| twin.correlate_uploaded(frame, start.as_ref()));
         let Ok(again) = pool.install(again) else { return Ok(()) };
         self.looked_at.store(number, Ordering::SeqCst);
-        let (difference_px, allowed_px) = (result.apart_from(&again), twin.tolerance_px() + ROUND_OFF_PX);
+        let [difference_px, allowed_px] = result.apart_from(&again, twin.tolerance_px() + ROUND_OFF_PX);
         result.device_checked_px = Some(difference_px);
         match difference_px <= allowed_px {
             true => Ok(()),
