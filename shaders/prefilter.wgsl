@@ -1,24 +1,32 @@
-// B-spline coefficients along one axis: the recursive prefilter of an image continued through its outermost
-// pixels, s(-k) = 2 s(0) - s(k). Twin: src/backend/cpu/prefilter.rs, which runs over the whole length; here a
-// tile runs in from HALO pixels beyond its own, where the largest pole leaves 2e-9.
-// A workgroup filters LINES lines over LENGTH pixels in its memory; thread = line. Along y a line is a column.
+// B-spline coefficients of an image continued through its outermost pixels, s(-k) = 2 s(0) - s(k): along y, and written
+// with rows and columns exchanged, so that after a second time both axes are filtered and the image lies as it did.
+// The filter in its parallel form (Unser 1999): c(k) = sum_p a_p (down_p(k) + up_p(k) - s(k)), down_p(k) = s(k) + z_p down_p(k - 1),
+// up_p(k) = s(k) + z_p up_p(k + 1). Neither way waits for the other, and a thread holds nothing but one value per pole.
+// Twin: src/backend/cpu/prefilter.rs, which runs over the whole length; here a piece runs in from a halo of pixels beyond its
+// own, where the largest pole leaves 2e-9.
+// Thread = column; a workgroup filters LENGTH rows of LINES columns, and exchanges them in its memory.
 
 struct Prefilter {
-    // Pixels along the axis and lines across it, all and those of this dispatch.
+    // Rows of the image.
     n: i32,
-    lines: i32,
-    // Distance of neighbours along the axis, and of lines.
-    step: i32,
-    line_step: i32,
-    // First pixel and its end along the axis of this dispatch; first value of both bindings.
-    begin: i32,
-    end: i32,
+    // Columns and rows of this dispatch.
+    left: i32,
+    right: i32,
+    top: i32,
+    bottom: i32,
+    // Values from one row to the next, and pixel (0, 0) in the bindings.
+    source_stride: i32,
+    target_stride: i32,
     source_first: i32,
     target_first: i32,
-    poles: vec2<f32>,
-    n_poles: i32,
-    // Weights of the first samples in the first causal value, MOST per pole.
+    // Samples that the first value of a way is made of.
     n_start: i32,
+    halo: i32,
+    // Weight of s(k) itself: 1 where there is no filter.
+    own: f32,
+    poles: vec2<f32>,
+    amplitudes: vec2<f32>,
+    // Weights of the samples in the first value of a way, by pole.
     start: array<vec4<f32>, 16>,
 }
 
@@ -26,127 +34,71 @@ struct Prefilter {
 @group(0) @binding(1) var<storage, read> source: array<f32>;
 @group(0) @binding(2) var<storage, read_write> filtered: array<f32>;
 
-const LINES: i32 = 32;
-const LENGTH: i32 = 64;
-// With two poles, and with one: that of the cubic spline fades sooner.
-const HALO: i32 = 24;
-const SHORT_HALO: i32 = 16;
-const MOST: i32 = 32;
-const ROOM: i32 = LENGTH + 2 * HALO;
-// One more than a row needs: neighbouring lines lie in different banks.
-const PITCH: i32 = ROOM + 1;
+const LINES: i32 = 64;
+const LENGTH: i32 = 32;
+// One more than a column needs: neighbouring columns lie in different banks.
+const PITCH: i32 = LENGTH + 1;
 
 var<workgroup> tile: array<f32, LINES * PITCH>;
 
-fn start_weight(pole: i32, k: i32) -> f32 {
-    let at = pole * MOST + k;
-    return prefilter.start[at >> 2][at & 3];
+// The first value of a way that begins at the border pixel `at`, `step` values from its neighbour.
+fn first_value(at: i32, step: i32) -> vec2<f32> {
+    var value = vec2<f32>(0.0);
+    for (var k = 0; k < prefilter.n_start; k++) {
+        let two = prefilter.start[k >> 1u];
+        value += select(two.xy, two.zw, (k & 1) == 1) * source[at + k * step];
+    }
+    return value;
 }
 
-@compute @workgroup_size(32)
+@compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let along_rows = prefilter.step == 1;
-    let n_poles = select(0, prefilter.n_poles, prefilter.n >= 2); // a constant is its own coefficient
-    let halo = select(HALO, SHORT_HALO, n_poles == 1);
-    let line0 = i32(group.x) * LINES;
-    let core = prefilter.begin + i32(group.y) * LENGTH;
-    let stop = min(core + LENGTH, prefilter.end);
-    let begin = max(core - halo, 0);
-    let length = min(core + LENGTH + halo, prefilter.n) - begin;
-    let me = i32(thread);
-    let mine = along_rows || line0 + me < prefilter.lines;
-    let line = me * PITCH;
-    let source_line = prefilter.source_first + (line0 + me) * prefilter.line_step + begin * prefilter.step;
-    let filtered_line = prefilter.target_first + (line0 + me) * prefilter.line_step;
-    // Threads run along whatever lies side by side in memory: rows by way of the tile, columns directly.
-    if along_rows {
-        for (var k = 0; k < LINES; k++) {
-            let row = prefilter.source_first + (line0 + k) * prefilter.line_step + begin;
-            for (var x = me; x < length; x += LINES) {
-                if line0 + k < prefilter.lines {
-                    tile[k * PITCH + x] = source[row + x];
-                }
+    let left = prefilter.left + i32(group.x) * LINES;
+    let top = prefilter.top + i32(group.y) * LENGTH;
+    let bottom = min(top + LENGTH, prefilter.bottom) - 1;
+    let step = prefilter.source_stride;
+    let z = prefilter.poles;
+    if left + i32(thread) < prefilter.right {
+        let column = prefilter.source_first + left + i32(thread);
+        let mine = i32(thread) * PITCH - top;
+        // From a halo away any value that is nearly right will do: that of a signal which is constant from there on.
+        let above = max(top - prefilter.halo, 0);
+        var value = source[column + above * step] / (1.0 - z);
+        if above == 0 {
+            value = first_value(column, step);
+        }
+        for (var y = above + 1; y < top; y++) {
+            value = source[column + y * step] + z * value;
+        }
+        for (var y = top; y <= bottom; y++) {
+            let s = source[column + y * step];
+            if y > above {
+                value = s + z * value;
             }
+            tile[mine + y] = prefilter.own * s + dot(prefilter.amplitudes, value);
+        }
+        let below = min(bottom + prefilter.halo, prefilter.n - 1);
+        value = source[column + below * step] / (1.0 - z);
+        if below == prefilter.n - 1 {
+            value = first_value(column + below * step, -step);
+        }
+        for (var y = below - 1; y > bottom; y--) {
+            value = source[column + y * step] + z * value;
+        }
+        for (var y = bottom; y >= top; y--) {
+            if y < below {
+                value = source[column + y * step] + z * value;
+            }
+            tile[mine + y] += dot(prefilter.amplitudes, value);
         }
     }
     workgroupBarrier();
-    if mine {
-        for (var pole = 0; pole < n_poles; pole++) {
-            let z = prefilter.poles[pole];
-            let gain = (1.0 - z) * (1.0 - 1.0 / z);
-            let from_tile = along_rows || pole > 0;
-            // Continued through its end, the signal keeps its end value under a symmetric filter of gain 1; in
-            // the halo, any value that is nearly right will do.
-            var last: f32;
-            if from_tile {
-                last = tile[line + length - 1];
-            } else {
-                last = source[source_line + (length - 1) * prefilter.step];
-            }
-            var value = 0.0;
-            for (var k = 0; k < prefilter.n_start && begin == 0; k++) {
-                if from_tile {
-                    value += start_weight(pole, k) * tile[line + k];
-                } else {
-                    value += start_weight(pole, k) * source[source_line + k * prefilter.step];
-                }
-            }
-            value *= gain;
-            if begin > 0 {
-                if from_tile {
-                    value = gain / (1.0 - z) * tile[line];
-                } else {
-                    value = gain / (1.0 - z) * source[source_line];
-                }
-            }
-            tile[line] = value;
-            if from_tile {
-                for (var k = 1; k < length; k++) {
-                    value = z * value + gain * tile[line + k];
-                    tile[line + k] = value;
-                }
-            } else {
-                for (var k = 1; k < length; k++) {
-                    value = z * value + gain * source[source_line + k * prefilter.step];
-                    tile[line + k] = value;
-                }
-            }
-            // The way back, and out on the last one: what is beyond the core is not wanted then.
-            value = last;
-            let out = pole == n_poles - 1;
-            tile[line + length - 1] = value;
-            if out && !along_rows {
-                if begin + length <= stop {
-                    filtered[filtered_line + (begin + length - 1) * prefilter.step] = value;
-                }
-                for (var k = length - 2; k >= core - begin; k--) {
-                    value = z * (value - tile[line + k]);
-                    if begin + k < stop {
-                        filtered[filtered_line + (begin + k) * prefilter.step] = value;
-                    }
-                }
-            } else {
-                for (var k = length - 2; k >= select(0, core - begin, out); k--) {
-                    value = z * (value - tile[line + k]);
-                    tile[line + k] = value;
-                }
-            }
-        }
-        if n_poles == 0 && !along_rows {
-            for (var k = core - begin; begin + k < stop; k++) {
-                filtered[filtered_line + (begin + k) * prefilter.step] = source[source_line + k * prefilter.step];
-            }
-        }
-    }
-    workgroupBarrier();
-    if along_rows {
-        for (var k = 0; k < LINES; k++) {
-            let row = prefilter.target_first + (line0 + k) * prefilter.line_step;
-            for (var x = core + me; x < stop; x += LINES) {
-                if line0 + k < prefilter.lines {
-                    filtered[row + x] = tile[k * PITCH + x - begin];
-                }
-            }
+    // Threads run along a column, which is a row of the target.
+    for (var k = i32(thread); k < LINES * LENGTH; k += LINES) {
+        let x = left + k / LENGTH;
+        let y = top + k % LENGTH;
+        if x < prefilter.right && y <= bottom {
+            filtered[prefilter.target_first + x * prefilter.target_stride + y] = tile[(k / LENGTH) * PITCH + k % LENGTH];
         }
     }
 }

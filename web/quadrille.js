@@ -4,6 +4,8 @@
 'use strict';
 
 const POLE = Math.sqrt(3) - 2;
+// Of the prefilter: src/backend/gpu/plane.rs.
+const [HALO, MOST_START] = [16, 32];
 const { BORDER, SUMS, N } = SHADERS.residual.constants;
 const { MOMENTS } = SHADERS.normal_matrix.constants;
 const { ROOM } = SHADERS.tally.constants;
@@ -91,28 +93,31 @@ class Frame {
     return plane;
   }
 
-  /** The coefficients of the cubic spline: along rows, along columns, and the border. */
+  /** The coefficients of the cubic spline: along columns, along rows, and the border. */
   coefficients(level) {
     if (this.splines[level]) return this.splines[level];
     const { device } = this;
     const grey = this.grey(level);
-    const { width, height, stride, origin } = grey;
-    const [between, plane] = [new Plane(device, width, height), new Plane(device, width, height)];
-    const { LINES, LENGTH, MOST } = SHADERS.prefilter.constants;
-    const filter = (n, lines, step, line_step, from, to, x, y) => {
-      const weights = causalStart(POLE, n);
-      const start = [...weights, ...new Array(MOST - weights.length).fill(0), ...new Array(MOST).fill(0)];
+    const { width, height, stride } = grey;
+    const [between, plane] = [new Plane(device, height, width), new Plane(device, width, height)];
+    const { LINES, LENGTH } = SHADERS.prefilter.constants;
+    const amplitude = (1 - POLE) / (1 + POLE);
+    const filter = (from, to) => {
+      const start = causalStart(POLE, from.height).flatMap(weight => [weight, 0]);
       const constants = {
-        n, lines, step, line_step, begin: 0, end: n, source_first: origin, target_first: origin,
-        poles: [POLE, 0], n_poles: 1, n_start: Math.min(weights.length, n), start,
+        n: from.height, left: 0, right: from.width, top: 0, bottom: from.height,
+        source_stride: from.stride, target_stride: to.stride, source_first: from.origin, target_first: to.origin,
+        n_start: start.length / 2, halo: HALO, own: -amplitude, poles: [POLE, 0], amplitudes: [amplitude, 0],
+        start: [...start, ...new Array(2 * MOST_START - start.length).fill(0)],
       };
-      return device.bound('prefilter', [device.uniform('Prefilter', constants), from.buffer, to.buffer], x, y);
+      const buffers = [device.uniform('Prefilter', constants), from.buffer, to.buffer];
+      return device.bound('prefilter', buffers, Math.ceil(from.width / LINES), Math.ceil(from.height / LENGTH));
     };
     const border = begin => device.uniform('Border', { width, height, stride, first: 0, begin, end: height });
     const rows = begin => device.bound('border_rows', [border(begin), plane.buffer], Math.ceil((width + 2 * BORDER) / 64));
     device.record().run(
-      filter(width, height, 1, stride, grey, between, Math.ceil(height / LINES), Math.ceil(width / LENGTH)),
-      filter(height, width, stride, 1, between, plane, Math.ceil(width / LINES), Math.ceil(height / LENGTH)),
+      filter(grey, between),
+      filter(between, plane),
       device.bound('border_columns', [border(0), plane.buffer], Math.ceil(height / 64)),
       rows(0),
       rows(1),

@@ -29,6 +29,12 @@ impl AdapterKind {
             Self::Other => "other",
         }
     }
+
+    /// Most threads that work side by side in one element. A card with few wide elements would have too few of them; on a
+    /// software device nothing is idle, and their sums cost a tenth more of a pass with elements of 32 px.
+    pub(super) fn most_lanes(self) -> u32 {
+        if self == Self::Software { 16 } else { 64 }
+    }
 }
 
 /// A graphics adapter that this machine has.
@@ -78,6 +84,9 @@ pub struct GpuOptions {
     pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
+    /// Most threads side by side in an element, a power of two up to 64, whatever kind of device it is: to test on a software
+    /// device what cards do.
+    pub most_lanes: Option<u32>,
     /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing is measured then.
     pub instant: bool,
     /// Readbacks after which the device fails, as a lost one would: to test what happens then.

@@ -490,7 +490,7 @@ impl<B: Backend> Correlator<B> {
         zones.iter().enumerate().map(match_of).collect()
     }
 
-    /// Nodes beside an element that counted and with a finite displacement, and the number of those all of whose elements
+    /// Nodes beside an element that counted, with a displacement that an image of this size can have, and the number of those all of whose elements
     /// have left the image; those that have lost one because it is `excluded` are not among them.
     fn measured_nodes(
         &self,
@@ -509,7 +509,9 @@ impl<B: Backend> Correlator<B> {
         }
         let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
         for (node, measured) in measured.iter_mut().enumerate() {
-            *measured &= keep[node] && displacement[node].iter().all(|u| u.is_finite());
+            // Not NaN, nor beyond what leads from one end of the image to the other.
+            let within = |(u, &size): (&f64, &usize)| u.abs() <= size as f64 + mesh.element_size();
+            *measured &= keep[node] && displacement[node].iter().zip(&self.size).all(within);
         }
         (measured, left)
     }

@@ -51,6 +51,25 @@ impl Interpolation {
         self.b_spline().map_or(&[], |(_, poles)| poles)
     }
 
+    /// Amplitudes of the impulse response of the prefilter, `sum_p a_p z_p^|k|` over its poles: partial fractions of
+    /// `prod_p (1 - z_p)^2 / ((1 - z_p / z) (1 - z_p z))`, which is 1 for a constant (Unser 1999).
+    pub(crate) fn amplitudes(self) -> impl Iterator<Item = f64> {
+        let poles = self.poles();
+        poles.iter().map(|&z| {
+            let others = poles.iter().filter(move |&&other| other != z);
+            let at_pole: f64 = others.map(|o| (1.0 - o).powi(2) / (1.0 + o * o - o * (z + 1.0 / z))).product();
+            (1.0 - z) / (1.0 + z) * at_pole
+        })
+    }
+
+    /// Impulse response of the prefilter `k` pixels away.
+    fn prefilter_response(self, k: i32) -> f64 {
+        if self.poles().is_empty() {
+            return f64::from(u8::from(k == 0));
+        }
+        self.poles().iter().zip(self.amplitudes()).map(|(z, a)| a * z.powi(k.abs())).sum()
+    }
+
     /// Weight, in the grey level at a point, of the pixel `x` px away: the cardinal function eta(x).
     pub fn cardinal(self, x: f64) -> f64 {
         let a = x.abs();
@@ -60,11 +79,11 @@ impl Interpolation {
             Interpolation::Keys if a < 2.0 => ((-0.5 * a + 2.5) * a - 4.0) * a + 2.0,
             Interpolation::Keys => 0.0,
             Interpolation::Cubic | Interpolation::Quintic => {
-                let (degree, poles) = self.b_spline().unwrap_or((3, &[]));
+                let degree = self.b_spline().map_or(3, |(degree, _)| degree);
                 (-REACH..=REACH)
                     .map(|k| {
                         let spline = b_spline(degree, x - f64::from(k));
-                        if spline == 0.0 { 0.0 } else { prefilter_response(poles, k) * spline }
+                        if spline == 0.0 { 0.0 } else { self.prefilter_response(k) * spline }
                     })
                     .sum()
             }
@@ -137,16 +156,6 @@ fn b_spline(degree: i32, x: f64) -> f64 {
         binomial *= -f64::from(degree + 1 - k) / f64::from(k + 1);
     }
     sum / factorial
-}
-
-/// Impulse response of the prefilter `k` pixels away: the convolution of the poles' geometric series.
-fn prefilter_response(poles: &[f64], k: i32) -> f64 {
-    let one = |z: f64, k: i32| (1.0 - z) * (1.0 - 1.0 / z) * (z / (z * z - 1.0)) * z.powi(k.abs());
-    match *poles {
-        [z] => one(z, k),
-        [a, b] => (-REACH..=REACH).map(|j| one(a, k - j) * one(b, j)).sum(),
-        _ => f64::from(u8::from(k == 0)),
-    }
 }
 
 #[cfg(test)]

@@ -17,11 +17,7 @@ use quadrille::synth::{RenderOptions, Translation};
 const ALTERED: [[&str; 3]; 18] = [
     ["pixels a little too bright", "= value - unpack.offset", "= 1.004 * value - unpack.offset"],
     ["means of four a little too large", "0.25 * ((fine", "0.2505 * ((fine"],
-    [
-        "gain of the prefilter",
-        "let gain = (1.0 - z) * (1.0 - 1.0 / z);",
-        "let gain = 1.01 * (1.0 - z) * (1.0 - 1.0 / z);",
-    ],
+    ["gain of the prefilter", "prefilter.own * s + dot", "prefilter.own * s + 1.01 * dot"],
     ["border of the plane", "2.0 * plane[place(0, y)] - plane[place(inner, y)]", "plane[place(0, y)]"],
     ["gradient along y", "dot(gradient.derivative[0], even)", "1.01 * dot(gradient.derivative[0], even)"],
     ["sign of a gradient", "f32(bitcast<i32>(word << 16u) >> 16u)", "f32(word & 0xffffu)"],

@@ -737,6 +737,24 @@ fn grey_levels_of_any_size_give_the_same_bits_and_those_that_sums_do_not_hold_ar
 }
 
 #[test]
+fn a_frame_that_ran_away_states_no_motion_that_its_image_cannot_show() {
+    let side = 176;
+    let reference = picture(&REST, &eight_bit(side, side));
+    let options = Options { brightness: Brightness::Off, ..Options::default() };
+    let correlator = prepared(&reference, &inside(side, side, 8), options);
+    let moved = picture(&Translation([1.0, 0.0]), &eight_bit(side, side));
+    for factor in [1e8, 1e12] {
+        let found = cold(&correlator, &changed(&moved, |_, _, grey| factor * grey));
+        assert_eq!(found.measurement.status, Status::Diverged, "{factor}");
+        let most = (side + 16) as f64;
+        let is_far = |u: &[f64; 2]| u.iter().any(|u| u.abs() > most);
+        assert!(!found.measurement.displacement.iter().any(is_far), "{factor}");
+        let motions = found.rigid.into_iter().chain(found.zones.iter().filter_map(|zone| zone.rigid));
+        assert!(!motions.into_iter().any(|motion| is_far(&motion.translation)), "{factor}: {:?}", found.rigid);
+    }
+}
+
+#[test]
 fn options_that_make_no_sense_are_refused() {
     let reference = picture(&REST, &eight_bit(64, 64));
     for options in [

@@ -488,7 +488,7 @@ fn images_larger_than_a_binding_give_the_field_of_the_whole() {
         ("rectangle", inside(width, height, 4), Brightness::Zone),
         ("polygon", vec![Zone { name: "p".into(), polygon, ..Zone::default() }], Brightness::Element),
     ];
-    // Rows of this image are 1.25 KiB, those of the reference 3.75 KiB; the prefilter needs 136 rows at once.
+    // Rows of this image are 1.25 KiB, those of the reference 3.75 KiB; the prefilter needs 65 rows of 1.5 KiB at once.
     for bytes in [176 << 10, 300 << 10] {
         let options = GpuOptions { max_binding_bytes: Some(bytes), ..GpuOptions::default() };
         let Some(split) = device_with(&options) else { return };

@@ -4,10 +4,11 @@
 #![cfg(feature = "gpu")]
 
 use crate::common;
-use common::gpu::device;
+use common::gpu::{device, device_with};
 use common::round_off::{Evaluation, Moments, Near, Task, correlation};
 use common::*;
 use quadrille::backend::cpu::CpuBackend;
+use quadrille::backend::gpu::GpuOptions;
 use quadrille::backend::{
     Ahead, Backend, ElementMoments, Found, GreyTransfer, KernelOptions, PixelSums, Place, STAYS_OUT, Step,
 };
@@ -318,13 +319,24 @@ fn sums_with_every_interpolation_and_brightness_are_right_within_round_off() {
 #[test]
 fn sums_of_elements_of_every_size_are_right_within_round_off() {
     let Some(gpu) = device() else { return };
-    for (element_size, width, height) in
-        [(4, 38, 31), (5, 43, 29), (8, 57, 42), (16, 83, 67), (17, 71, 70), (32, 101, 77), (128, 262, 133)]
-    {
+    // Where the device is a software one, wide elements have as many threads on a card alone.
+    let Some(card) = device_with(&GpuOptions { most_lanes: Some(64), ..GpuOptions::default() }) else { return };
+    for (element_size, width, height) in [
+        (4, 38, 31),
+        (5, 43, 29),
+        (8, 57, 42),
+        (16, 83, 67),
+        (17, 71, 70),
+        (32, 101, 77),
+        (64, 131, 140),
+        (128, 262, 133),
+    ] {
         let pair = images(width, height, Depth::U8);
         for brightness in [Brightness::Zone, Brightness::Element] {
-            let what = format!("{element_size} px, {brightness}");
-            assert_sums(&gpu, &Case { brightness, ..case(&what, &pair, inside(width, height, 1), element_size) });
+            for (gpu, of) in [(&gpu, ""), (&card, ", as on a card")] {
+                let what = format!("{element_size} px, {brightness}{of}");
+                assert_sums(gpu, &Case { brightness, ..case(&what, &pair, inside(width, height, 1), element_size) });
+            }
         }
     }
 }
@@ -356,6 +368,7 @@ fn sums_on_coarse_levels_are_right_within_round_off() {
 #[test]
 fn sums_over_regions_of_every_shape_are_right_within_round_off() {
     let Some(gpu) = device() else { return };
+    let Some(card) = device_with(&GpuOptions { most_lanes: Some(64), ..GpuOptions::default() }) else { return };
     let (width, height) = (97, 83);
     let pair = images(width, height, Depth::U8);
     let disc = |k: usize| ((k % width) as f64 - 45.0).hypot((k / width) as f64 - 40.0) < 38.0;
@@ -382,7 +395,9 @@ fn sums_over_regions_of_every_shape_are_right_within_round_off() {
             for drop_every in [None, Some(3)] {
                 let what = format!("{shape}, {}, {brightness}, without every {drop_every:?}", interpolation.name());
                 let at = case(&what, &pair, zones.clone(), 10);
-                assert_sums(&gpu, &Case { interpolation, brightness, drop_every, ..at });
+                let at = Case { interpolation, brightness, drop_every, ..at };
+                assert_sums(&gpu, &at);
+                assert_sums(&card, &Case { what: format!("{what}, as on a card"), ..at });
             }
         }
     }
@@ -859,4 +874,17 @@ fn an_element_that_has_left_comes_back_with_more_of_its_pixels_only() {
     let Some(gpu) = device() else { return };
     assert_hysteresis("CPU", &CpuBackend::default());
     assert_hysteresis("GPU", &gpu);
+}
+
+#[test]
+fn copies_within_the_memory_of_a_device_are_counted_where_they_arrive() {
+    let Some(gpu) = device() else { return };
+    // A last workgroup that is not full; an even and an odd number of ways.
+    for times in [1, 2, 5] {
+        gpu.copy_within(16 * 1000, times).unwrap();
+    }
+    let altered = Some(["source[at] + 1u".to_owned(), "source[at]".to_owned()]);
+    let Some(idle) = device_with(&GpuOptions { altered, ..GpuOptions::default() }) else { return };
+    let refused = idle.copy_within(16 * 1000, 3).unwrap_err().to_string();
+    assert!(refused.contains("3 copies of 16000 bytes"), "{refused}");
 }

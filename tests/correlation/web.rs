@@ -28,8 +28,8 @@ use std::sync::{Arc, OnceLock};
 
 const BLESS: &str = "QUADRILLE_BLESS=1 cargo test --test correlation web::";
 
-/// Kernels that the page has no use for: elements of any shape, a gain for each element, regularisation.
-const ELSEWHERE: [Kernel; 3] = [Kernel::ResidualRuns, Kernel::Fit, Kernel::Penalty];
+/// Kernels that the page has no use for: elements of any shape, a gain for each element, regularisation, and copies that are timed.
+const ELSEWHERE: [Kernel; 4] = [Kernel::ResidualRuns, Kernel::Fit, Kernel::Penalty, Kernel::Copy];
 
 fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("web").join(name)

@@ -88,6 +88,8 @@ pub(super) struct Gpu {
     /// A text of the shaders that is replaced.
     altered: Mutex<Option<[String; 2]>>,
     pub max_binding_bytes: u64,
+    /// Most threads side by side in an element.
+    pub most_lanes: u32,
     alignment: u64,
     pipelines: Mutex<HashMap<Variant, Arc<Pipeline>>>,
     free: Arc<Free>,
@@ -197,6 +199,7 @@ impl Gpu {
         let limit = options.max_binding_bytes.unwrap_or(u64::MAX);
         Ok(Self {
             max_binding_bytes: adapter.max_binding_bytes.min(limit),
+            most_lanes: options.most_lanes.unwrap_or(adapter.kind.most_lanes()),
             alignment: u64::from(device.limits().min_storage_buffer_offset_alignment),
             adapter,
             device,
@@ -533,10 +536,10 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(buffer.raw(), 0, None);
     }
 
-    /// Copies `bytes` from the beginning of one buffer to a place in another.
-    pub fn copy(&mut self, from: &Buffer, to: &Buffer, at: u64, bytes: u64) {
+    /// Copies `bytes` from a place in one buffer to a place in another.
+    pub fn copy(&mut self, from: &Buffer, from_at: u64, to: &Buffer, at: u64, bytes: u64) {
         self.pass = None;
-        self.encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), at, bytes);
+        self.encoder.copy_buffer_to_buffer(from.raw(), from_at, to.raw(), at, bytes);
     }
 
     /// Hands the work to the device.
@@ -560,7 +563,7 @@ impl<'a> Recorder<'a> {
         let landing = gpu.buffer_for(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST, "results")?;
         let mut at = 0;
         for (buffer, bytes) in parts {
-            self.copy(buffer, &landing, at, *bytes);
+            self.copy(buffer, 0, &landing, at, *bytes);
             at += bytes;
         }
         let index = self.submit(traffic);

@@ -172,7 +172,7 @@ impl GpuField {
         let bound = gpu.bind(&pipeline, &[places.whole(), from.whole(), field.displacement.whole()]);
         let mut recorder = gpu.record();
         recorder.clear(&field.sums);
-        recorder.copy(transfer, &field.transfer, 0, 8 * level.n_zones as u64);
+        recorder.copy(transfer, 0, &field.transfer, 0, 8 * level.n_zones as u64);
         recorder.run(&bound, field.node_groups());
         field.note_start(&mut recorder);
         recorder.submit(&mut frame.traffic);
@@ -180,8 +180,8 @@ impl GpuField {
     }
 
     fn note_start(&self, recorder: &mut Recorder<'_>) {
-        recorder.copy(&self.displacement, &self.started[0], 0, 16 * self.n_nodes as u64);
-        recorder.copy(&self.transfer, &self.started[1], 0, 8 * self.n_zones as u64);
+        recorder.copy(&self.displacement, 0, &self.started[0], 0, 16 * self.n_nodes as u64);
+        recorder.copy(&self.transfer, 0, &self.started[1], 0, 8 * self.n_zones as u64);
     }
 
     fn node_groups(&self) -> u32 {
@@ -307,7 +307,7 @@ impl GpuField {
     ) -> Result<Step, BackendError> {
         self.nothing_ahead(gpu)?;
         let mut recorder = gpu.record();
-        recorder.copy(&self.before, &self.displacement, 0, 16 * self.n_nodes as u64);
+        recorder.copy(&self.before, 0, &self.displacement, 0, 16 * self.n_nodes as u64);
         self.use_solver(gpu, level, by.0, &mut recorder);
         self.batch(gpu, level, by, ahead, recorder, traffic)
     }
@@ -583,14 +583,14 @@ impl GpuField {
         let mut before = None;
         if !self.in_light {
             let transfer = gpu.visible(of_zones + of_nodes, "gains and offsets")?;
-            recorder.copy(&self.transfer, &transfer, 0, of_zones);
+            recorder.copy(&self.transfer, 0, &transfer, 0, of_zones);
             self.residual =
                 level.residual_kernels(gpu, frame, [&self.displacement, &transfer, &self.sums], self.n_zones as u32)?;
             [self.fit, self.tally] = tally_kernels(gpu, level, [&self.sums, &transfer, &self.group_sums]);
             before = Some(std::mem::replace(&mut self.transfer, transfer));
             self.in_light = true;
         }
-        recorder.copy(&nodes, &self.transfer, of_zones, of_nodes);
+        recorder.copy(&nodes, 0, &self.transfer, of_zones, of_nodes);
         recorder.submit(&mut frame.traffic);
         drop(before);
         Ok(())

@@ -96,17 +96,20 @@ mirror! {
     }
     Prefilter {
         n: i32,
-        lines: i32,
-        step: i32,
-        line_step: i32,
-        begin: i32,
-        end: i32,
+        left: i32,
+        right: i32,
+        top: i32,
+        bottom: i32,
+        source_stride: i32,
+        target_stride: i32,
         source_first: i32,
         target_first: i32,
-        poles: [f32; 2],
-        n_poles: i32,
         n_start: i32,
-        start: [[f32; 4]; 16],
+        halo: i32,
+        own: f32,
+        poles: [f32; 2],
+        amplitudes: [f32; 2],
+        start: [[f32; 2]; 32],
     }
     Border {
         width: i32,

@@ -135,13 +135,7 @@ impl GpuLevel {
             options: *options,
             n_zones: mesh.zones().len(),
             n_groups: groups.len(),
-            lanes: if widest <= 4 {
-                4
-            } else if widest <= 8 {
-                8
-            } else {
-                16
-            },
+            lanes: widest.next_power_of_two().clamp(4, gpu.most_lanes),
             has_rectangles: listed.len() < elements.len(),
             n_listed: listed.len(),
             windows: Vec::new(),

@@ -32,7 +32,7 @@ use crate::backend::{
     Ahead, Backend, BackendError, ElementMoments, Found, GreyMap, GreyTransfer, KernelOptions, OnDevice, PixelSums,
     Place, Step, Traffic,
 };
-use crate::imaging::Image;
+use crate::imaging::{Image, Interpolation};
 use crate::linalg::{Solver, SolverChoice};
 use crate::mesh::PixelMesh;
 use device::Gpu;
@@ -107,17 +107,28 @@ impl GpuBackend {
         self.gpu.profile.switch(timing)
     }
 
-    /// Copies `bytes` within the device's memory, `times` times one after the other, and waits.
+    /// Copies `bytes`, a multiple of 16, within the device's memory, to and fro, `times` times in all, and waits. They are written
+    /// once before.
     ///
     /// # Errors
-    /// When the device fails.
+    /// When the device fails, or not all copies have been made.
     pub fn copy_within(&self, bytes: u64, times: usize) -> Result<(), BackendError> {
-        let buffer = || self.gpu.storage(bytes, "a copy");
-        let (from, to) = (buffer()?, buffer()?);
-        let mut recorder = self.gpu.record();
-        (0..times).for_each(|_| recorder.copy(&from, &to, 0, bytes));
-        recorder.submit(&mut Traffic::default());
-        self.gpu.wait()
+        const WORDS: u64 = 16;
+        let gpu = &self.gpu;
+        let buffers = [gpu.visible(bytes, "a copy")?, gpu.visible(bytes, "a copy")?];
+        let (last, pipeline) =
+            (gpu.storage(WORDS, "its end")?, gpu.pipeline(Kernel::Copy, Interpolation::default(), 0));
+        let ways = [[0, 1], [1, 0]].map(|way| gpu.bind(&pipeline, &way.map(|k: usize| buffers[k].part(0, bytes))));
+        let mut recorder = gpu.record();
+        recorder.clear(&buffers[0]);
+        (0..times).for_each(|k| recorder.run(&ways[k % 2], (bytes / WORDS).div_ceil(256) as u32));
+        recorder.copy(&buffers[times % 2], bytes - WORDS, &last, 0, WORDS);
+        let arrived = recorder.fetch(&[(&last, WORDS)], &mut Traffic::default())?;
+        if device::values::<u32>(&arrived).iter().any(|&copies| copies as usize != times) {
+            let message = format!("{times} copies of {bytes} bytes within its memory did not arrive");
+            return Err(BackendError::Device { device: gpu.adapter.name.clone(), message });
+        }
+        Ok(())
     }
 
     /// Sends `bytes` to the device's memory, and waits.

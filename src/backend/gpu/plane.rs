@@ -7,19 +7,21 @@ use crate::backend::pyramid::Pyramid;
 use crate::backend::spline::{at_pixel, causal_start};
 use crate::backend::{BackendError, KernelOptions, Traffic};
 use crate::imaging::{Image, Interpolation, Levels};
+use bytemuck::Zeroable;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Columns and rows of border around a plane; the same in `shaders/shared/types.wgsl`.
 pub(super) const BORDER: usize = 4;
 
-/// Lines and pixels of a tile of the prefilter, and pixels it runs in; the same in `shaders/prefilter.wgsl`.
-const TILE_LINES: usize = 32;
-const TILE_LENGTH: usize = 64;
-const TILE_HALO: usize = 24;
+/// Columns and rows of a piece of the prefilter; the same in `shaders/prefilter.wgsl`.
+const TILE_LINES: usize = 64;
+const TILE_LENGTH: usize = 32;
+/// Pixels that it runs in over with one pole, that of the cubic spline, and with two, of which the first fades later.
+const HALOS: [usize; 2] = [16, 24];
 /// Rows of the gradient that a thread makes; the same in `shaders/gradient.wgsl`.
 const GRADIENT_ROWS: u32 = 16;
-/// Weights per pole of the first causal value.
+/// Most samples that the first value of a way of the prefilter is made of.
 const MOST_START: usize = 32;
 
 /// Row-major `f32` values with a border, in one buffer that kernels see by windows of rows.
@@ -208,6 +210,32 @@ impl GpuFrame {
     }
 }
 
+/// What all dispatches have in common that filter `source` along its columns, which are the rows of `target`.
+fn prefilter_of(source: &Plane, target: &Plane, interpolation: Interpolation) -> layout::Prefilter {
+    let poles = interpolation.poles();
+    let mut constants = layout::Prefilter {
+        n: source.height as i32,
+        source_stride: source.stride as i32,
+        target_stride: target.stride as i32,
+        halo: HALOS[usize::from(poles.len() > 1)] as i32,
+        own: 1.0,
+        ..Zeroable::zeroed()
+    };
+    if source.height < 2 {
+        return constants; // a constant is its own coefficient
+    }
+    for (p, (&pole, amplitude)) in poles.iter().zip(interpolation.amplitudes()).enumerate() {
+        let weights = causal_start(pole, source.height);
+        constants.n_start = constants.n_start.max(weights.len() as i32);
+        weights.into_iter().zip(&mut constants.start).for_each(|(weight, of)| of[p] = weight);
+        (constants.poles[p], constants.amplitudes[p]) = (pole as f32, amplitude as f32);
+    }
+    if !poles.is_empty() {
+        constants.own = -constants.amplitudes.iter().sum::<f32>(); // it is in both ways
+    }
+    constants
+}
+
 /// Interpolation coefficients of `grey`, border included.
 fn coefficients(
     gpu: &Gpu,
@@ -216,63 +244,31 @@ fn coefficients(
     traffic: &mut Traffic,
 ) -> Result<Plane, BackendError> {
     let (width, height) = (grey.width, grey.height);
-    let between = Plane::new(gpu, width, height)?;
+    let between = Plane::new(gpu, height, width)?; // rows and columns exchanged
     let plane = Plane::new(gpu, width, height)?;
-    let poles = interpolation.poles();
     let pipeline = gpu.pipeline(Kernel::Prefilter, interpolation, 0);
-    let mut constants = layout::Prefilter {
-        n: 0,
-        lines: 0,
-        step: 0,
-        line_step: 0,
-        begin: 0,
-        end: 0,
-        source_first: 0,
-        target_first: 0,
-        poles: std::array::from_fn(|k| poles.get(k).map_or(0.0, |&pole| pole as f32)),
-        n_poles: poles.len() as i32,
-        n_start: 0,
-        start: [[0.0; 4]; 16],
-    };
-    let starts_of = |n: usize, constants: &mut layout::Prefilter| {
-        constants.n = n as i32;
-        constants.start = [[0.0; 4]; 16];
-        for (k, &pole) in poles.iter().enumerate() {
-            let weights = causal_start(pole, n);
-            constants.n_start = constants.n_start.max(weights.len() as i32);
-            for (i, weight) in weights.into_iter().enumerate() {
-                let at = k * MOST_START + i;
-                constants.start[at / 4][at % 4] = weight;
+    let mut recorder = gpu.record();
+    for (source, target) in [(grey, &between), (&between, &plane)] {
+        let constants = prefilter_of(source, target, interpolation);
+        for rows in source.windows(gpu, MOST_START, MOST_START)? {
+            let (from, to) = (rows.start.saturating_sub(MOST_START), (rows.end + MOST_START).min(source.height));
+            let (seen, source_first) = source.rows(from as isize, to as isize);
+            for columns in target.windows(gpu, 0, 0)? {
+                let (written, target_first) = target.rows(columns.start as isize, columns.end as isize);
+                let uniform = gpu.uniform(&layout::Prefilter {
+                    left: columns.start as i32,
+                    right: columns.end as i32,
+                    top: rows.start as i32,
+                    bottom: rows.end as i32,
+                    source_first,
+                    target_first,
+                    ..constants
+                });
+                let bound = gpu.bind(&pipeline, &[uniform.whole(), seen.clone(), written]);
+                let pieces = [columns.len().div_ceil(TILE_LINES), rows.len().div_ceil(TILE_LENGTH)];
+                recorder.run_2d(&bound, pieces[0] as u32, pieces[1] as u32);
             }
         }
-        constants.n_start = constants.n_start.min(n as i32);
-    };
-    let mut recorder = gpu.record();
-    // Along the rows.
-    starts_of(width, &mut constants);
-    (constants.step, constants.line_step, constants.begin, constants.end) = (1, grey.stride as i32, 0, width as i32);
-    for rows in grey.windows(gpu, 0, 0)? {
-        let (source, source_origin) = grey.rows(rows.start as isize, rows.end as isize);
-        let (target, target_origin) = between.rows(rows.start as isize, rows.end as isize);
-        let skip = (rows.start * grey.stride) as i32;
-        constants.lines = rows.len() as i32;
-        (constants.source_first, constants.target_first) = (source_origin + skip, target_origin + skip);
-        let uniform = gpu.uniform(&constants);
-        let bound = gpu.bind(&pipeline, &[uniform.whole(), source, target]);
-        recorder.run_2d(&bound, rows.len().div_ceil(TILE_LINES) as u32, width.div_ceil(TILE_LENGTH) as u32);
-    }
-    // Along the columns: a window sees the rows that it runs in over.
-    starts_of(height, &mut constants);
-    (constants.step, constants.line_step, constants.lines) = (grey.stride as i32, 1, width as i32);
-    for rows in grey.windows(gpu, TILE_HALO, TILE_LENGTH + TILE_HALO)? {
-        let seen = rows.start.saturating_sub(TILE_HALO)..(rows.end + TILE_LENGTH + TILE_HALO).min(height);
-        let (source, source_origin) = between.rows(seen.start as isize, seen.end as isize);
-        let (target, target_origin) = plane.rows(rows.start as isize, rows.end as isize);
-        (constants.begin, constants.end) = (rows.start as i32, rows.end as i32);
-        (constants.source_first, constants.target_first) = (source_origin, target_origin);
-        let uniform = gpu.uniform(&constants);
-        let bound = gpu.bind(&pipeline, &[uniform.whole(), source, target]);
-        recorder.run_2d(&bound, width.div_ceil(TILE_LINES) as u32, rows.len().div_ceil(TILE_LENGTH) as u32);
     }
     // The border: columns first, rows with the corners then.
     let columns = gpu.pipeline(Kernel::BorderColumns, interpolation, 0);

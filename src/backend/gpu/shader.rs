@@ -100,9 +100,9 @@ kernels! {
     /// Next level of the pyramid.
     Downsample = "downsample": "downsample" main, 64 [Uniform Read Write],
         Image, |of| 5 * of.pixels, |of| 4 * of.pixels, "P (4 B fine + 1/4 of 4 B coarse)";
-    /// B-spline coefficients along one axis.
-    Prefilter = "prefilter": "prefilter" main, 32 [Uniform Read Write],
-        Image, |of| 16 * of.pixels, |of| 36 * of.pixels, "2 passes x P (4 B in + 4 B out)";
+    /// B-spline coefficients along one axis, and both axes exchanged.
+    Prefilter = "prefilter": "prefilter" main, 64 [Uniform Read Write],
+        Image, |of| 16 * of.pixels, |of| 70 * of.pixels, "2 passes x P (4 B in + 4 B out)";
     /// Border to the left and right of a plane.
     BorderColumns = "border_columns": "border" columns, 64 [Uniform Write],
         Image, |of| 72 * of.side, |of| 60 * of.side, "per row 10 values in, 8 out";
@@ -154,6 +154,9 @@ kernels! {
     /// Residual map and packed field.
     ResidualMap = "residual_map": "residual_map" main, 256 [Uniform Read Read Read Write],
         Other, |of| 88 * of.elements + 28 * of.nodes, |of| 30 * of.elements + 20 * of.nodes, "E (80 B in, 8 B out) + N (16 B in, 12 B out)";
+    /// Of one buffer into another, to measure the memory: no frame needs it.
+    Copy = "copy": "copy" main, 256 [Read Write],
+        Other, |of| of.runs * 8 * of.pixels, |of| of.runs * 2 * of.pixels, "per run: P (4 B in + 4 B out)";
 }
 
 fn of_residual(of: Extent) -> u64 {
