@@ -508,10 +508,10 @@ impl<B: Backend> Correlator<B> {
             }
         }
         let left = (0..keep.len()).filter(|&node| keep[node] && !measured[node] && !named[node]).count();
+        // From one end of the image to the other; NaN is not within.
+        let most = self.size.map(|size| size as f64 + mesh.element_size());
         for (node, measured) in measured.iter_mut().enumerate() {
-            // Not NaN, nor beyond what leads from one end of the image to the other.
-            let within = |(u, &size): (&f64, &usize)| u.abs() <= size as f64 + mesh.element_size();
-            *measured &= keep[node] && displacement[node].iter().zip(&self.size).all(within);
+            *measured &= keep[node] && displacement[node].iter().zip(&most).all(|(u, most)| u.abs() <= *most);
         }
         (measured, left)
     }

@@ -86,14 +86,15 @@ impl Turn {
     }
 }
 
-/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from the
-/// third on nodes that have not settled are not waited for.
+/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them and a handful of
+/// nodes that have not settled is not waited for, and from the third on neither are more.
 pub(super) const SLOW: [usize; 3] = [7, 12, 20];
 /// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the first.
 const LEFT: [f64; 2] = [3.0, 10.0];
 
-/// Of more nodes than this share none is given up.
+/// Of more nodes than this share none is given up, and before the third iteration that counts as slow of more than the other.
 const FEW_UNSETTLED: f64 = 0.05;
+const HANDFUL_UNSETTLED: f64 = 1e-4;
 
 /// So many steps along mesh lines away others follow a node that does not settle, each by a quarter of the one before.
 const PULLED_ALONG: usize = 2;
@@ -338,7 +339,9 @@ pub(super) fn iterate<B: Backend>(
             watch.note(backend.found(&level.prepared, frame, field)?.displacement, pace.factor());
             let left = LEFT[usize::from(iteration >= SLOW[1])];
             let rest = watch.without_unsettled(&level.pattern, limits.enough, limits.tolerance_px, left);
-            if let Some(rest) = rest.filter(|rest| rest.unsettled.is_empty() || iteration >= SLOW[2]) {
+            let few = if iteration >= SLOW[1] { HANDFUL_UNSETTLED * limits.enough.len() as f64 } else { 0.0 };
+            let ends = |rest: &Rest| rest.unsettled.len() as f64 <= few || iteration >= SLOW[2];
+            if let Some(rest) = rest.filter(ends) {
                 outcome.status = Status::Converged;
                 (outcome.worst_node, outcome.correction_px) = rest.worst;
                 outcome.unsettled = rest.unsettled;
