@@ -200,6 +200,14 @@ struct Rest {
     worst: (usize, f64),
 }
 
+impl Rest {
+    /// Whether what has not settled of `n_nodes` nodes is no longer waited for after `iteration`.
+    fn is_enough(&self, iteration: usize, n_nodes: usize) -> bool {
+        let few = if iteration >= SLOW[1] { HANDFUL_UNSETTLED * n_nodes as f64 } else { 0.0 };
+        self.unsettled.len() as f64 <= few || iteration >= SLOW[2]
+    }
+}
+
 /// Nothing follows the field but what its steps move.
 pub(super) fn nothing<A, B>(_: &mut A, _: &mut B) -> Result<(), BackendError> {
     Ok(())
@@ -339,9 +347,7 @@ pub(super) fn iterate<B: Backend>(
             watch.note(backend.found(&level.prepared, frame, field)?.displacement, pace.factor());
             let left = LEFT[usize::from(iteration >= SLOW[1])];
             let rest = watch.without_unsettled(&level.pattern, limits.enough, limits.tolerance_px, left);
-            let few = if iteration >= SLOW[1] { HANDFUL_UNSETTLED * limits.enough.len() as f64 } else { 0.0 };
-            let ends = |rest: &Rest| rest.unsettled.len() as f64 <= few || iteration >= SLOW[2];
-            if let Some(rest) = rest.filter(ends) {
+            if let Some(rest) = rest.filter(|rest| rest.is_enough(iteration, limits.enough.len())) {
                 outcome.status = Status::Converged;
                 (outcome.worst_node, outcome.correction_px) = rest.worst;
                 outcome.unsettled = rest.unsettled;
@@ -405,6 +411,20 @@ mod tests {
 
     fn told(corrections: &[[f64; 2]], enough: &[Enough]) -> Option<(Vec<usize>, (usize, f64))> {
         told_by(corrections, enough, [1.0; 2], 3.0)
+    }
+
+    #[test]
+    fn a_handful_of_nodes_that_have_not_settled_is_waited_for_less_long_than_more_of_them() {
+        let ends_after = |unsettled: usize, n_nodes: usize| {
+            let rest = super::Rest { unsettled: (0..unsettled).collect(), worst: (0, 0.0) };
+            (7..=30).find(|&iteration| rest.is_enough(iteration, n_nodes))
+        };
+        // One of 10 000.
+        for (unsettled, n_nodes, after) in
+            [(0, 50, 7), (1, 9_999, 20), (1, 10_000, 12), (2, 10_000, 20), (100, 1_000_000, 12), (101, 1_000_000, 20)]
+        {
+            assert_eq!(ends_after(unsettled, n_nodes), Some(after), "{unsettled} of {n_nodes}");
+        }
     }
 
     #[test]
