@@ -32,6 +32,7 @@ impl AdapterKind {
 
     /// Most threads that work side by side in one element. A card with few wide elements would have too few of them; on a
     /// software device nothing is idle, and their sums cost a tenth more of a pass with elements of 32 px.
+    #[cfg(feature = "gpu")]
     pub(super) fn most_lanes(self) -> u32 {
         if self == Self::Software { 16 } else { 64 }
     }
