@@ -85,8 +85,8 @@ pub struct GpuOptions {
     pub altered_later: bool,
     /// Largest binding to use, bytes, below what the adapter offers: to test how images are split.
     pub max_binding_bytes: Option<u64>,
-    /// Most threads side by side in an element, a power of two up to 64, whatever kind of device it is: to test on a software
-    /// device what cards do.
+    /// Most threads side by side in an element, rounded down to a power of two from 4 to 64, whatever kind of device it is: to test
+    /// on a software device what cards do.
     pub most_lanes: Option<u32>,
     /// Whether there is no device, and every frame ends at once as the first: to measure what the host does. Nothing is measured then.
     pub instant: bool,

@@ -199,7 +199,7 @@ impl Gpu {
         let limit = options.max_binding_bytes.unwrap_or(u64::MAX);
         Ok(Self {
             max_binding_bytes: adapter.max_binding_bytes.min(limit),
-            most_lanes: options.most_lanes.unwrap_or(adapter.kind.most_lanes()),
+            most_lanes: 1 << options.most_lanes.unwrap_or(adapter.kind.most_lanes()).clamp(4, 64).ilog2(),
             alignment: u64::from(device.limits().min_storage_buffer_offset_alignment),
             adapter,
             device,
