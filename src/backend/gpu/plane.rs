@@ -17,8 +17,8 @@ pub(super) const BORDER: usize = 4;
 /// Columns and rows of a piece of the prefilter; the same in `shaders/prefilter.wgsl`.
 const TILE_LINES: usize = 64;
 const TILE_LENGTH: usize = 32;
-/// Pixels that it runs in over with one pole, that of the cubic spline, and with two, of which the first fades later.
-const HALOS: [usize; 2] = [16, 24];
+/// Pixels that it runs in over without a pole, with one, that of the cubic spline, and with two, of which the first fades later.
+const HALOS: [i32; 3] = [0, 16, 24];
 /// Rows of the gradient that a thread makes; the same in `shaders/gradient.wgsl`.
 const GRADIENT_ROWS: u32 = 16;
 /// Most samples that the first value of a way of the prefilter is made of.
@@ -217,7 +217,7 @@ fn prefilter_of(source: &Plane, target: &Plane, interpolation: Interpolation) ->
         n: source.height as i32,
         source_stride: source.stride as i32,
         target_stride: target.stride as i32,
-        halo: HALOS[usize::from(poles.len() > 1)] as i32,
+        halo: HALOS[poles.len()],
         own: 1.0,
         ..Zeroable::zeroed()
     };
