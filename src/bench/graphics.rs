@@ -53,7 +53,7 @@ impl Subject for GpuBackend {
         if self.clock() == Clock::Processor {
             return Ok(copy_rate_of_core());
         }
-        let bytes = COPIED.min(self.adapter().max_binding_bytes) / 16 * 16;
+        let bytes = COPIED.min(self.adapter().max_binding_bytes);
         let times = repeat(5, || self.copy_within(bytes, COPIES))?;
         // Read and written each time, and written once before.
         Ok((bytes * (2 * COPIES as u64 + 1)) as f64 / times.wall.fastest)

@@ -107,14 +107,14 @@ impl GpuBackend {
         self.gpu.profile.switch(timing)
     }
 
-    /// Copies `bytes`, a multiple of 16, within the device's memory, to and fro, `times` times in all, and waits. They are written
-    /// once before.
+    /// Copies `bytes`, rounded down to a multiple of 16 and at least that, within the device's memory, to and fro, `times` times in
+    /// all, and waits. They are written once before.
     ///
     /// # Errors
     /// When the device fails, or not all copies have been made.
     pub fn copy_within(&self, bytes: u64, times: usize) -> Result<(), BackendError> {
         const WORDS: u64 = 16;
-        let gpu = &self.gpu;
+        let (gpu, bytes) = (&self.gpu, bytes.max(WORDS) / WORDS * WORDS);
         let buffers = [gpu.visible(bytes, "a copy")?, gpu.visible(bytes, "a copy")?];
         let (last, pipeline) =
             (gpu.storage(WORDS, "its end")?, gpu.pipeline(Kernel::Copy, Interpolation::default(), 0));
