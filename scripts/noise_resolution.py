@@ -28,6 +28,19 @@ def cubic(t):
     return np.where(t < 1, 2 / 3 - t * t + t**3 / 2, np.where(t < 2, np.maximum(2 - t, 0) ** 3 / 6, 0.0))
 
 
+def b_spline(degree):
+    """The B-spline of any degree, by its recursion."""
+
+    def at(t, degree=degree):
+        t = np.asarray(t, dtype=float)
+        if degree == 0:
+            return np.where((t >= -0.5) & (t < 0.5), 1.0, 0.0)
+        reach = (degree + 1) / 2
+        return ((reach + t) * at(t + 0.5, degree - 1) + (reach - t) * at(t - 0.5, degree - 1)) / degree
+
+    return at
+
+
 def kept(t):
     """The spline as it is kept: by its values at nodes half as far apart as the knots, bilinear between."""
     nodes = np.linspace(-2.0, 2.0, 9)
@@ -101,6 +114,11 @@ def main():
     judged("bilinear: values at points (`displacement_point_px`)", bilinear, bilinear.right_to(3, 4))
     judged("bilinear: ten coefficients, right to the seventh degree", bilinear, bilinear.right_to(7, 10))
     judged("cubic splines: the field", splines, splines.shape)
+    judged("cubic splines: eight coefficients, right to the seventh degree", splines, splines.right_to(7, 8))
+    for degree in (5, 7):
+        beyond = degree // 2
+        higher = Elements(b_spline(degree), np.arange(-beyond, ELEMENTS + beyond + 1))
+        judged(f"splines of degree {degree}: the field", higher, higher.shape)
     on_mesh = Elements(kept, splines.middles)
     judged("`--elements cubic-spline`: the field (`displacement_px`)", on_mesh, on_mesh.shape)
     judged("`--elements cubic-spline`: values at points (`displacement_point_px`)", on_mesh, values_of_kept(on_mesh))

@@ -45,7 +45,7 @@ const HOMES: [Home; 29] = [
     Home {
         what: "the crate nalgebra",
         named_by: |s, at| s.names_crate(at, "nalgebra"),
-        places: &["mechanics/", "correlate/rigid.rs"],
+        places: &["mechanics/", "correlate/zone_motion.rs"],
     },
     Home {
         what: "the crate rustfft",

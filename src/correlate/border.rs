@@ -1,8 +1,10 @@
 //! Borders beside which there is nothing to see: dark bands, holes, the edge of a specimen.
 
 use crate::imaging::Image;
+use crate::linalg::Pattern;
 use crate::mesh::{Mesh, Zone};
 use crate::units::Px;
+use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
 /// A zone that ends at a place without texture and has no guard there.
@@ -47,21 +49,22 @@ struct Beside {
 ///
 /// Between sparse speckles there is room for a short bare strip. So strips of as many elements are compared as are never bare
 /// within the zone: those along the border, and the same moved inwards by up to 24 px.
-pub(super) fn bare_borders(reference: &Image, mesh: &Mesh<Px>, zones: &[Zone], keep: &[bool]) -> Vec<BareBorder> {
+pub(super) fn bare_borders(
+    reference: &Image,
+    (mesh, pattern): (&Mesh<Px>, &Pattern),
+    zones: &[Zone],
+    keep: &[bool],
+) -> Vec<BareBorder> {
     let mut found = Vec::new();
     for (zone, given) in zones.iter().enumerate() {
-        let own = outline(mesh, zone, |_| true);
-        let left = outline(mesh, zone, |nodes| nodes.iter().all(|&node| keep[node as usize]));
+        let left = outline((mesh, pattern), zone, |nodes| nodes.iter().all(|&node| keep[node as usize]));
+        let own: HashSet<[u32; 2]> = outline((mesh, pattern), zone, |_| true).into_iter().collect();
         let is_own = |edge: &[u32; 2]| own.contains(edge);
         for is_within in [false, true] {
             if !is_within && !given.guard.is_none() {
                 continue;
             }
-            let edges: Vec<[u32; 2]> = mesh
-                .zone_elements(zone)
-                .flat_map(|element| sides(mesh.elements()[element]))
-                .filter(|edge| left.contains(edge) && is_own(edge) != is_within)
-                .collect();
+            let edges: Vec<[u32; 2]> = left.iter().filter(|edge| is_own(edge) != is_within).copied().collect();
             let ends = |[a, b]: [u32; 2]| [a, b].map(|node| mesh.nodes()[node as usize]);
             let seen: HashMap<[u32; 2], Beside> = edges
                 .iter()
@@ -87,15 +90,23 @@ fn sides(nodes: [u32; 4]) -> impl Iterator<Item = [u32; 2]> {
     (0..4).map(move |k| [nodes[k], nodes[(k + 1) % 4]]).filter(|[a, b]| a != b)
 }
 
-/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their right.
-fn outline(mesh: &Mesh<Px>, zone: usize, counts: impl Fn(&[u32; 4]) -> bool) -> HashSet<[u32; 2]> {
-    let elements = || mesh.elements()[mesh.zone_elements(zone)].iter().filter(|nodes| counts(nodes));
-    let mut all: HashSet<[u32; 2]> = elements().flat_map(|&nodes| sides(nodes)).collect();
-    let shared: Vec<[u32; 2]> = all.iter().filter(|[a, b]| all.contains(&[*b, *a])).copied().collect();
-    shared.iter().for_each(|edge| {
-        all.remove(edge);
-    });
-    all
+/// The edges of a zone's elements for which `counts` holds that belong to one of these alone, with the inside to their right, by element.
+fn outline(
+    (mesh, pattern): (&Mesh<Px>, &Pattern),
+    zone: usize,
+    counts: impl Fn(&[u32; 4]) -> bool + Sync,
+) -> Vec<[u32; 2]> {
+    let is_shared = |&[a, b]: &[u32; 2], own: usize| {
+        pattern.elements_of(a as usize).iter().any(|&(element, _)| {
+            let nodes = &mesh.elements()[element as usize];
+            element as usize != own && nodes.contains(&b) && counts(nodes)
+        })
+    };
+    let of_element = |element: usize| {
+        let nodes = mesh.elements()[element];
+        sides(nodes).filter(|edge| counts(&nodes) && !is_shared(edge, element)).collect::<Vec<_>>()
+    };
+    mesh.zone_elements(zone).into_par_iter().with_min_len(2048).flat_map_iter(of_element).collect()
 }
 
 /// Edges in a row, each beginning where the one before ends.

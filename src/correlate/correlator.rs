@@ -12,6 +12,7 @@ use super::misfit::MisfitTest;
 use super::model_error::MeshLines;
 use super::noise_correlation::{NoiseProbe, Prepared};
 use super::options::Options;
+use super::outliers::without_outliers;
 use super::overlap::Overlap;
 use super::point_values::PointValuesOf;
 use super::reference::Reference;
@@ -159,7 +160,7 @@ impl<B: Backend> Correlator<B> {
         let mut frame = backend.frame(reference.clone(), &kernel)?;
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
-        let bare_borders = bare_borders(&reference, &laid.mesh, zones, &level.keep);
+        let bare_borders = bare_borders(&reference, (&laid.mesh, &level.pattern), zones, &level.keep);
         let sigma: Vec<f64> = {
             let at_rest = noise_gain.at_rest();
             let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
@@ -192,7 +193,11 @@ impl<B: Backend> Correlator<B> {
             }
             Ok(levels)
         };
-        let (probe, coarse_levels) = rayon::join(probe, coarse_levels);
+        let gradient_noise = options.interpolation.gradient_noise_gain();
+        let of_finest =
+            || (MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine), MeshLines::new(&level.mesh));
+        let ((probe, (misfit_test, mesh_lines)), coarse_levels) =
+            rayon::join(|| rayon::join(probe, of_finest), coarse_levels);
         let mut levels = vec![level];
         for coarse in coarse_levels? {
             if let Some(finer) = levels.last_mut() {
@@ -202,7 +207,6 @@ impl<B: Backend> Correlator<B> {
         }
         let search_map = backend.grey_map(&mut frame, levels.len() - 1);
         let finest = &levels[0];
-        let gradient_noise = options.interpolation.gradient_noise_gain();
         let point_values = PointValuesOf::new(&options, &finest.mesh);
         let image = reference;
         let reference = Reference {
@@ -226,8 +230,8 @@ impl<B: Backend> Correlator<B> {
         Ok(Self {
             noise_gain,
             probe,
-            misfit_test: MisfitTest::new(&finest.mesh, &finest.moments, gradient_noise, fine),
-            mesh_lines: MeshLines::new(&finest.mesh),
+            misfit_test,
+            mesh_lines,
             enough,
             seen: match reference.options.is_held() || reference.options.noise.constant().is_some() {
                 true => Vec::new(),
@@ -331,12 +335,12 @@ impl<B: Backend> Correlator<B> {
             if let Some(found) = found {
                 return self.told(frame, found, Some(displacement));
             }
-            let moved = Start { displacement: self.moved_rigidly(frame, displacement, transfer)?, ..start.clone() };
-            if !moved.left_out.is_empty() {
-                // What did not match in the frame before would hold up whatever begins with all elements.
-                if let Some(found) = self.at_prediction(frame, &moved, &mut Overlap::default())? {
-                    return self.told(frame, found, Some(displacement));
-                }
+            let moved = Start { displacement: self.moved_by_zone(frame, displacement, transfer)?, ..start.clone() };
+            // What did not match in the frame before would hold up whatever begins with all elements.
+            if (!moved.left_out.is_empty() || is_apart(&moved.displacement, displacement))
+                && let Some(found) = self.at_prediction(frame, &moved, &mut Overlap::default())?
+            {
+                return self.told(frame, found, Some(displacement));
             }
             let (coarse, known) = (self.on_coarsest(&moved.displacement), transfer.clone());
             let mut best = self.down_the_pyramid(frame, coarse, known, StartUsed::PredictedCoarse)?;
@@ -470,6 +474,12 @@ impl<B: Backend> Correlator<B> {
             let outcome =
                 iterate(&self.backend, level, frame, &mut field, Limits { turn, ..COARSE }, &self.kernel, nothing)?;
             coarse_iterations += outcome.iterations;
+            if outcome.status != Status::Converged {
+                // The finer level would begin where single nodes of this one have gone.
+                let displacement = self.backend.found(&level.prepared, frame, &field)?.displacement;
+                let displacement = without_outliers(&level.mesh, &level.pattern, &displacement);
+                self.backend.place(&level.prepared, frame, &mut field, &displacement)?;
+            }
             // A coarse level whose texture is gone can only harm: what it made worse stays as it was.
             let moved = outcome.correction_px.is_finite() && outcome.gained >= -WORSE;
             field = self.backend.start_finer(&finer.prepared, frame, &field, moved)?;
@@ -478,6 +488,11 @@ impl<B: Backend> Correlator<B> {
         let outcome = iterate(&self.backend, &self.levels[0], frame, &mut field, limits, &self.kernel, nothing)?;
         self.finish(frame, &mut field, outcome, start, coarse_iterations, Vec::new())
     }
+}
+
+/// Whether two displacements differ by more than a prediction may be off.
+fn is_apart(a: &[[f64; 2]], b: &[[f64; 2]]) -> bool {
+    a.iter().zip(b).any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > PREDICTION_OFF_PX)
 }
 
 /// Of two results of one frame the one that tells more: that which converged, else that which matches better, the

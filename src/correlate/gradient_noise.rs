@@ -73,16 +73,23 @@ pub(super) fn mass_matrix(mesh: &Mesh<Px>, element: usize, moments: &ElementMome
 /// What is taken off an element: `lambda`, or as much less, in steps of a quarter, as leaves [`LEAST_SHARE_OF_STEPS`] of
 /// its matrix in every direction. So `M0` is positive definite where `M` is.
 fn taken_off(matrix: &ElementMatrix, mass: &ElementMatrix, lambda: f64) -> f64 {
-    /// Less than this part of it is not worth taking off.
-    const LEAST: f64 = 0.02;
-    let mut taken = lambda;
-    while taken > LEAST * lambda {
-        if is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k])) {
-            return taken;
-        }
-        taken *= 0.75;
+    /// Steps down to what is not worth taking off: less than a fiftieth of it.
+    const STEPS: i32 = 14;
+    let after = |steps: i32| lambda * 0.75f64.powi(steps);
+    let leaves_enough = |steps: i32| {
+        let taken = after(steps);
+        is_positive_definite(std::array::from_fn(|k| (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]))
+    };
+    if leaves_enough(0) {
+        return lambda;
     }
-    0.0
+    // The less is taken, the more is left: of the steps above `low` none leaves enough, and those from `high` on do.
+    let (mut low, mut high) = (0, STEPS);
+    while high - low > 1 {
+        let middle = (low + high) / 2;
+        if leaves_enough(middle) { high = middle } else { low = middle }
+    }
+    if high < STEPS { after(high) } else { 0.0 }
 }
 
 /// What one element brings to the matrices of a frame.
@@ -200,4 +207,42 @@ pub(super) fn fine_content(image: &Image) -> f64 {
     }
     tiles.sort_by(f64::total_cmp);
     tiles[tiles.len() / 2].sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_the_steps_that_leave_enough_of_a_matrix_the_first_is_taken() {
+        // The masses of a square element of 16 px, and a texture of stripes beside a weaker one across, the mean square of which falls.
+        const LINE: [[f64; 2]; 2] = [[2.0, 1.0], [1.0, 2.0]];
+        let corner = [[0, 0], [1, 0], [1, 1], [0, 1]];
+        let products: [[f64; 4]; 4] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| LINE[corner[i][0]][corner[j][0]] * LINE[corner[i][1]][corner[j][1]] / 36.0)
+        });
+        let mass = alike(products, 16.0);
+        let (lambda, mut taken) = (2.0, Vec::new());
+        for weakest in [100.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5, 0.2, 0.12, 0.1, 0.0] {
+            // Odd rows and columns are those of the second component.
+            let matrix: ElementMatrix = {
+                let mut matrix = mass;
+                for (row, col) in (0..8).flat_map(|row| (row..8).map(move |col| (row, col))) {
+                    matrix[upper(row, col)] *= if row % 2 == 1 { weakest } else { 100.0 };
+                }
+                matrix
+            };
+            let leaves_enough = |taken: f64| {
+                is_positive_definite(std::array::from_fn(|k| {
+                    (1.0 - LEAST_SHARE_OF_STEPS) * matrix[k] - taken * mass[k]
+                }))
+            };
+            let one_by_one = (0..14).map(|step| lambda * 0.75f64.powi(step)).find(|&taken| leaves_enough(taken));
+            assert_eq!(taken_off(&matrix, &mass, lambda), one_by_one.unwrap_or(0.0), "{weakest}");
+            taken.push(one_by_one.unwrap_or(0.0));
+        }
+        assert_eq!((taken[0], taken[11]), (lambda, 0.0));
+        taken.dedup();
+        assert!(taken.len() > 6, "{taken:?}");
+    }
 }

@@ -86,18 +86,29 @@ impl Turn {
     }
 }
 
-/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them and a handful of
-/// nodes that have not settled is not waited for, and from the third on neither are more.
+/// Where noise may be the reason, corrections count as slow from the first iteration on, from the second on more may be left of them, and from each
+/// on more nodes that have not settled are not waited for.
 pub(super) const SLOW: [usize; 3] = [7, 12, 20];
 /// What may be left of them before and after that, in parts of what is good enough; of nodes that are not noisy the first.
 const LEFT: [f64; 2] = [3.0, 10.0];
 
-/// Of more nodes than this share none is given up, and before the third iteration that counts as slow of more than the other.
+/// Of more nodes than this share none is given up,
 const FEW_UNSETTLED: f64 = 0.05;
-const HANDFUL_UNSETTLED: f64 = 1e-4;
+/// nor of more than these before the second of [`SLOW`] and the third: one of 100 000, and of 10 000.
+const HANDFUL_UNSETTLED: [f64; 2] = [1e-5, 1e-4];
 
-/// So many steps along mesh lines away others follow a node that does not settle, each by a quarter of the one before.
-const PULLED_ALONG: usize = 2;
+/// At most so many steps along mesh lines away others follow a node that does not settle, each by a third of the one before or less: as many as
+/// that makes more of what is enough.
+const PULLED_ALONG: [usize; 2] = [2, 6];
+const PULLED_SHARE: f64 = 1.0 / 3.0;
+
+/// How many steps away nodes follow one that moves by `ratio` times what is enough for them.
+fn pulled_along(ratio: f64) -> usize {
+    let [least, most] = PULLED_ALONG;
+    // Of what is no number as far as any.
+    let steps = (ratio.ln() / -PULLED_SHARE.ln()).ceil().min(most as f64) as usize;
+    steps.clamp(least, most)
+}
 
 /// How an iteration ended.
 pub(super) struct Outcome<B: Backend> {
@@ -169,6 +180,8 @@ impl Watch {
             return None;
         }
         let (mut unsettled, mut others, mut worst) = (Vec::new(), Vec::new(), (0, 0.0));
+        // The largest correction of the one, and the least that is enough for the others, px.
+        let (mut largest, mut least) = (0.0f64, f64::INFINITY);
         for (node, ((&now, &then), enough)) in last.iter().zip(before).zip(enough).enumerate() {
             let rate = if then > 0.0 { (now / then).min(0.99) } else { 0.0 };
             // Of the correction itself a step of another length has left something too.
@@ -177,12 +190,18 @@ impl Watch {
             match now < px && left < most * px {
                 true if now > worst.1 => worst = (node, now),
                 true => {}
-                false if enough.is_noisy => unsettled.push(node as u32),
-                false => others.push(node as u32),
+                false if enough.is_noisy => {
+                    unsettled.push(node as u32);
+                    largest = largest.max(now);
+                }
+                false => {
+                    others.push(node as u32);
+                    least = least.min(px);
+                }
             }
         }
         if !others.is_empty() {
-            let beside = pattern.around(&unsettled, PULLED_ALONG);
+            let beside = pattern.around(&unsettled, pulled_along(largest / least));
             if !others.iter().all(|node| beside.binary_search(node).is_ok()) {
                 return None;
             }
@@ -203,8 +222,8 @@ struct Rest {
 impl Rest {
     /// Whether what has not settled of `n_nodes` nodes is no longer waited for after `iteration`.
     fn is_enough(&self, iteration: usize, n_nodes: usize) -> bool {
-        let few = if iteration >= SLOW[1] { HANDFUL_UNSETTLED * n_nodes as f64 } else { 0.0 };
-        self.unsettled.len() as f64 <= few || iteration >= SLOW[2]
+        let handful = HANDFUL_UNSETTLED[usize::from(iteration >= SLOW[1])];
+        self.unsettled.len() as f64 <= handful * n_nodes as f64 || iteration >= SLOW[2]
     }
 }
 
@@ -419,12 +438,25 @@ mod tests {
             let rest = super::Rest { unsettled: (0..unsettled).collect(), worst: (0, 0.0) };
             (7..=30).find(|&iteration| rest.is_enough(iteration, n_nodes))
         };
-        // One of 10 000.
-        for (unsettled, n_nodes, after) in
-            [(0, 50, 7), (1, 9_999, 20), (1, 10_000, 12), (2, 10_000, 20), (100, 1_000_000, 12), (101, 1_000_000, 20)]
-        {
+        // One of 100 000, then one of 10 000.
+        for (unsettled, n_nodes, after) in [
+            (0, 50, 7),
+            (1, 9_999, 20),
+            (1, 10_000, 12),
+            (2, 10_000, 20),
+            (1, 100_000, 7),
+            (2, 100_000, 12),
+            (100, 1_000_000, 12),
+            (101, 1_000_000, 20),
+        ] {
             assert_eq!(ends_after(unsettled, n_nodes), Some(after), "{unsettled} of {n_nodes}");
         }
+    }
+
+    #[test]
+    fn what_runs_away_pulls_others_along_the_further_the_faster_it_runs() {
+        let ratios = [0.5, 9.0, 9.1, 27.0, 81.1, 1e9, f64::INFINITY, f64::NAN];
+        assert_eq!(ratios.map(super::pulled_along), [2, 2, 3, 3, 5, 6, 6, 6]);
     }
 
     #[test]
@@ -458,6 +490,13 @@ mod tests {
         // What follows a node that does not settle is given up with it, two steps away but not three.
         for (node, want) in [(11, Some(vec![7, 11])), (13, None)] {
             let mut pulled = many([0.01, 0.009]);
+            pulled[node] = [3e-3, 2.9e-3];
+            let enough: Vec<Enough> = (0..40).map(|node| if node == 7 { noisy } else { clear }).collect();
+            assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), want);
+        }
+        // The faster it moves the further: 0.05 px are 25 times what is enough for the others, 3^3 = 27.
+        for (node, want) in [(13, Some(vec![7, 13])), (15, None)] {
+            let mut pulled = many([0.05, 0.05]);
             pulled[node] = [3e-3, 2.9e-3];
             let enough: Vec<Enough> = (0..40).map(|node| if node == 7 { noisy } else { clear }).collect();
             assert_eq!(told(&pulled, &enough).map(|(unsettled, _)| unsettled), want);

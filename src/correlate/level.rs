@@ -3,7 +3,6 @@
 use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
-use crate::field::RigidMotion;
 use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
@@ -31,12 +30,7 @@ fn finer(x: f64) -> f64 {
     2.0 * x + 0.5
 }
 
-/// A rigid motion of a level's points on the next finer one.
-pub(super) fn on_finer_level(motion: RigidMotion) -> RigidMotion {
-    RigidMotion { centre: motion.centre.map(finer), translation: motion.translation.map(|u| 2.0 * u), ..motion }
-}
-
-fn coarser(x: f64) -> f64 {
+pub(super) fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
 }
 

@@ -468,6 +468,25 @@ fn a_prediction_that_is_off_at_a_few_nodes_is_not_looked_for_anew() {
 }
 
 #[test]
+fn a_zone_that_has_turned_and_stretched_beyond_its_prediction_is_moved_as_a_whole_and_measured_from_there() {
+    // Corners move by up to 17 px, which nodes of 16 px elements cannot find from rest; a zone as a whole can.
+    const SIDE: usize = 512;
+    let motion = Affine { gradient: [[0.03, -0.02], [0.03, -0.01]], centre: [240.0, 270.0] };
+    let (reference, deformed) = (picture(&REST, &eight_bit(SIDE, SIDE)), picture(&motion, &eight_bit(SIDE, SIDE)));
+    let correlator = prepared(&reference, &inside(SIDE, SIDE, 32), Options::default());
+    let rest = cold(&correlator, &reference);
+    let found = correlator.correlate(deformed.clone(), Some(&beside(&rest, [0.0; 2]))).unwrap();
+    assert_eq!((found.measurement.status, found.start), (Status::Converged, StartUsed::Predicted));
+    assert_eq!(found.coarse_iterations, 0);
+    assert!(found.iterations <= 6, "{} iterations", found.iterations);
+    // The same as from nothing, to what each has settled to.
+    let cold = cold(&correlator, &deformed);
+    assert!(cold.coarse_iterations > 0);
+    let apart = largest_difference(&found.measurement.displacement, &cold.measurement.displacement);
+    assert!(apart < 5e-4, "{apart} px apart");
+}
+
+#[test]
 fn small_elements_in_noise_end_within_20_iterations_and_scatter_as_they_state() {
     // Noise of three grey levels in elements of 5 px: some nodes see little else, and wander for up to a hundred iterations if they are waited for.
     const SIDE: usize = 224;

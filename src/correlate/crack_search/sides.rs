@@ -1,7 +1,7 @@
 //! The two sides of a line: how each of them moves, and up to where the pixels between follow the one or the other.
 
+use super::super::filled::affine;
 use super::super::marks::bilinear;
-use super::super::screen::affine;
 use super::lines::distance;
 use crate::field::{ElementMark, Measurement};
 use crate::imaging::Image;
