@@ -5,7 +5,7 @@ use super::correlator::{Correlator, better};
 use super::error::CorrelationError;
 use super::features::Features;
 use super::level::Level;
-use super::search::{Motion, motions};
+use super::search::{Motion, first_motion, motions};
 use super::wide_search::wide_motions;
 use crate::backend::{Backend, GreyTransfer, PixelSums};
 use crate::field::Status;
@@ -59,9 +59,21 @@ impl<B: Backend> Correlator<B> {
         let top = self.levels.len() - 1;
         let mesh = &self.levels[top].mesh;
         let deformed = self.backend.grey_map(frame, top);
-        let near = |zone| motions(&self.search_map, &deformed, mesh.bounds(zone), &self.search_pixels[zone]);
-        let mut tried = vec![Tried::default(); mesh.zones().len()];
-        self.try_motions(frame, &mut tried, (0..mesh.zones().len()).map(near).collect())?;
+        let zones = 0..mesh.zones().len();
+        let mut tried = vec![Tried::default(); zones.len()];
+        let of_few = |zone: usize| {
+            let motion = first_motion(&self.search_map, &deformed, mesh.bounds(zone), &self.search_pixels[zone]);
+            motion.into_iter().collect::<Vec<_>>()
+        };
+        let first: Vec<Vec<Motion>> = zones.clone().map(of_few).collect();
+        let has_first: Vec<bool> = first.iter().map(|motions| !motions.is_empty()).collect();
+        self.try_motions(frame, &mut tried, first)?;
+        let of_all = |zone: usize| match has_first[zone] && tried[zone].score > FOUND {
+            true => Vec::new(),
+            false => motions(&self.search_map, &deformed, mesh.bounds(zone), &self.search_pixels[zone]),
+        };
+        let candidates = zones.map(of_all).collect();
+        self.try_motions(frame, &mut tried, candidates)?;
         let lost = |tried: &Tried| tried.score < LOST;
         let widely = tried.iter().any(lost);
         if widely {

@@ -14,6 +14,11 @@ const TILE: usize = 32;
 const REACH: usize = 32;
 /// Side of the window that holds the tile at every displacement: no wrap-around reaches the valid part.
 const WINDOW: usize = TILE + 2 * REACH;
+/// Of every so many tiles along each axis one is looked for first,
+const FIRST_OF: usize = 2;
+/// if that leaves so many, and what this share of them agrees on is the motion of a zone: the others say no more.
+const FIRST_TILES: usize = 12;
+const FIRST_AGREE: f64 = 0.75;
 /// A tile agrees with a motion that puts it this close to where it was found, px of the coarse level.
 const AGREEMENT_PX: f64 = 1.5;
 
@@ -28,6 +33,12 @@ pub(super) struct Affine {
 impl Affine {
     fn translation(shift: [f64; 2]) -> Self {
         Self { centre: [0.0; 2], shift, gradient: [[0.0; 2]; 2] }
+    }
+
+    /// Whether it puts a tile where it was found.
+    fn agrees(&self, tile: &Match) -> bool {
+        let ([ux, uy], [dx, dy]) = (self.displacement(tile.centre), tile.displacement);
+        (ux - dx).hypot(uy - dy) < AGREEMENT_PX
     }
 
     /// The displacement of the point `x`, px of the level.
@@ -99,9 +110,21 @@ pub(super) struct Match {
     pub score: f64,
 }
 
+/// The motion of one zone by a quarter of its tiles, if they are enough and most of them agree on it.
+pub(super) fn first_motion(reference: &GreyMap, deformed: &GreyMap, bounds: Roi, pixels: &PixelSet) -> Option<Motion> {
+    let tiles = tiles(reference, bounds, pixels, FIRST_OF);
+    if tiles.len() < FIRST_TILES {
+        return None;
+    }
+    let matches = match_tiles(reference, deformed, tiles);
+    let agreed = agreed_motion(&matches)?;
+    let n_agree = matches.iter().filter(|tile| agreed.agrees(tile)).count();
+    (n_agree as f64 >= FIRST_AGREE * matches.len() as f64).then(|| Motion::of(agreed))
+}
+
 /// The motions worth trying for one zone, the most probable first; the last is rest.
 pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, bounds: Roi, pixels: &PixelSet) -> Vec<Motion> {
-    let matches = match_tiles(reference, deformed, bounds, pixels);
+    let matches = match_tiles(reference, deformed, tiles(reference, bounds, pixels, 1));
     let agreed = agreed_motion(&matches);
     let mut motions: Vec<Motion> = agreed.map(Motion::of).into_iter().collect();
     // A specimen that bends or breaks moves differently in different places.
@@ -114,7 +137,11 @@ pub(super) fn motions(reference: &GreyMap, deformed: &GreyMap, bounds: Roi, pixe
     motions
 }
 
-fn match_tiles(reference: &GreyMap, deformed: &GreyMap, zone: Roi, pixels: &PixelSet) -> Vec<Match> {
+/// First column and row, and number of both.
+type Tile = ([usize; 2], [usize; 2]);
+
+/// The tiles of a zone, of every `step` of them along each axis one.
+fn tiles(reference: &GreyMap, zone: Roi, pixels: &PixelSet, step: usize) -> Vec<Tile> {
     let first = |x: f64| x.ceil().max(0.0) as usize;
     let (x0, y0) = (first(zone.x0), first(zone.y0));
     let end = |x: f64, n: usize| (x.ceil().max(0.0) as usize).min(n);
@@ -124,15 +151,21 @@ fn match_tiles(reference: &GreyMap, deformed: &GreyMap, zone: Roi, pixels: &Pixe
         let count = (length / TILE).max(1);
         let size = length.min(TILE);
         // Spread over the zone, the remainder shared out as gaps.
-        (0..count).map(|k| (a + (length - size * count) * (2 * k + 1) / (2 * count) + k * size, size)).collect()
+        (0..count)
+            .step_by(step)
+            .map(|k| (a + (length - size * count) * (2 * k + 1) / (2 * count) + k * size, size))
+            .collect()
     };
-    let tiles: Vec<_> = starts(y0, y1)
+    starts(y0, y1)
         .into_iter()
         .flat_map(|(y, ny)| starts(x0, x1).into_iter().map(move |(x, nx)| ([x, y], [nx, ny])))
         .filter(|(_, size)| size[0] >= 8 && size[1] >= 8)
         // What a tile holds of other things moves otherwise.
         .filter(|([x, y], [nx, ny])| 2 * pixels.count([*x, *y, x + nx, y + ny]) >= nx * ny)
-        .collect();
+        .collect()
+}
+
+fn match_tiles(reference: &GreyMap, deformed: &GreyMap, tiles: Vec<Tile>) -> Vec<Match> {
     let mut planner = FftPlanner::new();
     let (forward, inverse) = (planner.plan_fft_forward(WINDOW), planner.plan_fft_inverse(WINDOW));
     tiles
@@ -249,15 +282,8 @@ fn agreed_motion(matches: &[Match]) -> Option<Affine> {
         state ^= state << 17;
         (state >> 33) as usize % n
     };
-    let agreeing = |motion: &Affine| -> Vec<usize> {
-        (0..matches.len())
-            .filter(|&k| {
-                let [ux, uy] = motion.displacement(matches[k].centre);
-                let [dx, dy] = matches[k].displacement;
-                (ux - dx).hypot(uy - dy) < AGREEMENT_PX
-            })
-            .collect()
-    };
+    let agreeing =
+        |motion: &Affine| -> Vec<usize> { (0..matches.len()).filter(|&k| motion.agrees(&matches[k])).collect() };
     let mut consider = |motion: Affine| {
         // A scale far from one, or a mirror image, is no motion of a specimen.
         let strain_too_large = motion.gradient.iter().flatten().any(|g| g.abs() > 0.5);
@@ -326,4 +352,41 @@ pub(super) fn fit(matches: &[Match]) -> Option<Affine> {
     }
     let gradient = mixed.map(|[a, b]| [(a * yy - b * xy) / determinant, (b * xx - a * xy) / determinant]);
     Some(Affine { centre, shift, gradient })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{PixelMesh, Zone};
+
+    /// A random pattern whose columns have moved by `u`.
+    fn moved(u: impl Fn(usize) -> [i64; 2]) -> GreyMap {
+        const SIDE: usize = 320;
+        let grey = |x: i64, y: i64| {
+            let hash = ((x.div_euclid(2) * 7919 + y.div_euclid(2) + 1) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            ((hash ^ (hash >> 31)) >> 40 & 0xFF) as f32 - 127.0
+        };
+        let pixels = (0..SIDE * SIDE).map(|at| {
+            let [dx, dy] = u(at % SIDE);
+            grey((at % SIDE) as i64 - dx, (at / SIDE) as i64 - dy)
+        });
+        GreyMap { width: SIDE, height: SIDE, values: pixels.collect() }
+    }
+
+    #[test]
+    fn a_quarter_of_the_tiles_tells_a_motion_that_most_agree_on_and_no_other() {
+        let zone = |x0: f64, x1: f64| Roi { x0, y0: x0, x1, y1: x1 };
+        let found = |deformed: &GreyMap, bounds: Roi| {
+            let pixels =
+                PixelMesh::on_zones(&[Zone::rectangle("all", bounds)], 16, 0.5, [320, 320]).unwrap().zone_pixels;
+            let motion = first_motion(&moved(|_| [0, 0]), deformed, bounds, &pixels[0]);
+            motion.map(|motion| motion.displacement([170.0, 150.0]).map(|u| (10.0 * u).round() / 10.0))
+        };
+        let together = moved(|_| [7, -4]);
+        assert_eq!(found(&together, zone(32.0, 288.0)), Some([7.0, -4.0]));
+        // Four tiles are not enough, and of two halves neither is most.
+        assert_eq!(found(&together, zone(64.0, 192.0)), None);
+        let torn = moved(|x| if x < 160 { [7, 0] } else { [-9, 3] });
+        assert_eq!(found(&torn, zone(32.0, 288.0)), None);
+    }
 }
