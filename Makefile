@@ -36,7 +36,7 @@ test: ## Install what tests need where it may, then run every test
 	scripts/test.sh --profile $(or $(PROFILE),dev)
 
 study: ## Uncertainty, identification over many seeds and draws, obstacles, for the tables of the documents (about two hours); in out/study
-	$(CARGO) test --release --locked --test correlation -- uncertainty:: noise_model:: --ignored --nocapture
+	$(CARGO) test --release --locked --test correlation -- uncertainty:: noise_model:: engine:: --ignored --nocapture
 	$(CARGO) test --release --locked --test identification -- identify:: intervals:: several_tests:: --ignored --nocapture
 	$(CARGO) build --release --locked
 	scripts/study.py --output out/study
