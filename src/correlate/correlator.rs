@@ -336,7 +336,7 @@ impl<B: Backend> Correlator<B> {
                 return self.told(frame, found, Some(displacement));
             }
             let moved = Start { displacement: self.moved_by_zone(frame, displacement, transfer)?, ..start.clone() };
-            // What did not match in the frame before would hold up whatever begins with all elements.
+            // It may be near now; and what did not match in the frame before would hold up whatever begins with all elements.
             if (!moved.left_out.is_empty() || is_apart(&moved.displacement, displacement))
                 && let Some(found) = self.at_prediction(frame, &moved, &mut Overlap::default())?
             {
