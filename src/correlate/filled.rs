@@ -16,19 +16,21 @@ pub(super) fn continued(mesh: &Mesh<Px>, displacement: &[[f64; 2]], elements: &[
 /// The displacement with that of nodes where it is not `known` as the field around them would have it: the affine motion of the zone, and
 /// what is beyond it harmonic.
 pub(super) fn filled(mesh: &Mesh<Px>, displacement: &[[f64; 2]], mut known: Vec<bool>) -> Vec<[f64; 2]> {
+    let mut all = displacement.to_vec();
+    for (known, u) in known.iter_mut().zip(&all) {
+        *known &= u.iter().all(|u| u.is_finite());
+    }
+    // Along mesh lines, of the nodes that are not known: few, as a rule.
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.n_nodes()];
     for nodes in mesh.elements() {
         for k in 0..4 {
             let [a, b] = [nodes[k], nodes[(k + 1) % 4]];
-            if a != b {
-                neighbours[a as usize].push(b);
-                neighbours[b as usize].push(a);
+            for (node, other) in [(a, b), (b, a)] {
+                if a != b && !known[node as usize] {
+                    neighbours[node as usize].push(other);
+                }
             }
         }
-    }
-    let mut all = displacement.to_vec();
-    for (known, u) in known.iter_mut().zip(&all) {
-        *known &= u.iter().all(|u| u.is_finite());
     }
     for zone in 0..mesh.zones().len() {
         let nodes = mesh.zone_nodes(zone);

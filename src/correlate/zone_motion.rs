@@ -95,9 +95,15 @@ type Factor<const N: usize> = Option<Cholesky<f64, Const<N>>>;
 
 /// The motions of a zone as a whole, about the centre of its nodes.
 const N_MOTIONS: usize = 6;
-/// Of these a rotation, with the translations the three of a rigid motion.
-const RIGID: [[f64; N_MOTIONS]; 3] =
-    [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0, 1.0, 0.0]];
+
+/// The three of a rigid motion among them: the translations, and the rotation by its gradients.
+fn rigid() -> SMatrix<f64, 3, N_MOTIONS> {
+    let mut rigid = SMatrix::zeros();
+    for (motion, at, share) in [(0, 0, 1.0), (1, 1, 1.0), (2, 3, -1.0), (2, 4, 1.0)] {
+        rigid[(motion, at)] = share;
+    }
+    rigid
+}
 
 /// A unit of each motion, a translation along each axis and the gradients `du_x/dx`, `du_x/dy`, `du_y/dx`, `du_y/dy`, at `d` from the centre.
 fn units([x, y]: [f64; 2]) -> [[f64; 2]; N_MOTIONS] {
@@ -134,10 +140,9 @@ impl ZoneSystem {
         let matrix = |zone: usize| {
             SMatrix::<f64, N_MOTIONS, N_MOTIONS>::from_fn(|i, j| dot(&motions[i], &forces[j], mesh.zone_nodes(zone)))
         };
-        let to_rigid = SMatrix::<f64, 3, N_MOTIONS>::from_fn(|i, j| RIGID[i][j]);
-        let zones = 0..mesh.zones().len();
-        let rigid = zones.clone().map(|zone| (to_rigid * matrix(zone) * to_rigid.transpose()).cholesky()).collect();
-        let affine = zones.map(|zone| matrix(zone).cholesky()).collect();
+        let matrices: Vec<_> = (0..mesh.zones().len()).map(matrix).collect();
+        let rigid = matrices.iter().map(|matrix| (rigid() * matrix * rigid().transpose()).cholesky()).collect();
+        let affine = matrices.into_iter().map(SMatrix::cholesky).collect();
         Self { motions, centres, rigid, affine }
     }
 
@@ -156,8 +161,7 @@ impl ZoneSystem {
     ) -> Option<Vec<[f64; 2]>> {
         let nodes = mesh.zone_nodes(zone);
         let forces = self.forces(rhs, nodes.clone());
-        let to_rigid = SMatrix::<f64, 3, N_MOTIONS>::from_fn(|i, j| RIGID[i][j]);
-        let step = self.rigid[zone].as_ref()?.solve(&(to_rigid * forces));
+        let step = self.rigid[zone].as_ref()?.solve(&(rigid() * forces));
         let places = || nodes.clone().map(|node| (mesh.nodes()[node], displacement[node]));
         let RigidMotion { centre, translation, rotation_rad } = RigidMotion::fit(places())?;
         // The gradients of the reference are turned with the zone.
