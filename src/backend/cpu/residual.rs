@@ -15,7 +15,7 @@ use super::lanes::Lanes;
 use super::pass::{ElementSums, Pass, chunk, total};
 use super::plane::{BORDER, View};
 use super::residual_runs::run_sums;
-use super::sample::{interpolate, next_taps, prefetch, sample_row};
+use super::sample::{interpolate, interpolate_inside, next_taps, prefetch, sample_row};
 use crate::backend::spline::Spline;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -151,35 +151,63 @@ impl<const L: usize> Accumulators<L> {
     }
 }
 
-/// Whether every pixel of the element has the floor of the element's whole offset and lands inside the
-/// image: true for most elements, and worth knowing, since their rows then need no look at all.
-#[inline(always)]
-fn is_uniform<const K: usize, const L: usize>(element: &ElementPixels, corners: &Corners, deformed: View<'_>) -> bool {
-    let rests_in_unit = corners.x.iter().chain(&corners.y).all(|u| (0.0..1.0).contains(u));
-    let [x, y] = [element.x + corners.whole[0], element.y + corners.whole[1]];
-    // Rows of whole chunks are read: the last may reach past the image, not past the plane's own row.
-    let columns = (element.nx as usize).next_multiple_of(L) as i32;
-    rests_in_unit
-        && x >= 0
-        && y >= 0
-        && x + i32::from(element.nx) < deformed.width as i32
-        && y + i32::from(element.ny) < deformed.height as i32
-        && x + columns + (K as i32) <= (deformed.stride - BORDER) as i32
+/// Where the pixels of an element land, if all of them do inside the deformed image.
+#[derive(Clone, Copy, PartialEq)]
+enum Landing {
+    /// With the floor of the element's whole offset: true of most elements, and worth knowing, since their rows need no look at all.
+    Uniform,
+    /// With floors that differ by one at most along a row of lanes.
+    Inside,
+    /// Anywhere.
+    Anywhere,
 }
 
-/// One chunk of columns of a uniform element. The accumulators are plain arrays so that they stay in
+impl Landing {
+    #[inline(always)]
+    fn of<const K: usize, const L: usize>(element: &ElementPixels, corners: &Corners, deformed: View<'_>) -> Self {
+        let [x, y] = [element.x + corners.whole[0], element.y + corners.whole[1]];
+        let [nx, ny] = [i32::from(element.nx), i32::from(element.ny)];
+        // Rows of whole chunks are read: the last may reach past the image, not past the plane's own row.
+        let columns = (element.nx as usize).next_multiple_of(L) as i32;
+        let room = (deformed.stride - BORDER) as i32 - columns - K as i32;
+        if corners.x.iter().chain(&corners.y).all(|u| (0.0..1.0).contains(u)) {
+            let inside =
+                x >= 0 && y >= 0 && x + nx < deformed.width as i32 && y + ny < deformed.height as i32 && x <= room;
+            return if inside { Self::Uniform } else { Self::Anywhere };
+        }
+        let ends = |u: &[f32; 4]| u.iter().fold((f32::MAX, f32::MIN), |(low, high), u| (low.min(*u), high.max(*u)));
+        // More than the round-off of what lies between the corners.
+        const MARGIN: f32 = 0.01;
+        let ((low_x, high_x), (low_y, high_y)) = (ends(&corners.x), ends(&corners.y));
+        // What is no number is not near.
+        let is_near = [low_x, low_y].iter().all(|u| *u > -100.0) && [high_x, high_y].iter().all(|u| *u < 100.0);
+        let runs =
+            |u: &[f32; 4]| (u[1] - u[0]).abs().max((u[2] - u[3]).abs()) * element.dxi * (L as f32) < 2.0 - MARGIN;
+        if !is_near || !runs(&corners.x) || !runs(&corners.y) {
+            return Self::Anywhere;
+        }
+        let floor = |u: f32| u.floor() as i32;
+        let inside = x + floor(low_x - MARGIN) >= 0
+            && y + floor(low_y - MARGIN) >= 0
+            && x + nx + floor(high_x + MARGIN) < deformed.width as i32
+            && y + ny + floor(high_y + MARGIN) < deformed.height as i32
+            && x + floor(high_x + MARGIN) + 2 <= room;
+        if inside { Self::Inside } else { Self::Anywhere }
+    }
+}
+
+/// One chunk of columns of an element all of which lands inside. The accumulators are plain arrays so that they stay in
 /// registers.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "kernels take their operands one by one, so that they stay in registers")]
-fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
+fn inside_chunk<const FMA: bool, const UNIFORM: bool, S: Spline<K>, const K: usize, const L: usize, B: Brings>(
     deformed: View<'_>,
     (element, lanes): (&ElementPixels, &[Lanes<L>]),
     corners: &Corners,
     light: B,
     (gain, offset): (f32, f32),
     column: usize,
-    xi: &[f32; L],
-    mask: &[f32; L],
+    (n, xi, mask): (usize, &[f32; L], &[f32; L]),
     sums: &mut ElementSums,
 ) {
     let before = (K / 2 - 1) as isize;
@@ -193,8 +221,12 @@ fn uniform_chunk<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, 
         // hardware follows. The lowest tap row of each row is the one not seen before.
         prefetch(deformed.data, taps_at + (K - 1) * deformed.stride + 2 * L);
         let eta = mul_add::<FMA>(k as f32, element.deta, element.eta0);
-        let [tx, ty] = row_displacement::<FMA, L>(corners, xi, eta);
-        let mut g = interpolate::<FMA, S, K, L>(deformed, taps_at, &tx, &ty);
+        let [ux, uy] = row_displacement::<FMA, L>(corners, xi, eta);
+        let mut g = if UNIFORM {
+            interpolate::<FMA, S, K, L>(deformed, taps_at, &ux, &uy)
+        } else {
+            interpolate_inside::<FMA, S, K, L>(deformed, taps_at, n, [&ux, &uy])
+        };
         light.row::<FMA, L>(xi, eta, &mut g);
         for i in 0..L {
             let difference = mul_add::<FMA>(-gain, g[i], f[i] - offset);
@@ -226,13 +258,20 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B
     let Pass { deformed, scalar, .. } = *pass;
     let rows = usize::from(element.ny).max(1); // of none there are no lanes
     let mut sums = ElementSums::default();
-    if !scalar && is_uniform::<K, L>(element, corners, deformed) {
+    let landing = if scalar { Landing::Anywhere } else { Landing::of::<K, L>(element, corners, deformed) };
+    if landing != Landing::Anywhere {
         for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows)) {
-            let (_, xi, mask) = chunk::<L>(element, column);
-            let of_chunk = (element, lanes);
-            uniform_chunk::<FMA, S, K, L, B>(
-                deformed, of_chunk, corners, light, transfer, column, &xi, &mask, &mut sums,
-            );
+            let (n, xi, mask) = chunk::<L>(element, column);
+            let (of_chunk, columns) = ((element, lanes), (n, &xi, &mask));
+            if landing == Landing::Uniform {
+                inside_chunk::<FMA, true, S, K, L, B>(
+                    deformed, of_chunk, corners, light, transfer, column, columns, &mut sums,
+                );
+            } else {
+                inside_chunk::<FMA, false, S, K, L, B>(
+                    deformed, of_chunk, corners, light, transfer, column, columns, &mut sums,
+                );
+            }
         }
         sums.n = f32::from(element.nx) * f32::from(element.ny);
         return sums;

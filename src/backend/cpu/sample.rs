@@ -155,8 +155,6 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
 ) -> Row<L> {
     let before = (K / 2 - 1) as isize;
     let Landing { all_inside, shift_x: (sx0, sx1), y: (y0, y1) } = *landing;
-    // A wild field lands everywhere.
-    let combinations = (sx1 - sx0 + 1).saturating_mul(y1 - y0 + 1);
     let mut row = Row { g: [0.0; L], counted: [0.0; L], all_counted: false };
     let [last_x, last_y] = [c.width as i32 - 1, c.height as i32 - 1];
     if y1 < -1
@@ -166,36 +164,18 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     {
         return row; // beyond where pixels fade out
     }
-    // Rows beyond the image have nothing to read, and lanes left of it must begin within the border.
-    let readable = x + sx0 >= before as i32 - BORDER as i32 && y0 >= -1 && y1 < c.height as i32;
-    if !scalar && (all_inside || readable) && combinations <= 6 {
-        let farthest = c.at((x + sx1) as isize - before, y1 as isize - before) + (K - 1) * (c.stride + 1) + L;
-        // A floor just outside the image is allowed by `EDGE`; its taps lie in the border.
-        if farthest <= c.data.len() && (!all_inside || x + sx0 >= -1) && y0 >= -1 {
+    // A wild field lands everywhere.
+    let further = [sx1.saturating_sub(sx0), y1.saturating_sub(y0)];
+    let is_tame = further.iter().all(|further| *further <= MOST_FURTHER);
+    // Rows beyond the image have nothing to read, and lanes left of it must begin within the border. A floor just outside the image
+    // is allowed by `EDGE`; its taps lie in the border.
+    let leftmost = if all_inside { -1 } else { before as i32 - BORDER as i32 };
+    let readable = x.saturating_add(sx0) >= leftmost && y0 >= -1 && (all_inside || y1 < c.height as i32);
+    if !scalar && is_tame && readable {
+        let at = c.at((x + sx0) as isize - before, y0 as isize - before);
+        if at + reach::<K, L>(c.stride, further) <= c.data.len() {
             row.all_counted = all_inside;
-            for sy in y0..=y1 {
-                for sx in sx0..=sx1 {
-                    let at = c.at((x + sx) as isize - before, sy as isize - before);
-                    let (fx, fy) = (sx as f32, (sy - y) as f32);
-                    let (mut tx, mut ty) = ([0.0; L], [0.0; L]);
-                    for i in 0..L {
-                        tx[i] = ux[i] - fx;
-                        ty[i] = uy[i] - fy;
-                    }
-                    let g = interpolate::<FMA, S, K, L>(c, at, &tx, &ty);
-                    if combinations == 1 {
-                        row.g = g;
-                    } else {
-                        for i in 0..L {
-                            // Floors rise, and the last one not above a lane keeps it, so that every lane
-                            // gets a value whatever u - floor rounds to. Without short-circuits: a branch
-                            // per lane would undo the vectors.
-                            let here = ((tx[i] >= 0.0) | (sx == sx0)) & ((ty[i] >= 0.0) | (sy == y0));
-                            row.g[i] = if here { g[i] } else { row.g[i] };
-                        }
-                    }
-                }
-            }
+            row.g = interpolate_floors::<FMA, S, K, L>(c, at, [ux, uy], [sx0 as f32, (y0 - y) as f32], further);
             if !all_inside {
                 row.counted = std::array::from_fn(|i| if i < lanes { 1.0 } else { 0.0 });
                 times_weights(|i| x + i, ux, c.width, &mut row.counted);
@@ -219,6 +199,7 @@ fn sample<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     row
 }
 
+/// Interpolates lanes whose taps begin at `at`, at the fractions `tx` and `ty` beyond their floor.
 #[inline(always)]
 pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
     c: View<'_>,
@@ -226,23 +207,173 @@ pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L
     tx: &[f32; L],
     ty: &[f32; L],
 ) -> [f32; L] {
-    // One comparison for all taps: that of the last row and column is the farthest.
-    let reach = (K - 1) * c.stride + (K - 1) + L;
-    assert!(at < c.data.len() && c.data.len() - at >= reach, "taps beyond the end of a plane");
-    let (wx, wy) = (S::weights::<FMA, L>(tx), S::weights::<FMA, L>(ty));
+    interpolate_across::<FMA, 0, S, K, L>(c, at, (tx, 0.0), (ty, 0.0))
+}
+
+/// Floors beyond the lowest that [`interpolate_across`] tells apart at most: as many as a strain of an eighth brings into 16 lanes.
+const FURTHER: usize = 2;
+/// Floors beyond the lowest up to which a row is interpolated in lanes.
+const MOST_FURTHER: i32 = 5;
+/// So many pairs of floors are interpolated one by one before it is quicker to tell them apart.
+const FEW_PAIRS: i32 = 6;
+
+/// Floors along each axis that one round of [`interpolate_floors`] has, of as many `further` than the lowest.
+#[inline(always)]
+fn of_round([x, y]: [i32; 2]) -> usize {
+    let most = x.max(y) as usize;
+    let is_few = (x + 1) * (y + 1) <= FEW_PAIRS;
+    if most <= FURTHER {
+        most + 1
+    } else if is_few {
+        1
+    } else {
+        FURTHER + 1
+    }
+}
+
+/// Values from the first tap of a row's lanes on that are read where there are so many floors `further` than the lowest.
+#[inline(always)]
+fn reach<const K: usize, const L: usize>(stride: usize, further: [i32; 2]) -> usize {
+    let round = of_round(further);
+    let [x, y] = further.map(|further| further as usize / round * round + round - 1);
+    (K - 1 + y) * stride + (K - 1 + x) + L
+}
+
+/// Interpolates lanes with displacements whose floors are the lowest, whose taps begin at `at`, or one of those `further` on, [`FURTHER`] at most.
+#[inline(always)]
+fn interpolate_round<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    at: usize,
+    x: (&[f32; L], f32),
+    y: (&[f32; L], f32),
+    further: i32,
+) -> [f32; L] {
+    match further {
+        0 => interpolate_across::<FMA, 0, S, K, L>(c, at, x, y),
+        1 => interpolate_across::<FMA, 1, S, K, L>(c, at, x, y),
+        _ => interpolate_across::<FMA, FURTHER, S, K, L>(c, at, x, y),
+    }
+}
+
+/// Interpolates lanes with displacements `[ux, uy]` whose floors are the `low` ones, with taps from `at` on, or up to so many `further` along x and y.
+#[inline(always)]
+fn interpolate_floors<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    at: usize,
+    [ux, uy]: [&[f32; L]; 2],
+    [low_x, low_y]: [f32; 2],
+    further: [i32; 2],
+) -> [f32; L] {
+    let most = further[0].max(further[1]);
+    if most <= FURTHER as i32 {
+        return interpolate_round::<FMA, S, K, L>(c, at, (ux, low_x), (uy, low_y), most);
+    }
+    let round = of_round(further);
     let mut g = [0.0; L];
-    for j in 0..K {
+    for up in (0..=further[1] as usize).step_by(round) {
+        for right in (0..=further[0] as usize).step_by(round) {
+            let (low_x, low_y) = (low_x + right as f32, low_y + up as f32);
+            let at = at + up * c.stride + right;
+            let of_round = interpolate_round::<FMA, S, K, L>(c, at, (ux, low_x), (uy, low_y), round as i32 - 1);
+            for i in 0..L {
+                // The last round that does not begin above a lane has its floor, or the first, whatever u - floor rounds to. Without
+                // short-circuits: a branch per lane would undo the vectors.
+                let here = ((ux[i] >= low_x) | (right == 0)) & ((uy[i] >= low_y) | (up == 0));
+                g[i] = if here { of_round[i] } else { g[i] };
+            }
+        }
+    }
+    g
+}
+
+/// Interpolates the first `lanes` of a row, which all land inside the plane, with displacements that are affine along it and run by less than
+/// [`FURTHER`]; for a displacement within 0..1 the taps begin at `at`.
+#[inline(always)]
+pub(super) fn interpolate_inside<const FMA: bool, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    at: usize,
+    lanes: usize,
+    [ux, uy]: [&[f32; L]; 2],
+) -> [f32; L] {
+    let ends = |u: &[f32; L]| {
+        let (first, last) = (u[0].floor(), u[lanes - 1].floor());
+        (first.min(last), (first - last).abs())
+    };
+    let ((low_x, x), (low_y, y)) = (ends(ux), ends(uy));
+    let at = at.wrapping_add_signed(low_y as isize * c.stride as isize + low_x as isize);
+    interpolate_round::<FMA, S, K, L>(c, at, (ux, low_x), (uy, low_y), x.max(y) as i32)
+}
+
+/// `a` where all bits of the mask are set, `b` where none is: what a comparison of lanes leaves, and no branch.
+#[inline(always)]
+fn blend(mask: u32, a: f32, b: f32) -> f32 {
+    f32::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
+}
+
+/// The fractions of displacements beyond their floors, each of which is `low` or one of the `N` after it, and for each of these a mask: the lanes whose floor is
+/// that or a later one.
+#[inline(always)]
+fn fractions<const N: usize, const L: usize>(u: &[f32; L], low: f32) -> ([f32; L], [[u32; L]; N]) {
+    let (mut t, mut beyond) = ([0.0; L], [[0; L]; N]);
+    for i in 0..L {
+        t[i] = u[i] - low;
+    }
+    for (n, beyond) in beyond.iter_mut().enumerate() {
+        for i in 0..L {
+            let here = u[i] - (low + (n + 1) as f32);
+            beyond[i] = if here >= 0.0 { u32::MAX } else { 0 };
+            t[i] = blend(beyond[i], here, t[i]);
+        }
+    }
+    (t, beyond)
+}
+
+/// Interpolates lanes with displacements whose floors need not be the same: the lowest, whose taps begin at `at`, or one of the `N` after it. The taps
+/// of a lane are picked out of the columns and rows that any of them has: the same sums as if it were alone, in the same order.
+#[inline(always)]
+fn interpolate_across<const FMA: bool, const N: usize, S: Spline<K>, const K: usize, const L: usize>(
+    c: View<'_>,
+    at: usize,
+    (ux, low_x): (&[f32; L], f32),
+    (uy, low_y): (&[f32; L], f32),
+) -> [f32; L] {
+    // One comparison for all taps: that of the last row and column is the farthest.
+    let reach = (K - 1 + N) * (c.stride + 1) + L;
+    assert!(at < c.data.len() && c.data.len() - at >= reach, "taps beyond the end of a plane");
+    let ((tx, beyond_x), (ty, beyond_y)) = (fractions::<N, L>(ux, low_x), fractions::<N, L>(uy, low_y));
+    let (wx, wy) = (S::weights::<FMA, L>(&tx), S::weights::<FMA, L>(&ty));
+    // Sums along the `N` rows before.
+    let (mut g, mut before) = ([0.0; L], [[0.0; L]; N]);
+    for j in 0..K + N {
         let mut along = [0.0; L];
         for k in 0..K {
-            // SAFETY: `j` and `k` are below `K`, so that this lies within `reach` of `at`.
-            let taps = unsafe { load_unchecked::<f32, L>(c.data, at + j * c.stride + k) };
+            // SAFETY: `j` and `k + n` are below `K + N`, so that this lies within `reach` of `at`.
+            let column = |n: usize| unsafe { load_unchecked::<f32, L>(c.data, at + j * c.stride + k + n) };
+            let mut taps = *column(0);
+            for (n, beyond) in beyond_x.iter().enumerate() {
+                let next = column(n + 1);
+                for i in 0..L {
+                    taps[i] = blend(beyond[i], next[i], taps[i]);
+                }
+            }
             for i in 0..L {
                 along[i] = mul_add::<FMA>(wx[k][i], taps[i], along[i]);
             }
         }
-        for i in 0..L {
-            g[i] = mul_add::<FMA>(wy[j][i], along[i], g[i]);
+        if j >= N {
+            let mut rows = *before.first().unwrap_or(&along);
+            for (n, beyond) in beyond_y.iter().enumerate() {
+                let next = before.get(n + 1).unwrap_or(&along);
+                for i in 0..L {
+                    rows[i] = blend(beyond[i], next[i], rows[i]);
+                }
+            }
+            for i in 0..L {
+                g[i] = mul_add::<FMA>(wy[j - N][i], rows[i], g[i]);
+            }
         }
+        before.rotate_left(1.min(N));
+        before.last_mut().iter_mut().for_each(|last| **last = along);
     }
     g
 }
@@ -275,4 +406,62 @@ fn interpolate_one<const FMA: bool, S: Spline<K>, const K: usize>(
         g = mul_add::<FMA>(wy[0], along, g);
     }
     g
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::cpu::memory::Pool;
+    use crate::backend::cpu::plane::Plane;
+    use crate::backend::spline::{Bilinear, Cubic, Quintic};
+
+    const SIZE: usize = 48;
+    const LANES: usize = 16;
+
+    fn plane() -> Plane {
+        let mut plane = Plane::new(&Pool::default(), SIZE, SIZE).unwrap();
+        let noise = |k: usize| ((k as u32).wrapping_mul(2_654_435_769) >> 8) as f32 / 65536.0 - 128.0;
+        plane.data_mut().iter_mut().enumerate().for_each(|(k, value)| *value = noise(k));
+        plane.continue_border();
+        plane
+    }
+
+    /// Whether lanes side by side find what each of them finds alone, bit for bit; and how many of them count.
+    fn is_as_one_by_one<S: Spline<K>, const K: usize>(
+        plane: &Plane,
+        at: [i32; 2],
+        lanes: usize,
+        u: [[f32; LANES]; 2],
+    ) -> usize {
+        let [together, alone] = [false, true]
+            .map(|scalar| sample_lanes::<false, S, K, LANES>(plane.view(), scalar, at, lanes, &u[0], &u[1]));
+        for i in 0..lanes {
+            let counted = if together.all_counted { 1.0 } else { together.counted[i] };
+            assert_eq!((together.g[i], counted), (alone.g[i], alone.counted[i]), "lane {i} at {at:?}: {u:?}");
+        }
+        alone.counted[..lanes].iter().filter(|counted| **counted > 0.0).count()
+    }
+
+    #[test]
+    fn lanes_that_land_beyond_different_pixels_find_what_each_of_them_finds_alone() {
+        let plane = plane();
+        let slopes = [0.0, 0.02, -0.06, 0.12, 0.2, -0.3, 0.45];
+        let (mut n, mut n_counted) = (0, 0);
+        for (k, [slope_x, slope_y]) in slopes.iter().flat_map(|x| slopes.map(|y| [*x, y])).enumerate() {
+            for (x, y) in [-3, 0, 14, 33, 40].into_iter().flat_map(|x| [-1, 0, 20, 45, 47].map(|y| (x, y))) {
+                let lanes = [LANES, 7][k % 2];
+                let along = |first: f32, slope: f32| std::array::from_fn(|i| first + slope * i as f32);
+                // Affine along the row, and as they like.
+                let affine = [along(0.37, slope_x), along(-0.71, slope_y)];
+                let wild = affine.map(|u| std::array::from_fn(|i| u[i] + [0.0, 0.9, -0.4, 1.3][i % 4] * slope_x));
+                for u in [affine, wild] {
+                    n += 3 * lanes;
+                    n_counted += is_as_one_by_one::<Cubic, 4>(&plane, [x, y], lanes, u)
+                        + is_as_one_by_one::<Quintic, 6>(&plane, [x, y], lanes, u)
+                        + is_as_one_by_one::<Bilinear, 2>(&plane, [x, y], lanes, u);
+                }
+            }
+        }
+        assert!(n_counted > n / 2 && n_counted < n, "{n_counted} of {n}");
+    }
 }
