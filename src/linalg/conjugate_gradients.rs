@@ -1,4 +1,4 @@
-//! Conjugate gradients with the inverse nodal blocks as preconditioner.
+//! Conjugate gradients with the inverse nodal blocks as preconditioner: on the matrix scaled by the blocks on its diagonal, which is the same.
 //!
 //! Products and updates run in vector lanes along the entries of a block and the components of a node, without fused
 //! multiply-adds: every instruction path gives the same bits.
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::ops::{Add, Mul, Sub};
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
-const PIECE: usize = 2048;
+pub(super) const PIECE: usize = 2048;
 /// Rows of a product whose sums are kept beside each other, and whose parts of a sum over all rows are added up in the precision of the
 /// vectors.
 const ROWS: usize = 64;
@@ -51,46 +51,23 @@ impl BlockJacobi {
         reduction: f64,
         max_iterations: usize,
     ) -> (Vec<[f64; 2]>, CgOutcome) {
-        let system = System { pattern: matrix.pattern(), blocks: matrix.blocks(), inverse: &self.inverse };
-        system.solve(rhs, reduction, max_iterations)
-    }
-}
-
-/// A matrix with the inverses of its diagonal blocks in single precision: half as many bytes to read in every iteration, which is what it
-/// takes its time for. Enough for solutions to 0.1 %.
-#[derive(Debug, Clone)]
-pub(super) struct Single {
-    blocks: Vec<[f32; 4]>,
-    inverse: Vec<[f32; 3]>,
-}
-
-impl Single {
-    pub fn new(matrix: &BlockMatrix, jacobi: &BlockJacobi) -> Self {
-        let blocks = matrix.blocks().iter().map(single).collect();
-        Self { blocks, inverse: jacobi.inverse.iter().map(single).collect() }
-    }
-
-    /// Follows the matrix, in which the rows of `nodes` have changed.
-    pub fn follow(&mut self, matrix: &BlockMatrix, jacobi: &BlockJacobi, nodes: &[u32]) {
-        for node in nodes.iter().map(|&node| node as usize) {
-            self.inverse[node] = single(&jacobi.inverse[node]);
-            let row = matrix.pattern().row(node);
-            self.blocks[row.clone()].iter_mut().zip(&matrix.blocks()[row]).for_each(|(to, from)| *to = single(from));
+        let roots: Vec<Root<f64>> = self.inverse.iter().map(Root::of).collect();
+        let pattern = matrix.pattern();
+        let mut blocks = matrix.blocks().to_vec();
+        for (node, root) in roots.iter().enumerate() {
+            for at in pattern.row(node) {
+                blocks[at] = root.scaled(&blocks[at], &roots[pattern.columns()[at] as usize]);
+            }
         }
+        let scaled = roots.iter().zip(rhs).map(|(root, &b)| root.forward(b));
+        let (mut x, outcome) = conjugate_gradients(&Whole { pattern, blocks }, scaled, reduction, max_iterations);
+        x.iter_mut().zip(&roots).for_each(|(x, root)| *x = root.backward(*x));
+        (x, outcome)
     }
-
-    /// As [`BlockJacobi::solve`].
-    pub fn solve(&self, pattern: &Pattern, rhs: &[[f32; 2]], reduction: f64, max_iterations: usize) -> Vec<[f32; 2]> {
-        System { pattern, blocks: &self.blocks, inverse: &self.inverse }.solve(rhs, reduction, max_iterations).0
-    }
-}
-
-fn single<const N: usize>(of: &[f64; N]) -> [f32; N] {
-    of.map(|v| v as f32)
 }
 
 /// A number that conjugate gradients are computed in.
-trait Real:
+pub(super) trait Real:
     Copy + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Into<f64>
 {
     fn rounded(v: f64) -> Self;
@@ -110,128 +87,195 @@ impl Real for f32 {
     }
 }
 
-/// A matrix with the inverses of the blocks on its diagonal.
-#[derive(Clone, Copy)]
-struct System<'a, T> {
-    pattern: &'a Pattern,
-    blocks: &'a [[T; 4]],
-    inverse: &'a [[T; 3]],
+/// The inverse of the triangle `L` of a block on the diagonal, `L L^T`: `[[xx, 0], [yx, yy]]`. Zero of one that is not positive definite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Root<T> {
+    xx: T,
+    yx: T,
+    yy: T,
 }
 
-impl<T: Real> System<'_, T> {
-    /// See [`BlockJacobi::solve`].
-    ///
-    /// The image of a direction follows from that of the preconditioned residual, as the direction itself does (Chronopoulos and Gear,
-    /// 1989): threads wait for each other twice in an iteration, not three times.
-    fn solve(self, rhs: &[[T; 2]], reduction: f64, max_iterations: usize) -> (Vec<[T; 2]>, CgOutcome) {
-        let (n, isa) = (rhs.len(), Isa::detect());
-        // Pieces that one thread takes at least.
-        let pieces = if n <= ALONE_UP_TO { n.div_ceil(PIECE).max(1) } else { 1 };
-        let zero = || vec![[T::default(); 2]; n];
-        // The directions p, their images q, and the images w of z.
-        let (mut x, mut p, mut q, mut w) = (zero(), zero(), zero(), zero());
-        let mut r = rhs.to_vec();
-        let mut z: Vec<[T; 2]> = self.inverse.iter().zip(&r).map(|(inverse, &r)| times(inverse, r)).collect();
-        let wide = |[x, y]: [T; 2]| -> [f64; 2] { [x.into(), y.into()] };
-        let dot = |(&r, &z): (&[T; 2], &[T; 2])| {
-            let (r, z) = (wide(r), wide(z));
-            r[0] * z[0] + r[1] * z[1]
-        };
-        let dots = r.chunks(PIECE).zip(z.chunks(PIECE));
-        let mut rz = in_order(dots.map(|(r, z)| r.iter().zip(z).map(dot).sum()));
-        let rz_start = rz;
-        let (mut alpha, mut beta, mut iterations) = (1.0, 0.0, 0);
-        while iterations < max_iterations && rz > reduction * reduction * rz_start && rz > 0.0 {
-            let zw: Vec<f64> = w
-                .par_chunks_mut(PIECE)
-                .enumerate()
-                .with_min_len(pieces)
-                .map(|(piece, w)| product(isa, self, &z, piece * PIECE, w))
-                .collect();
-            // p . q of the new direction.
-            let pq = in_order(zw) - beta * rz / alpha;
-            if pq <= 0.0 {
-                break; // not positive definite along p: what is reached so far stands
-            }
-            alpha = rz / pq;
-            let new_rz: Vec<f64> = x
-                .par_chunks_mut(PIECE)
-                .zip(r.par_chunks_mut(PIECE))
-                .zip(z.par_chunks_mut(PIECE))
-                .zip(p.par_chunks_mut(PIECE).zip(q.par_chunks_mut(PIECE)))
-                .zip(w.par_chunks(PIECE).zip(self.inverse.par_chunks(PIECE)))
-                .with_min_len(pieces)
-                .map(|((((x, r), z), (p, q)), (w, inverse))| update(isa, inverse, [alpha, beta], w, [p, q, x, r, z]))
-                .collect();
-            let new_rz = in_order(new_rz);
-            (beta, rz) = (new_rz / rz, new_rz);
-            iterations += 1;
+impl Root<f64> {
+    /// Of the inverse of a block, `L^-T L^-1`.
+    pub fn of(&[xx, xy, yy]: &[f64; 3]) -> Self {
+        let determinant = xx * yy - xy * xy;
+        if !(determinant > 0.0 && yy > 0.0) {
+            return Self { xx: 0.0, yx: 0.0, yy: 0.0 };
         }
-        let relative_residual = if rz_start > 0.0 { (rz / rz_start).max(0.0).sqrt() } else { 0.0 };
-        (x, CgOutcome { iterations, relative_residual })
+        let root = yy.sqrt();
+        Self { xx: (determinant / yy).sqrt(), yx: xy / root, yy: root }
+    }
+
+    /// `L^-1` of this node times its block `[xx, xy, yx, yy]` with another times `L^-T` of that.
+    pub fn scaled(&self, [xx, xy, yx, yy]: &[f64; 4], other: &Self) -> [f64; 4] {
+        let (left, right) = (self.forward([*xx, *yx]), self.forward([*xy, *yy]));
+        let [upper, lower] = [0, 1].map(|row| other.forward([left[row], right[row]]));
+        [upper[0], upper[1], lower[0], lower[1]]
+    }
+
+    pub fn single(&self) -> Root<f32> {
+        Root { xx: self.xx as f32, yx: self.yx as f32, yy: self.yy as f32 }
+    }
+}
+
+impl<T: Real> Root<T> {
+    /// `L^-1 b`.
+    pub fn forward(&self, [x, y]: [T; 2]) -> [T; 2] {
+        [self.xx * x, self.yx * x + self.yy * y]
+    }
+
+    /// `L^-T x`.
+    pub fn backward(&self, [x, y]: [T; 2]) -> [T; 2] {
+        [self.xx * x + self.yx * y, self.yy * y]
+    }
+}
+
+/// A symmetric matrix `A` that is scaled by the blocks on its diagonal, `A_ii = L_i L_i^T`: `L^-1 A L^-T`.
+pub(super) trait Scaled<T>: Sync {
+    fn n_nodes(&self) -> usize;
+
+    /// How far before the first node and behind the last [`Scaled::image`] may read.
+    fn margin(&self) -> usize;
+
+    /// The image `w` of `r` at the nodes from `first` on, which begin a piece, and `r . w` there; `r` begins at its margin.
+    fn image(&self, isa: Isa, r: &[[T; 2]], first: usize, w: &mut [[T; 2]]) -> f64;
+}
+
+/// Solves from zero until the residual, `rhs` at first, has fallen by `reduction` or `max_iterations` are done.
+///
+/// The image of a direction follows from that of the residual, as the direction itself does (Chronopoulos and Gear,
+/// 1989): threads wait for each other twice in an iteration, not three times.
+pub(super) fn conjugate_gradients<T: Real>(
+    matrix: &impl Scaled<T>,
+    rhs: impl Iterator<Item = [T; 2]>,
+    reduction: f64,
+    max_iterations: usize,
+) -> (Vec<[T; 2]>, CgOutcome) {
+    let (n, margin, isa) = (matrix.n_nodes(), matrix.margin(), Isa::detect());
+    // Pieces that one thread takes at least.
+    let pieces = if n <= ALONE_UP_TO { n.div_ceil(PIECE).max(1) } else { 1 };
+    let zero = |n: usize| vec![[T::default(); 2]; n];
+    // The directions p, their images q, and the images w of r.
+    let (mut x, mut p, mut q, mut w) = (zero(n), zero(n), zero(n), zero(n));
+    let mut r = zero(n + 2 * margin);
+    r[margin..].iter_mut().zip(rhs).for_each(|(r, b)| *r = b);
+    let square = |r: &[T; 2]| -> f64 { r.iter().map(|&r| r.into() * r.into()).sum() };
+    let mut rr = in_order(r[margin..][..n].chunks(PIECE).map(|r| r.iter().map(square).sum()));
+    let rr_start = rr;
+    let (mut alpha, mut beta, mut iterations) = (1.0, 0.0, 0);
+    while iterations < max_iterations && rr > reduction * reduction * rr_start && rr > 0.0 {
+        let rw: Vec<f64> = w
+            .par_chunks_mut(PIECE)
+            .enumerate()
+            .with_min_len(pieces)
+            .map(|(piece, w)| matrix.image(isa, &r, piece * PIECE, w))
+            .collect();
+        // p . q of the new direction.
+        let pq = in_order(rw) - beta * rr / alpha;
+        if pq <= 0.0 {
+            break; // not positive definite along p: what is reached so far stands
+        }
+        alpha = rr / pq;
+        let new_rr: Vec<f64> = x
+            .par_chunks_mut(PIECE)
+            .zip(r[margin..][..n].par_chunks_mut(PIECE))
+            .zip(p.par_chunks_mut(PIECE).zip(q.par_chunks_mut(PIECE)))
+            .zip(w.par_chunks(PIECE))
+            .with_min_len(pieces)
+            .map(|(((x, r), (p, q)), w)| update(isa, [alpha, beta], w, [p, q, x, r]))
+            .collect();
+        let new_rr = in_order(new_rr);
+        (beta, rr) = (new_rr / rr, new_rr);
+        iterations += 1;
+    }
+    let relative_residual = if rr_start > 0.0 { (rr / rr_start).max(0.0).sqrt() } else { 0.0 };
+    (x, CgOutcome { iterations, relative_residual })
+}
+
+/// All digits of it.
+struct Whole<'a> {
+    pattern: &'a Pattern,
+    blocks: Vec<[f64; 4]>,
+}
+
+impl Scaled<f64> for Whole<'_> {
+    fn n_nodes(&self) -> usize {
+        self.pattern.n_nodes()
+    }
+
+    fn margin(&self) -> usize {
+        0
+    }
+
+    fn image(&self, isa: Isa, r: &[[f64; 2]], first: usize, w: &mut [[f64; 2]]) -> f64 {
+        product(isa, self, r, first, w)
     }
 }
 
 multiversioned! {
-    fn product[T: Real][T](system: System<'_, T>, z: &[[T; 2]], first: usize, w: &mut [[T; 2]]) -> f64 => product_body
+    fn product[][](matrix: &Whole<'_>, r: &[[f64; 2]], first: usize, w: &mut [[f64; 2]]) -> f64 => product_body
 }
 multiversioned! {
-    fn update[T: Real][T](inverse: &[[T; 3]], alpha_and_beta: [f64; 2], w: &[[T; 2]], vectors: [&mut [[T; 2]]; 5]) -> f64 => update_body
+    fn update[T: Real][T](alpha_and_beta: [f64; 2], w: &[[T; 2]], vectors: [&mut [[T; 2]]; 4]) -> f64 => update_body
 }
 
-/// w = matrix times z, at the nodes from `first` on; returns z . w there.
 #[inline(always)]
-fn product_body<const FMA: bool, T: Real>(system: System<'_, T>, z: &[[T; 2]], first: usize, w: &mut [[T; 2]]) -> f64 {
+fn product_body<const FMA: bool>(matrix: &Whole<'_>, r: &[[f64; 2]], first: usize, w: &mut [[f64; 2]]) -> f64 {
     let mut sum = [0.0; 2];
     // Sums of some rows first: added where they are made, the compiler would shuffle the entries of every block for it.
-    let mut sums = [[T::default(); 4]; ROWS];
+    let mut sums = [[0.0; 4]; ROWS];
     for (w, first) in w.chunks_mut(ROWS).zip((first..).step_by(ROWS)) {
         for (sums, node) in sums[..w.len()].iter_mut().zip(first..) {
-            *sums = row_sums(system.pattern, system.blocks, node, z);
+            *sums = row_sums(matrix.pattern, &matrix.blocks, node, r);
         }
-        let mut of_rows = [T::default(); 2];
-        for ((w, &[xx, xy, yx, yy]), z) in w.iter_mut().zip(&sums).zip(&z[first..]) {
+        for ((w, &[xx, xy, yx, yy]), r) in w.iter_mut().zip(&sums).zip(&r[first..]) {
             *w = [xx + xy, yx + yy];
-            (0..2).for_each(|c| of_rows[c] = of_rows[c] + w[c] * z[c]);
+            (0..2).for_each(|c| sum[c] += w[c] * r[c]);
         }
-        (0..2).for_each(|c| sum[c] += of_rows[c].into());
     }
     sum[0] + sum[1]
 }
 
-/// p = z + beta p and q = w + beta q, then x += alpha p, r -= alpha q, z = inverse blocks times r; returns r . z.
+/// p = r + beta p and q = w + beta q, then x += alpha p, r -= alpha q; returns r . r.
 #[inline(always)]
-fn update_body<const FMA: bool, T: Real>(
-    inverse: &[[T; 3]],
-    alpha_and_beta: [f64; 2],
-    w: &[[T; 2]],
-    [p, q, x, r, z]: [&mut [[T; 2]]; 5],
-) -> f64 {
-    let [alpha, beta] = alpha_and_beta.map(T::rounded);
-    let mut sum = [0.0; 2];
-    let rows = inverse.chunks(ROWS).zip(w.chunks(ROWS));
-    let vectors = p.chunks_mut(ROWS).zip(q.chunks_mut(ROWS)).zip(x.chunks_mut(ROWS).zip(r.chunks_mut(ROWS)));
-    for ((inverse, w), (((p, q), (x, r)), z)) in rows.zip(vectors.zip(z.chunks_mut(ROWS))) {
-        let mut of_rows = [T::default(); 2];
-        for ((((inverse, w), (p, q)), (x, r)), z) in
-            inverse.iter().zip(w).zip(p.iter_mut().zip(q)).zip(x.iter_mut().zip(r)).zip(z)
+fn update_body<const FMA: bool, T: Real>(alpha_and_beta: [f64; 2], w: &[[T; 2]], vectors: [&mut [[T; 2]]; 4]) -> f64 {
+    const LANES: usize = 16;
+    let by = alpha_and_beta.map(T::rounded);
+    let [p, q, x, r] = vectors.map(|of| of.as_flattened_mut().chunks_mut(2 * ROWS));
+    let (mut sum, mut of_rest) = ([0.0; LANES], 0.0);
+    for ((w, p), (q, (x, r))) in w.as_flattened().chunks(2 * ROWS).zip(p).zip(q.zip(x.zip(r))) {
+        let (w, w_rest) = w.as_chunks::<LANES>();
+        let [(p, p_rest), (q, q_rest), (x, x_rest), (r, r_rest)] = [p, q, x, r].map(|of| of.as_chunks_mut::<LANES>());
+        let mut squares = [T::default(); LANES];
+        for ((w, p), (q, (x, r))) in w.iter().zip(p).zip(q.iter_mut().zip(x.iter_mut().zip(r))) {
+            update_lanes(by, w, [p, q, x, r], &mut squares);
+        }
+        (0..LANES).for_each(|l| sum[l] += squares[l].into());
+        for ((w, p), (q, (x, r))) in w_rest.iter().zip(p_rest).zip(q_rest.iter_mut().zip(x_rest.iter_mut().zip(r_rest)))
         {
-            // Through values of its own: what is stored by halves and then read as a whole has to be waited for.
-            let (new_p, new_q) = ([0, 1].map(|c| z[c] + beta * p[c]), [0, 1].map(|c| w[c] + beta * q[c]));
-            let new_r = [0, 1].map(|c| r[c] - alpha * new_q[c]);
-            let new_z = times(inverse, new_r);
-            *x = [0, 1].map(|c| x[c] + alpha * new_p[c]);
-            (*p, *q, *r, *z) = (new_p, new_q, new_r, new_z);
-            (0..2).for_each(|c| of_rows[c] = of_rows[c] + new_r[c] * new_z[c]);
+            let mut square = [T::default()];
+            let one = [p, q, x, r].map(std::array::from_mut);
+            update_lanes(by, &[*w], one, &mut square);
+            of_rest += square[0].into();
         }
-        (0..2).for_each(|c| sum[c] += of_rows[c].into());
     }
-    sum[0] + sum[1]
+    sum.iter().sum::<f64>() + of_rest
 }
 
 #[inline(always)]
-fn times<T: Real>(&[xx, xy, yy]: &[T; 3], [x, y]: [T; 2]) -> [T; 2] {
-    [xx * x + xy * y, xy * x + yy * y]
+fn update_lanes<T: Real, const L: usize>(
+    [alpha, beta]: [T; 2],
+    w: &[T; L],
+    [p, q, x, r]: [&mut [T; L]; 4],
+    squares: &mut [T; L],
+) {
+    for l in 0..L {
+        p[l] = r[l] + beta * p[l];
+        q[l] = w[l] + beta * q[l];
+        x[l] = x[l] + alpha * p[l];
+        r[l] = r[l] - alpha * q[l];
+        squares[l] = squares[l] + r[l] * r[l];
+    }
 }
 
 fn inverted([xx, xy, yy]: [f64; 3]) -> [f64; 3] {

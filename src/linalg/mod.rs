@@ -4,6 +4,7 @@
 mod banded_lu;
 mod blocks;
 mod cholesky;
+mod compact;
 mod conjugate_gradients;
 mod dense;
 mod dissection;

@@ -2,7 +2,8 @@
 
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
-use super::conjugate_gradients::{BlockJacobi, Single};
+use super::compact::Compact;
+use super::conjugate_gradients::BlockJacobi;
 use super::spread::Spread;
 use super::subspace::Subspace;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -58,20 +59,20 @@ struct System {
     matrix: BlockMatrix,
     jacobi: BlockJacobi,
     /// What conjugate gradients run in, once they do.
-    single: OnceLock<Single>,
+    compact: OnceLock<Compact>,
 }
 
 impl System {
     fn new(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
-        Self { matrix, jacobi, single: OnceLock::new() }
+        Self { matrix, jacobi, compact: OnceLock::new() }
     }
 
     /// Follows the matrix at `nodes`.
     fn follow(&mut self, nodes: &[u32]) {
         self.jacobi.follow(&self.matrix, nodes);
-        if let Some(single) = self.single.get_mut() {
-            single.follow(&self.matrix, &self.jacobi, nodes);
+        if let Some(compact) = self.compact.get_mut() {
+            compact.follow(&self.matrix, &self.jacobi, nodes);
         }
     }
 }
@@ -196,11 +197,13 @@ impl Solver {
         of_element: impl Fn(u32) -> &'a ElementMatrix,
     ) -> Self {
         let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let (mut system, before) = spare.unwrap_or_else(|| (self.system.clone(), Vec::new()));
-        system.matrix.copy_rows(&self.system.matrix, &before);
+        let (mut system, mut differ) = spare.unwrap_or_else(|| (self.system.clone(), Vec::new()));
+        system.matrix.copy_rows(&self.system.matrix, &differ);
         system.matrix.assemble_rows(nodes, elements, of_element);
-        system.follow(&before);
-        system.follow(nodes);
+        differ.extend(nodes);
+        differ.sort_unstable();
+        differ.dedup();
+        system.follow(&differ);
         let (responses, changed) = (self.responses.clone(), Some(nodes.to_vec()));
         Self { reduction: REDUCTION_CHANGED, responses, changed, ..Self::of(system) }
     }
@@ -348,9 +351,9 @@ impl Solver {
         match &self.factor {
             Some(Factor::Single(factor)) => factor.solve(&mut single),
             _ => {
-                let System { matrix, jacobi, single: of_matrix } = &self.system;
-                let of_matrix = of_matrix.get_or_init(|| Single::new(matrix, jacobi));
-                single = of_matrix.solve(matrix.pattern(), &single, self.reduction, MAX_ITERATIONS);
+                let System { matrix, jacobi, compact } = &self.system;
+                let compact = compact.get_or_init(|| Compact::new(matrix, jacobi));
+                single = compact.solve(&single, self.reduction, MAX_ITERATIONS);
             }
         }
         single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()

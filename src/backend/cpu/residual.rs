@@ -15,7 +15,7 @@ use super::lanes::Lanes;
 use super::pass::{ElementSums, Pass, chunk, total};
 use super::plane::{BORDER, View};
 use super::residual_runs::run_sums;
-use super::sample::{interpolate, interpolate_inside, next_taps, prefetch, sample_row};
+use super::sample::{FURTHER, interpolate, interpolate_inside, next_taps, prefetch, sample_row};
 use crate::backend::spline::Spline;
 use crate::isa::{mul_add, multiversioned};
 use crate::mesh::ElementPixels;
@@ -153,16 +153,16 @@ impl<const L: usize> Accumulators<L> {
 
 /// Where the pixels of an element land, if all of them do inside the deformed image.
 #[derive(Clone, Copy, PartialEq)]
-enum Landing {
+enum Lands {
     /// With the floor of the element's whole offset: true of most elements, and worth knowing, since their rows need no look at all.
     Uniform,
-    /// With floors that differ by one at most along a row of lanes.
+    /// With floors that differ by [`FURTHER`] at most along a row of lanes.
     Inside,
     /// Anywhere.
     Anywhere,
 }
 
-impl Landing {
+impl Lands {
     #[inline(always)]
     fn of<const K: usize, const L: usize>(element: &ElementPixels, corners: &Corners, deformed: View<'_>) -> Self {
         let [x, y] = [element.x + corners.whole[0], element.y + corners.whole[1]];
@@ -181,8 +181,9 @@ impl Landing {
         let ((low_x, high_x), (low_y, high_y)) = (ends(&corners.x), ends(&corners.y));
         // What is no number is not near.
         let is_near = [low_x, low_y].iter().all(|u| *u > -100.0) && [high_x, high_y].iter().all(|u| *u < 100.0);
-        let runs =
-            |u: &[f32; 4]| (u[1] - u[0]).abs().max((u[2] - u[3]).abs()) * element.dxi * (L as f32) < 2.0 - MARGIN;
+        let runs = |u: &[f32; 4]| {
+            (u[1] - u[0]).abs().max((u[2] - u[3]).abs()) * element.dxi * (L as f32) < FURTHER as f32 - MARGIN
+        };
         if !is_near || !runs(&corners.x) || !runs(&corners.y) {
             return Self::Anywhere;
         }
@@ -191,7 +192,7 @@ impl Landing {
             && y + floor(low_y - MARGIN) >= 0
             && x + nx + floor(high_x + MARGIN) < deformed.width as i32
             && y + ny + floor(high_y + MARGIN) < deformed.height as i32
-            && x + floor(high_x + MARGIN) + 2 <= room;
+            && x + floor(high_x + MARGIN) + FURTHER as i32 <= room;
         if inside { Self::Inside } else { Self::Anywhere }
     }
 }
@@ -258,12 +259,12 @@ fn element_sums<const FMA: bool, S: Spline<K>, const K: usize, const L: usize, B
     let Pass { deformed, scalar, .. } = *pass;
     let rows = usize::from(element.ny).max(1); // of none there are no lanes
     let mut sums = ElementSums::default();
-    let landing = if scalar { Landing::Anywhere } else { Landing::of::<K, L>(element, corners, deformed) };
-    if landing != Landing::Anywhere {
+    let lands = if scalar { Lands::Anywhere } else { Lands::of::<K, L>(element, corners, deformed) };
+    if lands != Lands::Anywhere {
         for (column, lanes) in (0..).step_by(L).zip(lanes.chunks_exact(rows)) {
             let (n, xi, mask) = chunk::<L>(element, column);
             let (of_chunk, columns) = ((element, lanes), (n, &xi, &mask));
-            if landing == Landing::Uniform {
+            if lands == Lands::Uniform {
                 inside_chunk::<FMA, true, S, K, L, B>(
                     deformed, of_chunk, corners, light, transfer, column, columns, &mut sums,
                 );

@@ -211,7 +211,7 @@ pub(super) fn interpolate<const FMA: bool, S: Spline<K>, const K: usize, const L
 }
 
 /// Floors beyond the lowest that [`interpolate_across`] tells apart at most: as many as a strain of an eighth brings into 16 lanes.
-const FURTHER: usize = 2;
+pub(super) const FURTHER: usize = 2;
 /// Floors beyond the lowest up to which a row is interpolated in lanes.
 const MOST_FURTHER: i32 = 5;
 /// So many pairs of floors are interpolated one by one before it is quicker to tell them apart.
@@ -372,7 +372,9 @@ fn interpolate_across<const FMA: bool, const N: usize, S: Spline<K>, const K: us
                 g[i] = mul_add::<FMA>(wy[j - N][i], rows[i], g[i]);
             }
         }
-        before.rotate_left(1.min(N));
+        for n in 1..N {
+            before[n - 1] = before[n];
+        }
         before.last_mut().iter_mut().for_each(|last| **last = along);
     }
     g
