@@ -12,7 +12,7 @@ use quadrille::field::Brightness;
 use quadrille::imaging::{Image, Interpolation};
 use quadrille::isa::Isa;
 use quadrille::mesh::{ELEMENT_SHARE, PixelMesh, Roi, Zone};
-use quadrille::synth::{Motion, RenderOptions, Texture, Translation, exact_at, render};
+use quadrille::synth::{Motion, RenderOptions, Texture, Translation, render};
 use std::sync::{Arc, LazyLock};
 
 fn main() {
@@ -80,14 +80,47 @@ fn residual_by_element_size(bencher: Bencher, element: usize) {
     residual_pass(bencher, "cubic", element);
 }
 
+/// The same in fields whose pixels land beyond different floors along a row, as those of any strain or turn do.
+#[divan::bench(args = ["moved", "3 % along x", "3 % along y", "25 % along x", "2 degrees", "15 degrees"])]
+fn residual_by_field(bencher: Bencher, field: &str) {
+    let about_middle = |[xx, xy, yx, yy]: [f64; 4]| {
+        move |x: f64, y: f64| {
+            let [x, y] = [x, y].map(|at| at - 0.5 * SIZE as f64);
+            [0.37 + xx * x + xy * y, -0.71 + yx * x + yy * y]
+        }
+    };
+    let turned = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [cos - 1.0, -sin, sin, cos - 1.0]
+    };
+    residual_pass_in(
+        bencher,
+        "cubic",
+        16,
+        about_middle(match field {
+            "moved" => [0.0; 4],
+            "3 % along x" => [0.03, 0.0, 0.0, 0.0],
+            "3 % along y" => [0.0, 0.0, 0.0, 0.03],
+            "25 % along x" => [0.25, 0.0, 0.0, 0.0],
+            "2 degrees" => turned(2.0),
+            "15 degrees" => turned(15.0),
+            _ => unreachable!("a field of the list"),
+        }),
+    );
+}
+
 fn residual_pass(bencher: Bencher, interpolation: &str, element: usize) {
+    residual_pass_in(bencher, interpolation, element, |_, _| SHIFT.0);
+}
+
+/// In a field that need not be that of the image: what a pass takes does not depend on it.
+fn residual_pass_in(bencher: Bencher, interpolation: &str, element: usize, field: impl Fn(f64, f64) -> [f64; 2]) {
     let (backend, options, mesh) = (CpuBackend::default(), options(interpolation), mesh(element));
+    let displacement: Vec<[f64; 2]> = mesh.mesh.nodes().iter().map(|&[x, y]| field(x, y)).collect();
     let mut reference = backend.frame(REFERENCE.clone(), &options).expect("a frame");
     let (level, _) = backend.reference(&mut reference, 0, &mesh, &options).expect("a level");
     let mut deformed = backend.frame(DEFORMED.clone(), &options).expect("a frame");
-    let mut field = backend
-        .start(&level, &mut deformed, &exact_at(&SHIFT, mesh.mesh.nodes()), &[GreyTransfer::NONE])
-        .expect("a field");
+    let mut field = backend.start(&level, &mut deformed, &displacement, &[GreyTransfer::NONE]).expect("a field");
     bencher
         .counter(ItemsCount::new(SIZE * SIZE))
         .bench_local(|| backend.observe(&level, &mut deformed, &mut field).expect("a pass"));

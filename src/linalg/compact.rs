@@ -1,7 +1,7 @@
 //! A matrix for conjugate gradients in as few bytes as it takes: what these do most of the time is read it.
 //!
 //! Scaled by the blocks on its diagonal, `L^-1 A L^-T` with `A_ii = L_i L_i^T`, no entry is larger than 1, and the blocks on the diagonal are ones. So
-//! 16 bits tell an entry to 3e-5, far below what the solution is wanted to, in whatever direction a node has little texture; and where nodes one
+//! 16 bits tell an entry to 1.5e-5, far below what the solution is wanted to, in whatever direction a node has little texture; and where nodes one
 //! after the other have their neighbours at the same distances, as on a grid, these are said once for all of them.
 
 use super::blocks::{BlockMatrix, Pattern};
@@ -364,7 +364,7 @@ mod tests {
             let wide: Vec<[f64; 2]> = rhs.iter().map(|b| b.map(f64::from)).collect();
             let (want, _) = jacobi.solve(&matrix, &wide, 1e-12, 1000);
             let got = compact.solve(&rhs, 1e-5, 200);
-            // In the norm of the matrix, scaled, whose eigenvalues are a tenth and more: 16 blocks in a row are off by half of 3e-5, not all to one side.
+            // In the norm of the matrix, scaled, whose eigenvalues are a tenth and more: 16 entries of a row are off by 1.5e-5 at most, not all to one side.
             let apart: Vec<[f64; 2]> =
                 want.iter().zip(&got).map(|(a, b)| [a[0] - f64::from(b[0]), a[1] - f64::from(b[1])]).collect();
             let energy = |x: &[[f64; 2]]| {
