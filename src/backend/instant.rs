@@ -7,7 +7,7 @@ use super::{
 };
 use crate::imaging::Image;
 use crate::isa::Isa;
-use crate::linalg::{Solver, SolverChoice};
+use crate::linalg::Solver;
 use crate::mesh::PixelMesh;
 use std::sync::{Arc, OnceLock};
 
@@ -77,10 +77,6 @@ impl Backend for InstantBackend {
 
     fn host_isa(&self) -> Isa {
         self.cpu.host_isa()
-    }
-
-    fn solver_choice(&self, asked: SolverChoice) -> SolverChoice {
-        if asked == SolverChoice::Direct { asked } else { SolverChoice::Iterative }
     }
 
     fn frames_in_flight(&self) -> usize {

@@ -23,7 +23,7 @@ pub use sums::{ElementMatch, ElementMoments, PixelSums, coupled};
 use crate::field::Brightness;
 use crate::imaging::{Image, Interpolation};
 use crate::isa::Isa;
-use crate::linalg::{Solver, SolverChoice};
+use crate::linalg::Solver;
 use crate::mesh::PixelMesh;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -258,11 +258,6 @@ pub trait Backend: Clone + Send + Sync + 'static {
     /// Instruction path of the work that stays on the CPU.
     fn host_isa(&self) -> Isa {
         Isa::detect()
-    }
-
-    /// The solver to prepare when `asked` is wanted: a device need not make a factor that it would not use.
-    fn solver_choice(&self, asked: SolverChoice) -> SolverChoice {
-        asked
     }
 
     /// Frames worth correlating at the same time, when they do not depend on each other.

@@ -4,7 +4,7 @@ use super::scene::{Scene, kernel_options};
 use super::times::{Times, repeat};
 use super::{BenchError, Subject};
 use crate::backend::{Ahead, Backend, BackendError, GreyTransfer};
-use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, nested_dissection};
+use crate::linalg::{BlockMatrix, Pattern, Solver};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -65,12 +65,7 @@ impl<B: Subject> ResidualPass<B> {
         let pattern = Arc::new(Pattern::new(mesh.n_nodes(), mesh.elements()));
         let matrices: Vec<_> = moments.iter().map(|m| m.matrix()).collect();
         let matrix = BlockMatrix::assemble(&pattern, mesh.elements(), &matrices);
-        let order = || match mesh.whole_grid(0) {
-            Some(grid) => nested_dissection(grid.nx + 1, grid.ny + 1),
-            None => (0..mesh.n_nodes()).collect(),
-        };
-        let solver = Solver::new(matrix.clone(), backend.solver_choice(SolverChoice::Auto), order);
-        let solver = backend.solver(&level, solver.unwrap_or_else(|_| Solver::iterative(matrix)))?;
+        let solver = backend.solver(&level, Solver::iterative(matrix))?;
         Ok(Self { backend: backend.clone(), level, frame, field, solver })
     }
 

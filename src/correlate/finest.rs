@@ -161,7 +161,7 @@ pub(super) fn finest_level<B: Backend>(
                     let solver = Solver::iterative(matrix);
                     // Two long pieces of work that need the matrix alone.
                     let (factor, spread) = rayon::join(
-                        || solver.factor(backend.solver_choice(options.solver), || elimination_order(&mesh, &pattern)),
+                        || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
                         || spread_of(&solver, None),
                     );
                     let has_factor = factor.is_ok();

@@ -1,9 +1,9 @@
-//! One scale of the pyramid: its mesh, its prepared reference, its factor.
+//! One scale of the pyramid: its mesh, its prepared reference, its solver.
 
 use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
-use crate::linalg::{BlockMatrix, Pattern, Solver, SolverChoice, dissection, nested_dissection};
+use crate::linalg::{Pattern, Solver, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
 use std::sync::Arc;
@@ -111,7 +111,7 @@ impl<B: Backend> Level<B> {
             return Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: Some(regulariser), lambda });
         }
         matrix.hold(&keep);
-        let solver = iterative_or_direct(backend, matrix, &mesh);
+        let solver = Solver::iterative(matrix);
         let solver = backend.solver(&prepared, coupled(solver, &pattern, &moments, options.brightness))?;
         Ok(Self { mesh, prepared, moments, pattern, solver, keep, regulariser: None, lambda })
     }
@@ -131,17 +131,6 @@ impl<B: Backend> Level<B> {
             })
         };
         places(&self.mesh, fine, finer).map(value).collect()
-    }
-}
-
-/// A factor where it exists, conjugate gradients else (a coarse level must not refuse what the fine one
-/// accepts).
-fn iterative_or_direct<B: Backend>(backend: &B, matrix: BlockMatrix, mesh: &Mesh<Px>) -> Solver {
-    let pattern = matrix.pattern().clone();
-    let choice = backend.solver_choice(SolverChoice::Auto);
-    match Solver::new(matrix.clone(), choice, || elimination_order(mesh, &pattern)) {
-        Ok(solver) => solver,
-        Err(_) => Solver::iterative(matrix),
     }
 }
 

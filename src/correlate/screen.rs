@@ -21,7 +21,6 @@ use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use super::start::Start;
 use crate::backend::{Backend, ElementMatch, Found, GreyTransfer};
 use crate::field::{Brightness, Status};
-use crate::linalg::DIRECT_UP_TO;
 use crate::mesh::Mesh;
 use crate::units::Px;
 
@@ -42,6 +41,9 @@ const TIMES: u8 = 2;
 pub(super) const LEAST_LEFT: f64 = 0.2;
 /// Cut-off length of the penalty of a second try, in elements.
 const SMOOTH_ELEMENTS: f64 = 6.0;
+/// Up to this many nodes a factor solves with this penalty. Beyond, conjugate gradients do, since a short cut-off leaves the matrix well
+/// conditioned: a factor of 262 000 nodes would take seconds and 4 GB.
+const FACTORED_UP_TO: usize = 5_000;
 /// Limits of the smooth iterations of a second try.
 const SMOOTH_TOLERANCE_PX: f64 = 0.02;
 const SMOOTH_ITERATIONS: usize = 15;
@@ -289,8 +291,7 @@ impl<B: Backend> Correlator<B> {
         let active: Vec<bool> = moments.iter().map(|moments| moments.n > 0.0).collect();
         let texture = PenaltyScale { matrix: &matrix, support: &support(pattern, moments), seen: keep };
         let regulariser = Regulariser::new(smooth, mesh, pattern, &active, &texture)?;
-        // On a larger mesh conjugate gradients solve with it: a factor of 262 000 nodes would take seconds and 4 GB.
-        Some(if mesh.n_nodes() <= DIRECT_UP_TO { regulariser.factored(mesh) } else { regulariser })
+        Some(if mesh.n_nodes() <= FACTORED_UP_TO { regulariser.factored(mesh) } else { regulariser })
     }
 
     /// [`Correlator::down_the_pyramid`], smoothly as long as it is not known what does not match.

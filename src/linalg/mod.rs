@@ -34,7 +34,7 @@ pub use pivots::{PivotSigns, Singular};
 pub use selected_inverse::selected_inverse;
 #[cfg(feature = "gpu")]
 pub(crate) use solver::REDUCTION_CHANGED;
-pub use solver::{DIRECT_UP_TO, Solver, SolverChoice};
+pub use solver::{Solver, SolverChoice};
 pub use sparse::{SparseMatrix, SparsePattern};
 pub use spread::{Spread, spread};
 pub use subspace::Subspace;

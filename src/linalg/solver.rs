@@ -1,4 +1,4 @@
-//! The solver of the normal equations: direct or iterative, by size.
+//! The solver of the normal equations: conjugate gradients, or a factor where something else than the images holds the solution.
 
 use super::blocks::{BlockMatrix, ElementMatrix};
 use super::cholesky::{Cholesky, NotPositiveDefinite};
@@ -7,10 +7,6 @@ use super::conjugate_gradients::BlockJacobi;
 use super::spread::Spread;
 use super::subspace::Subspace;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-
-/// Up to this many nodes a factor is made and kept; beyond, conjugate gradients are faster
-/// (`benches/RESULTS.md`, table of solvers).
-pub const DIRECT_UP_TO: usize = 5_000;
 
 /// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
 /// about ninefold, so a correction exact to 1 % loses nothing.
@@ -23,13 +19,12 @@ const MAX_ITERATIONS: usize = 60;
 /// Which solver to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SolverChoice {
-    /// By size: see [`DIRECT_UP_TO`].
+    /// Block-Jacobi conjugate gradients: on meshes of any size they are faster than to solve with a factor, and nothing has to be made
+    /// first (`benches/RESULTS.md`, table of solvers).
     #[default]
-    Auto,
+    Iterative,
     /// Sparse Cholesky factor.
     Direct,
-    /// Block-Jacobi conjugate gradients.
-    Iterative,
 }
 
 /// A symmetric positive definite matrix, ready to be solved with.
@@ -125,12 +120,7 @@ impl Solver {
         choice: SolverChoice,
         order: impl FnOnce() -> Vec<usize>,
     ) -> Result<Option<Cholesky>, NotPositiveDefinite> {
-        let direct = match choice {
-            SolverChoice::Auto => self.system.matrix.pattern().n_nodes() <= DIRECT_UP_TO,
-            SolverChoice::Direct => true,
-            SolverChoice::Iterative => false,
-        };
-        direct.then(|| Cholesky::new(self.matrix(), &order())).transpose()
+        (choice == SolverChoice::Direct).then(|| Cholesky::new(self.matrix(), &order())).transpose()
     }
 
     /// The same with a factor of its matrix, made by [`Solver::factor`].

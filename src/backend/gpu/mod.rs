@@ -33,7 +33,7 @@ use crate::backend::{
     Place, Step, Traffic,
 };
 use crate::imaging::{Image, Interpolation};
-use crate::linalg::{Solver, SolverChoice};
+use crate::linalg::Solver;
 use crate::mesh::PixelMesh;
 use device::Gpu;
 use std::sync::Arc;
@@ -162,11 +162,6 @@ impl Backend for GpuBackend {
     fn device(&self) -> String {
         let GpuAdapter { name, api, driver, .. } = &self.gpu.adapter;
         format!("gpu ({name}, {api}, {driver})")
-    }
-
-    fn solver_choice(&self, asked: SolverChoice) -> SolverChoice {
-        // A factor would take each right-hand side to the host: only when it is asked for.
-        if asked == SolverChoice::Direct { asked } else { SolverChoice::Iterative }
     }
 
     fn frames_in_flight(&self) -> usize {
