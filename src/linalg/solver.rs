@@ -9,8 +9,9 @@ use super::subspace::Subspace;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Fall of the residual that conjugate gradients are asked for. The Gauss-Newton iteration contracts
-/// about ninefold, so a correction exact to 1 % loses nothing.
-const REDUCTION: f64 = 1e-2;
+/// about ninefold, so that a correction exact to 1 % would do; but what hardly any texture determines comes last, and with 1 % two devices
+/// ended 0.002 of a standard uncertainty apart there.
+const REDUCTION: f64 = 3e-3;
 /// The same where elements at the border have lost pixels: their share of the residual is small, and they are the last to
 /// settle.
 pub(crate) const REDUCTION_CHANGED: f64 = 1e-3;
@@ -61,6 +62,15 @@ impl System {
     fn new(matrix: BlockMatrix) -> Self {
         let jacobi = BlockJacobi::new(&matrix);
         Self { matrix, jacobi, compact: OnceLock::new() }
+    }
+
+    /// Made first and kept then: whoever waits for parts of it may take up another frame, which must not wait for this one.
+    fn compact(&self) -> &Compact {
+        if let Some(compact) = self.compact.get() {
+            return compact;
+        }
+        let compact = Compact::new(&self.matrix, &self.jacobi);
+        self.compact.get_or_init(|| compact)
     }
 
     /// Follows the matrix at `nodes`.
@@ -323,7 +333,7 @@ impl Solver {
         self.jacobi().solve(self.matrix(), &rhs, reduction, most).1.iterations
     }
 
-    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 1 % or less, in single
+    /// Solves for `rhs`: to the digits of its factor (double with a penalty, else single), without one to 0.3 % or less, in single
     /// precision; any of these is enough inside an outer iteration.
     pub fn solve(&self, mut rhs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         if let Some(within) = &self.within {
@@ -340,11 +350,7 @@ impl Solver {
         let mut single: Vec<[f32; 2]> = rhs.iter().map(|b| b.map(|b| (b / scale) as f32)).collect();
         match &self.factor {
             Some(Factor::Single(factor)) => factor.solve(&mut single),
-            _ => {
-                let System { matrix, jacobi, compact } = &self.system;
-                let compact = compact.get_or_init(|| Compact::new(matrix, jacobi));
-                single = compact.solve(&single, self.reduction, MAX_ITERATIONS);
-            }
+            _ => single = self.system.compact().solve(&single, self.reduction, MAX_ITERATIONS),
         }
         single.into_iter().map(|x| x.map(|x| f64::from(x) * scale)).collect()
     }
@@ -446,7 +452,7 @@ mod tests {
         let [want, got] = [&want, &got].map(|solver| solver.correction(load(), &displacement));
         let square = |all: &[[f64; 2]]| all.as_flattened().iter().map(|v| v * v).sum::<f64>();
         let apart: Vec<[f64; 2]> = want.iter().zip(&got).map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
-        // The residual has fallen to 1 %; the error, in another norm, by a little less.
+        // The residual has fallen to 0.3 %; the error, in another norm, by less.
         let ratio = (square(&apart) / square(&want)).sqrt();
         assert!(ratio < 0.03, "{ratio}");
     }

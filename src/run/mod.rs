@@ -22,6 +22,7 @@ mod busy;
 mod camera;
 mod case;
 mod check;
+mod computing;
 mod crack_auto;
 mod cracks;
 mod doubts;

@@ -1,6 +1,8 @@
 //! Where the frames of a run go: the store, tables, records.
 
 use super::busy::Spent;
+use super::computing::Computing;
+use super::engine::Engine;
 use super::error::{Result, RunError, thread};
 use super::folder::{About, RunFolder, csv_name, frame_in_words, vtu_name};
 use super::kept::Kept;
@@ -10,6 +12,7 @@ use crate::correlate::{Correlation, ZoneResult};
 use crate::field::{StartFrom, StrainField, StrainWindows};
 use crate::io::store::{Store, StoreWriter};
 use crate::report::summary::FrameSummary;
+use rayon::ThreadPool;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,6 +32,9 @@ pub(super) struct ToWrite {
 /// Where the frames of a run go.
 pub(super) struct Output<'a> {
     pub plan: &'a Plan,
+    /// What computes, and the threads that it does so with.
+    pub engine: &'a Engine,
+    pub pool: &'a ThreadPool,
     pub folder: &'a RunFolder,
     pub store: &'a StoreWriter,
     /// The same store, for reading.
@@ -76,14 +82,14 @@ impl<'a> Output<'a> {
         loop {
             let next = self.to_write.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let Ok(frame) = next else { return Ok(()) };
-            let begin = Instant::now();
-            self.write(frame).inspect_err(|_| self.failed.store(true, Ordering::SeqCst))?;
-            self.writing.add(begin.elapsed());
+            let (begin, mut computing) = (Instant::now(), Computing::new(self.engine, self.pool));
+            self.write(frame, &mut computing).inspect_err(|_| self.failed.store(true, Ordering::SeqCst))?;
+            self.writing.add(computing.busy_since(begin));
         }
     }
 
     /// Writes a frame: field, tables, record, and its status last, which says that it is done.
-    fn write(&self, ToWrite { summary, sha256, result, kept }: ToWrite) -> Result<()> {
+    fn write(&self, ToWrite { summary, sha256, result, kept }: ToWrite, computing: &mut Computing<'_>) -> Result<()> {
         let Self { plan, folder, store, about, .. } = self;
         let (number, status) = (summary.number, summary.status);
         let file = frame_in_words(&summary.file, summary.reference_frame);
@@ -92,9 +98,13 @@ impl<'a> Output<'a> {
         if let Some(Correlation { measurement, zones, .. }) = result.as_ref().filter(|_| status.has_field()) {
             // The length is the one that the store says, to the last digit.
             let length_px = about.element_size_px();
-            let window = self.windows.as_ref().map(|windows| windows.of(measurement, plan.strain));
-            let strain = StrainField { length_px, window, ..StrainField::of(measurement, plan.strain) };
-            store.write_field(number, measurement, &strain)?;
+            let (strain, encoded) = computing.compute(|| {
+                let window = self.windows.as_ref().map(|windows| windows.of(measurement, plan.strain));
+                let strain = StrainField { length_px, window, ..StrainField::of(measurement, plan.strain) };
+                let encoded = store.encode_field(number, measurement, &strain);
+                (strain, encoded)
+            });
+            store.write_encoded(encoded?)?;
             let rms = |of: fn(&ZoneResult) -> f64| {
                 (zones.iter().map(|zone| of(zone).powi(2)).sum::<f64>() / zones.len().max(1) as f64).sqrt()
             };

@@ -1,5 +1,6 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
+use super::computing::Computing;
 use super::engine::Engine;
 use super::error::{Result, RunError, thread};
 use super::frames::{Decoded, Done, Frames, Picture};
@@ -50,12 +51,12 @@ pub(super) fn widths(engine: &Engine, pool: &ThreadPool, start: StartFrom, updat
     match (start, update) {
         // Which reference a frame has is known when all is known of the one before, and what it keeps replaces what that one kept.
         (_, UpdateReference::Residual | UpdateReference::Every(_)) => Widths { decoded, correlated: 1, written: 1 },
-        (StartFrom::Independent, _) => {
+        (StartFrom::Independent, _) if !engine.is_on_cpu() => {
             Widths { decoded, correlated: engine.correlator().frames_in_flight(), written: writers }
         }
         // One thread alone does one after the other.
-        (StartFrom::Previous, _) if threads == 1 => Widths { decoded, correlated: 1, written: writers },
-        (StartFrom::Previous, _) => Widths { decoded, correlated: (threads / 2 + 1).min(TRACKED), written: writers },
+        _ if threads == 1 => Widths { decoded, correlated: 1, written: writers },
+        _ => Widths { decoded, correlated: (threads / 2 + 1).min(TRACKED), written: writers },
     }
 }
 
@@ -95,7 +96,7 @@ pub(super) fn run(
                 let (handed, given) = sync_channel(AHEAD);
                 to_read.push(handed);
                 let (out, decoded) = sync_channel(AHEAD);
-                thread(scope, move || decode(frames, wanted, &given, &out))?;
+                thread(scope, move || decode((engine, pool), frames, wanted, &given, &out))?;
                 Ok(decoded)
             })
             .collect::<Result<_>>()?;
@@ -105,7 +106,7 @@ pub(super) fn run(
         let uploaded = Arc::new(Mutex::new(uploaded));
         let (out, results) = sync_channel(in_flight);
         for _ in 0..in_flight {
-            let (uploaded, out, worker) = (uploaded.clone(), out.clone(), Worker::new(frames, relay)?);
+            let (uploaded, out, worker) = (uploaded.clone(), out.clone(), Worker::new(engine, frames, relay)?);
             thread(scope, move || correlate(engine, pool, (frames, worker), &uploaded, &out))?;
         }
         // From here on the workers alone hold both: when they stop, everybody does.
@@ -149,6 +150,7 @@ fn hand_out(
 
 /// Reads frames as they are given.
 fn decode(
+    (engine, pool): (&Engine, &ThreadPool),
     frames: &Frames<'_>,
     wanted: &(dyn Fn() -> bool + Sync),
     given: &Receiver<Numbered>,
@@ -159,15 +161,18 @@ fn decode(
         if !wanted() {
             return;
         }
-        let begin = Instant::now();
+        let (begin, mut computing) = (Instant::now(), Computing::new(engine, pool));
         let loaded = match frames.settle {
             Some(settle) => read_whole(&frame, frames.accepted, settle, wanted),
-            None => Some(read_frame(&frame, frames.accepted, &mut stack)),
+            None => Some(read_frame(&frame, frames.accepted, &mut stack, &mut computing)),
         };
         let Some(loaded) = loaded else { return };
-        let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
-        let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
-        let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
+        let image = loaded.as_ref().ok().map(|loaded| &loaded.image);
+        let looked_at = |image| {
+            let blank = FlatBlocks::of(image).blank(frames.flat, frames.windows);
+            (Saturation::of(image, frames.windows), blank)
+        };
+        let (saturation, blank) = image.map(|image| computing.compute(|| looked_at(image))).unwrap_or_default();
         let loaded = loaded.map(|Loaded { image, sha256, taken, notes, .. }| Picture {
             image: Arc::new(image),
             sha256,
@@ -175,29 +180,30 @@ fn decode(
             notes,
             uploaded: None,
         });
-        let seconds = begin.elapsed().as_secs_f64();
+        let seconds = computing.busy_since(begin).as_secs_f64();
         if out.send(Decoded { number, frame, loaded, saturation, blank, seconds }).is_err() {
             return; // nobody wants more
         }
     }
 }
 
-/// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
+/// Reads a frame. A file whose pages are frames stays in `stack` for the next one. The file itself is read here, so that the threads of
+/// the pool need not wait for it.
 fn read_frame(
     frame: &Frame,
     accepted: Accepted,
     stack: &mut Option<(PathBuf, PagedFile)>,
+    computing: &mut Computing<'_>,
 ) -> std::result::Result<Loaded, ReadError> {
     if !frame.is_page {
-        return frame.read(accepted);
+        let mut file = PagedFile::open(&frame.path)?;
+        return computing.compute(|| file.read_one(frame.page, accepted));
     }
-    match stack {
-        Some((path, file)) if *path == frame.path => file.read(frame.page, accepted),
-        _ => {
-            let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
-            file.read(frame.page, accepted)
-        }
-    }
+    let (_, file) = match stack {
+        Some(there) if there.0 == frame.path => there,
+        _ => stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?)),
+    };
+    computing.compute(|| file.read(frame.page, accepted))
 }
 
 /// Brings the frames to the device, in order, while others are correlated.

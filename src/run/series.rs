@@ -321,6 +321,8 @@ impl<'a> PreparedSeries<'a> {
             let (finished, to_write) = sync_channel(BEHIND);
             let output = Output {
                 plan,
+                engine,
+                pool,
                 folder,
                 store: writer,
                 fields: store,

@@ -20,8 +20,9 @@ use std::time::Instant;
 pub(super) enum Worker<'a> {
     /// Each for itself, with the reference given.
     Independent,
-    /// Each from where those before it are, with the reference given; the thread does what others do not share.
-    Tracking(&'a Relay, ThreadPool),
+    /// Each from where those before it are, with the reference given; a thread of its own does what others do not share, where those of the pool
+    /// wait for a graphics device.
+    Tracking(&'a Relay, Option<ThreadPool>),
     /// With a reference that is renewed.
     Chain(Box<Chain<'a>>),
 }
@@ -63,11 +64,12 @@ impl Handing<'_> {
 }
 
 impl<'a> Worker<'a> {
-    pub fn new(frames: &'a Frames<'a>, relay: &'a Relay) -> Result<Self> {
+    pub fn new(engine: &Engine, frames: &'a Frames<'a>, relay: &'a Relay) -> Result<Self> {
         Ok(match (frames.start, frames.update) {
             (StartFrom::Independent, UpdateReference::Never) => Self::Independent,
             (StartFrom::Previous, UpdateReference::Never) => {
-                let own = ThreadPoolBuilder::new().num_threads(1).build();
+                let own = || ThreadPoolBuilder::new().num_threads(1).build();
+                let own = (!engine.is_on_cpu()).then(own).transpose();
                 Self::Tracking(relay, own.map_err(|error| RunError::Threads(std::io::Error::other(error)))?)
             }
             _ => {
@@ -112,7 +114,7 @@ fn independent(
 /// Correlates a frame in its turn, and what it was predicted from.
 fn tracked(
     engine: &Engine,
-    [pool, own]: [&ThreadPool; 2],
+    (pool, own): (&ThreadPool, Option<&ThreadPool>),
     frames: &Frames<'_>,
     turn: &Turn<'_>,
     number: usize,
@@ -123,14 +125,16 @@ fn tracked(
         let known = frames.caught_up(&forecast, number)?;
         let (mut tracked, mut seconds) = (false, 0.0);
         let done = engine.correlate(pool, number, &image, uploaded.take(), |_, correlator, frame| {
-            let begin = Instant::now();
+            let own = own.filter(|_| !engine.is_on_cpu()).unwrap_or(pool);
             let result = own.install(|| {
+                let begin = Instant::now();
                 let start = known.history.predict(number, correlator.mesh());
                 tracked = start.is_some();
                 let mut tell = |start| turn.tell(&known, number, start);
-                correlator.correlate_in_series(frame, start.as_ref(), &mut Overlap::new(pool, &mut tell))
+                let result = correlator.correlate_in_series(frame, start.as_ref(), &mut Overlap::new(pool, &mut tell));
+                seconds = begin.elapsed().as_secs_f64();
+                result
             });
-            seconds = begin.elapsed().as_secs_f64();
             let before = turn.known().ok_or(Failure::Over)?;
             if !Arc::ptr_eq(&before, &forecast) {
                 return Err(Failure::BegunElsewhere);
@@ -248,7 +252,7 @@ fn one_frame<'a>(
     let (sha256, taken) = (Some(picture.sha256.clone()), picture.taken.take());
     let mut notes = std::mem::take(&mut picture.notes);
     let correlated = match (worker, &turn) {
-        (Worker::Tracking(_, own), Some(turn)) => tracked(engine, [pool, own], frames, turn, number, picture)
+        (Worker::Tracking(_, own), Some(turn)) => tracked(engine, (pool, own.as_ref()), frames, turn, number, picture)
             .map(|(correlated, known)| (correlated, Some(known))),
         (Worker::Chain(chain), _) => {
             chain.correlate(engine, pool, number, source, picture).map(|correlated| (correlated, None))

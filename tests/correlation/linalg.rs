@@ -12,6 +12,7 @@ use quadrille::mesh::{Mesh, mean_products};
 use quadrille::units::Px;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A mesh of `nx` x `ny` elements of 16 px.
@@ -174,6 +175,21 @@ fn a_matrix_that_is_not_positive_definite_names_a_node_without_texture() {
         let error = Cholesky::new(&matrix, &order).unwrap_err();
         assert!(error.node % 9 >= 6, "node {} has texture", error.node);
         assert_eq!(error.to_string(), format!("the matrix is not positive definite at node {}", error.node));
+    }
+}
+
+#[test]
+fn solutions_that_take_each_other_up_do_not_wait_for_each_other() {
+    // A thread that waits for a part of one solution takes up another one, which must not wait for what the first is making.
+    let mesh = mesh(80, 60); // several pieces of work
+    let (matrix, rhs) = (normal_matrix(&mesh), random(mesh.n_nodes(), 6));
+    let solver = || Solver::iterative(matrix.clone());
+    let want = solver().solve(rhs.clone());
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    for _ in 0..10 {
+        let solver = solver();
+        let all: Vec<_> = pool.install(|| (0..8).into_par_iter().map(|_| solver.solve(rhs.clone())).collect());
+        assert!(all.iter().all(|x| *x == want));
     }
 }
 

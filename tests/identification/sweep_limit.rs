@@ -97,6 +97,6 @@ fn the_program_writes_what_the_limit_left_time_for_and_exits_1() {
     assert_eq!(lines, rows + 1);
     assert!(folder.path().join("out/figures/sweep.png").is_file());
     // A limit that is over before anything was found leaves nothing to show, as of a fit.
-    let (status, said) = run(folder.path(), &["--values", "3,4", "--max-seconds", "0.001"]);
+    let (status, said) = run(folder.path(), &["--values", "3,4", "--max-seconds", "1e-9"]);
     assert!(status == Some(2) && said.contains("max_seconds") && said.contains("nothing is kept"), "{said}");
 }

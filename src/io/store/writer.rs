@@ -17,7 +17,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 use zarrs::array::{Array, ArrayError, IntoArrayBytes};
-use zarrs::storage::StorageError;
+use zarrs::storage::store::MemoryStore;
+use zarrs::storage::{Bytes, ReadableStorageTraits, StorageError, StoreKey, WritableStorageTraits};
 
 /// Frames that a growing series has room for ahead, at least.
 const ROOM_AHEAD: usize = 64;
@@ -54,6 +55,10 @@ pub struct StoreWriter {
     /// Those that the store has, in the order of [`Variable::ALL`].
     variables: Vec<(Variable, Array<Folder>)>,
 }
+
+/// The field of a frame as its files will hold it, each nothing where all of it is the fill value.
+#[derive(Debug)]
+pub(crate) struct EncodedField(Vec<(StoreKey, Option<Bytes>)>);
 
 /// What a store says of its frames.
 #[derive(Debug)]
@@ -218,9 +223,29 @@ impl StoreWriter {
         measurement: &Measurement<Px>,
         strain: &StrainField,
     ) -> Result<(), StoreError> {
+        self.write_encoded(self.encode_field(number, measurement, strain)?)
+    }
+
+    /// What [`write_field`](Self::write_field) computes, without a file: an error of the file system cannot be among its errors.
+    pub(crate) fn encode_field(
+        &self,
+        number: usize,
+        measurement: &Measurement<Px>,
+        strain: &StrainField,
+    ) -> Result<EncodedField, StoreError> {
         self.check_sizes(number, measurement, strain)?;
-        for (variable, array) in &self.variables {
-            self.write_variable(number, *variable, array, measurement, strain)?;
+        let encoded = |(v, array): &(Variable, _)| self.encode_variable(number, *v, array, measurement, strain);
+        Ok(EncodedField(self.variables.iter().map(encoded).collect::<Result<_, _>>()?))
+    }
+
+    /// What [`write_field`](Self::write_field) has to do with files.
+    pub(crate) fn write_encoded(&self, EncodedField(files): EncodedField) -> Result<(), StoreError> {
+        for (key, bytes) in files {
+            let written = match bytes {
+                Some(bytes) => self.folder.set(&key, bytes),
+                None => self.folder.erase(&key),
+            };
+            written.map_err(|error| file_error(self.folder.file(&key), error.into()))?;
         }
         Ok(())
     }
@@ -243,12 +268,13 @@ impl StoreWriter {
             length_px: 0.0,
             window: None,
         };
+        let mut files = Vec::new();
         for (variable, array) in &self.variables {
             if matches!(variable, Variable::Residual | Variable::Mark) {
-                self.write_variable(number, *variable, array, measurement, &nothing)?;
+                files.push(self.encode_variable(number, *variable, array, measurement, &nothing)?);
             }
         }
-        Ok(())
+        self.write_encoded(EncodedField(files))
     }
 
     /// The folder of the store.
@@ -376,14 +402,14 @@ impl StoreWriter {
         }
     }
 
-    fn write_variable(
+    fn encode_variable(
         &self,
         number: usize,
         variable: Variable,
         array: &Array<Folder>,
         measurement: &Measurement<Px>,
         strain: &StrainField,
-    ) -> Result<(), StoreError> {
+    ) -> Result<(StoreKey, Option<Bytes>), StoreError> {
         let at = place_of(number, variable);
         let kept = |pairs: &[[f64; 2]]| -> Vec<[f64; 2]> {
             let known = pairs.iter().zip(&measurement.measured);
@@ -391,14 +417,14 @@ impl StoreWriter {
         };
         let unknown = |of: &Self| vec![[f64::NAN; 2]; of.mesh.n_nodes()];
         match variable {
-            Variable::Displacement => self.chunk(array, &at, kept(&measurement.displacement).as_flattened()),
-            Variable::Sigma => self.chunk(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
+            Variable::Displacement => self.encoded(array, &at, kept(&measurement.displacement).as_flattened()),
+            Variable::Sigma => self.encoded(array, &at, singles(kept(&measurement.sigma).as_flattened()).as_slice()),
             Variable::Measured => {
                 let measured: Vec<u8> = measurement.measured.iter().copied().map(u8::from).collect();
-                self.chunk(array, &at, measured.as_slice())
+                self.encoded(array, &at, measured.as_slice())
             }
-            Variable::StrainElement => self.chunk(array, &at, strain_values(&strain.elements).as_slice()),
-            Variable::StrainNode => self.chunk(array, &at, strain_values(&strain.nodes).as_slice()),
+            Variable::StrainElement => self.encoded(array, &at, strain_values(&strain.elements).as_slice()),
+            Variable::StrainNode => self.encoded(array, &at, strain_values(&strain.nodes).as_slice()),
             Variable::StrainWindow | Variable::SigmaStrainWindow => {
                 let is_strain = variable == Variable::StrainWindow;
                 let one = |at: &Option<(TensorStrain, [f64; 3])>| {
@@ -406,38 +432,51 @@ impl StoreWriter {
                 };
                 let found = strain.window.as_ref().map(|window| window.nodes.iter().map(one).collect());
                 let found = found.unwrap_or_else(|| vec![None; self.mesh.n_nodes()]);
-                self.chunk(array, &at, strain_values(&found).as_slice())
+                self.encoded(array, &at, strain_values(&found).as_slice())
             }
-            Variable::Residual => self.chunk(array, &at, singles(&measurement.element_residual).as_slice()),
+            Variable::Residual => self.encoded(array, &at, singles(&measurement.element_residual).as_slice()),
             Variable::ModelError => {
                 let known = measurement.model_error.as_ref().map(|model| kept(&model.nodes));
-                self.chunk(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
+                self.encoded(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
             }
             Variable::Misfit => {
                 let unknown = vec![f64::NAN; self.mesh.n_elements()];
                 let known = measurement.model_error.as_ref().map(|model| singles(&model.misfit));
-                self.chunk(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
+                self.encoded(array, &at, known.unwrap_or_else(|| singles(&unknown)).as_slice())
             }
             Variable::Mark => {
                 let known = measurement.marks.as_ref().map(|marks| marks.iter().map(|mark| mark.code()).collect());
                 let codes: Vec<u8> = known.unwrap_or_else(|| vec![UNKNOWN_MARK; self.mesh.n_elements()]);
-                self.chunk(array, &at, codes.as_slice())
+                self.encoded(array, &at, codes.as_slice())
             }
             Variable::DisplacementPoint => {
                 let known = measurement.points.as_ref().map(|points| kept(&points.displacement));
-                self.chunk(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
+                self.encoded(array, &at, known.unwrap_or_else(|| unknown(self)).as_flattened())
             }
             Variable::SigmaPoint => {
                 let known = measurement.points.as_ref().map(|points| kept(&points.sigma));
-                self.chunk(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
+                self.encoded(array, &at, singles(known.unwrap_or_else(|| unknown(self)).as_flattened()).as_slice())
             }
             Variable::IsPointValue => {
                 let known = measurement.points.as_ref();
                 let known = known.map(|points| points.is_value.iter().copied().map(u8::from).collect());
                 let codes: Vec<u8> = known.unwrap_or_else(|| vec![NO_POINT; self.mesh.n_nodes()]);
-                self.chunk(array, &at, codes.as_slice())
+                self.encoded(array, &at, codes.as_slice())
             }
         }
+    }
+
+    /// The file of the chunk `at` that is made of `values`.
+    fn encoded<'a>(
+        &self,
+        array: &Array<Folder>,
+        at: &[u64],
+        values: impl IntoArrayBytes<'a>,
+    ) -> Result<(StoreKey, Option<Bytes>), StoreError> {
+        let (memory, key) = (Arc::new(MemoryStore::new()), array.chunk_key(at));
+        let stored = array.with_storage(memory.clone()).store_chunk_opt(at, values, &codec_options());
+        let bytes = stored.and_then(|()| Ok(memory.get(&key)?));
+        bytes.map(|bytes| (key, bytes)).map_err(|error| write_error(&self.folder, array, at, error))
     }
 
     fn chunk<'a>(&self, array: &Array<Folder>, at: &[u64], values: impl IntoArrayBytes<'a>) -> Result<(), StoreError> {
@@ -478,7 +517,10 @@ fn write_group(folder: &Folder, attributes: &Attributes) -> Result<(), StoreErro
 }
 
 fn write_error(folder: &Folder, array: &Array<Folder>, at: &[u64], error: ArrayError) -> StoreError {
-    let file = folder.file(&array.chunk_key(at));
+    file_error(folder.file(&array.chunk_key(at)), error)
+}
+
+fn file_error(file: PathBuf, error: ArrayError) -> StoreError {
     match error {
         ArrayError::StorageError(StorageError::IOError(error)) => StoreError::write(file, error),
         error => StoreError::unexpected(file, &error),
