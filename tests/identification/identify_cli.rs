@@ -118,7 +118,9 @@ fn the_limits_of_the_command_line_win_and_a_fit_that_they_end_claims_nothing() {
     let text = fit["verdict"]["text"].as_str().unwrap();
     assert!(text.contains("the fit did not converge"), "{text}");
     // A limit that is over before anything was found leaves nothing to show, and says so.
-    let (status, said) = run("identify", folder.path(), &["--overwrite", "--max-seconds", "1e-9"]);
+    let case = format!("{JOINT}{MEASUREMENT}{}", FIT.replace("[fit]", "[fit]\nmax_seconds = 1e-9"));
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    let (status, said) = run("identify", folder.path(), &["--overwrite"]);
     assert!(status == Some(2) && said.contains("max_seconds") && said.contains("before the forward run"), "{said}");
 }
 

@@ -97,6 +97,7 @@ fn the_program_writes_what_the_limit_left_time_for_and_exits_1() {
     assert_eq!(lines, rows + 1);
     assert!(folder.path().join("out/figures/sweep.png").is_file());
     // A limit that is over before anything was found leaves nothing to show, as of a fit.
-    let (status, said) = run(folder.path(), &["--values", "3,4", "--max-seconds", "1e-9"]);
+    std::fs::write(folder.path().join("case.toml"), CASE.replace("[fit]\n", "[fit]\nmax_seconds = 1e-9\n")).unwrap();
+    let (status, said) = run(folder.path(), &["--values", "3,4"]);
     assert!(status == Some(2) && said.contains("max_seconds") && said.contains("nothing is kept"), "{said}");
 }
