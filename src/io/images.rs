@@ -264,7 +264,7 @@ impl PagedFile {
     }
 
     /// As [`PagedFile::read`], where no other page is wanted: the notes say how many there are.
-    pub(crate) fn read_one(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
+    pub(super) fn read_one(&mut self, page: usize, accepted: Accepted) -> Result<Loaded, ReadError> {
         let mut loaded = self.read(page, accepted)?;
         if loaded.pages > 1 {
             let (pages, all) = (loaded.pages, "--pages all takes each as a frame");

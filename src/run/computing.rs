@@ -1,4 +1,4 @@
-//! Who computes for the threads of a run that read and write.
+//! Who computes for the threads of a run that write.
 
 use super::engine::Engine;
 use rayon::ThreadPool;

@@ -1,6 +1,5 @@
 //! The frames of a run on their way: decoded ahead, brought to the device ahead, correlated, handed over.
 
-use super::computing::Computing;
 use super::engine::Engine;
 use super::error::{Result, RunError, thread};
 use super::frames::{Decoded, Done, Frames, Picture};
@@ -96,7 +95,7 @@ pub(super) fn run(
                 let (handed, given) = sync_channel(AHEAD);
                 to_read.push(handed);
                 let (out, decoded) = sync_channel(AHEAD);
-                thread(scope, move || decode((engine, pool), frames, wanted, &given, &out))?;
+                thread(scope, move || decode(frames, wanted, &given, &out))?;
                 Ok(decoded)
             })
             .collect::<Result<_>>()?;
@@ -148,9 +147,9 @@ fn hand_out(
     Ok(())
 }
 
-/// Reads frames as they are given.
+/// Reads frames as they are given: not by the threads of the pool, since a thread of it that waits for a part of a frame may take up any other
+/// work, and would keep that frame until a large PNG is decoded.
 fn decode(
-    (engine, pool): (&Engine, &ThreadPool),
     frames: &Frames<'_>,
     wanted: &(dyn Fn() -> bool + Sync),
     given: &Receiver<Numbered>,
@@ -161,18 +160,15 @@ fn decode(
         if !wanted() {
             return;
         }
-        let (begin, mut computing) = (Instant::now(), Computing::new(engine, pool));
+        let begin = Instant::now();
         let loaded = match frames.settle {
             Some(settle) => read_whole(&frame, frames.accepted, settle, wanted),
-            None => Some(read_frame(&frame, frames.accepted, &mut stack, &mut computing)),
+            None => Some(read_frame(&frame, frames.accepted, &mut stack)),
         };
         let Some(loaded) = loaded else { return };
-        let image = loaded.as_ref().ok().map(|loaded| &loaded.image);
-        let looked_at = |image| {
-            let blank = FlatBlocks::of(image).blank(frames.flat, frames.windows);
-            (Saturation::of(image, frames.windows), blank)
-        };
-        let (saturation, blank) = image.map(|image| computing.compute(|| looked_at(image))).unwrap_or_default();
+        let saturation = loaded.as_ref().ok().and_then(|loaded| Saturation::of(&loaded.image, frames.windows));
+        let flat = loaded.as_ref().ok().map(|loaded| FlatBlocks::of(&loaded.image));
+        let blank = flat.and_then(|flat| flat.blank(frames.flat, frames.windows));
         let loaded = loaded.map(|Loaded { image, sha256, taken, notes, .. }| Picture {
             image: Arc::new(image),
             sha256,
@@ -180,30 +176,29 @@ fn decode(
             notes,
             uploaded: None,
         });
-        let seconds = computing.busy_since(begin).as_secs_f64();
+        let seconds = begin.elapsed().as_secs_f64();
         if out.send(Decoded { number, frame, loaded, saturation, blank, seconds }).is_err() {
             return; // nobody wants more
         }
     }
 }
 
-/// Reads a frame. A file whose pages are frames stays in `stack` for the next one. The file itself is read here, so that the threads of
-/// the pool need not wait for it.
+/// Reads a frame. A file whose pages are frames stays in `stack` for the next one.
 fn read_frame(
     frame: &Frame,
     accepted: Accepted,
     stack: &mut Option<(PathBuf, PagedFile)>,
-    computing: &mut Computing<'_>,
 ) -> std::result::Result<Loaded, ReadError> {
     if !frame.is_page {
-        let mut file = PagedFile::open(&frame.path)?;
-        return computing.compute(|| file.read_one(frame.page, accepted));
+        return frame.read(accepted);
     }
-    let (_, file) = match stack {
-        Some(there) if there.0 == frame.path => there,
-        _ => stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?)),
-    };
-    computing.compute(|| file.read(frame.page, accepted))
+    match stack {
+        Some((path, file)) if *path == frame.path => file.read(frame.page, accepted),
+        _ => {
+            let (_, file) = stack.insert((frame.path.clone(), PagedFile::open(&frame.path)?));
+            file.read(frame.page, accepted)
+        }
+    }
 }
 
 /// Brings the frames to the device, in order, while others are correlated.
