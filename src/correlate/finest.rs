@@ -2,7 +2,7 @@
 
 use super::error::{CorrelationError, TextureFault};
 use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
-use super::level::{Level, elimination_order, support_of};
+use super::level::{Level, support_of};
 use super::options::Options;
 use super::own::Changed;
 use super::regularisation::{PenaltyScale, Regulariser};
@@ -11,7 +11,7 @@ use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undete
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMoments, KernelOptions, coupled};
 use crate::field::Elements;
-use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace};
+use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
 use rayon::prelude::*;
@@ -255,6 +255,31 @@ fn of_blank_zones(mesh: &Mesh<Px>, faults: &[TextureFault]) -> Vec<TextureFault>
     let mut left: Vec<usize> = (0..mesh.zones().len()).map(|zone| mesh.zone_nodes(zone).len()).collect();
     faults.iter().for_each(|fault| left[zone_of(fault)] -= 1);
     faults.iter().filter(|fault| left[zone_of(fault)] == 0).cloned().collect()
+}
+
+/// Elimination order of all zones, one after the other.
+fn elimination_order(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<usize> {
+    let mut order = Vec::with_capacity(mesh.n_nodes());
+    for zone in 0..mesh.zones().len() {
+        let nodes = mesh.zone_nodes(zone);
+        let Some(grid) = mesh.grid(zone) else {
+            order.extend(dissection(pattern, mesh.nodes(), nodes));
+            continue;
+        };
+        let places = nested_dissection(grid.nx + 1, grid.ny + 1);
+        if mesh.whole_grid(zone).is_some() {
+            order.extend(places.into_iter().map(|place| nodes.start + place));
+            continue;
+        }
+        // The order of the whole grid serves a part of it too.
+        let mut node_at = vec![None; grid.n_nodes()];
+        for node in nodes {
+            let [i, j] = grid.column_and_row(mesh.nodes()[node]);
+            node_at[j * (grid.nx + 1) + i] = Some(node);
+        }
+        order.extend(places.into_iter().filter_map(|place| node_at[place]));
+    }
+    order
 }
 
 #[cfg(test)]

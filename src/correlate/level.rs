@@ -3,7 +3,7 @@
 use super::gradient_noise::{AssumedNoise, OfElement, diagonal_with_noise, without_noise};
 use super::regularisation::{PenaltyScale, Regularisation, Regulariser};
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions, Place, coupled};
-use crate::linalg::{Pattern, Solver, dissection, nested_dissection};
+use crate::linalg::{Pattern, Solver};
 use crate::mesh::{Mesh, PixelMesh, shape_functions};
 use crate::units::Px;
 use std::sync::Arc;
@@ -32,31 +32,6 @@ fn finer(x: f64) -> f64 {
 
 pub(super) fn coarser(x: f64) -> f64 {
     0.5 * (x - 0.5)
-}
-
-/// Elimination order of all zones, one after the other.
-pub(super) fn elimination_order(mesh: &Mesh<Px>, pattern: &Pattern) -> Vec<usize> {
-    let mut order = Vec::with_capacity(mesh.n_nodes());
-    for zone in 0..mesh.zones().len() {
-        let nodes = mesh.zone_nodes(zone);
-        let Some(grid) = mesh.grid(zone) else {
-            order.extend(dissection(pattern, mesh.nodes(), nodes));
-            continue;
-        };
-        let places = nested_dissection(grid.nx + 1, grid.ny + 1);
-        if mesh.whole_grid(zone).is_some() {
-            order.extend(places.into_iter().map(|place| nodes.start + place));
-            continue;
-        }
-        // The order of the whole grid serves a part of it too.
-        let mut node_at = vec![None; grid.n_nodes()];
-        for node in nodes {
-            let [i, j] = grid.column_and_row(mesh.nodes()[node]);
-            node_at[j * (grid.nx + 1) + i] = Some(node);
-        }
-        order.extend(places.into_iter().filter_map(|place| node_at[place]));
-    }
-    order
 }
 
 /// `sum psi^2` per node over the pixels of its elements (about 4/9 l^2 inside): what a gradient of one
