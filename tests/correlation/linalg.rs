@@ -12,8 +12,9 @@ use quadrille::mesh::{Mesh, mean_products};
 use quadrille::units::Px;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// A mesh of `nx` x `ny` elements of 16 px.
 fn mesh(nx: usize, ny: usize) -> Mesh<Px> {
@@ -179,17 +180,32 @@ fn a_matrix_that_is_not_positive_definite_names_a_node_without_texture() {
 }
 
 #[test]
-fn solutions_that_take_each_other_up_do_not_wait_for_each_other() {
-    // A thread that waits for a part of one solution takes up another one, which must not wait for what the first is making.
-    let mesh = mesh(80, 60); // several pieces of work
+fn a_solution_that_another_one_is_taken_up_in_does_not_wait_for_it() {
+    // A thread that waits for a part of what the first solution makes may take up the second, which must not wait for the first.
+    let mesh = mesh(160, 120); // several pieces of work
     let (matrix, rhs) = (normal_matrix(&mesh), random(mesh.n_nodes(), 6));
-    let solver = || Solver::iterative(matrix.clone());
-    let want = solver().solve(rhs.clone());
+    let want = Solver::iterative(matrix.clone()).solve(rhs.clone());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-    for _ in 0..10 {
-        let solver = solver();
-        let all: Vec<_> = pool.install(|| (0..8).into_par_iter().map(|_| solver.solve(rhs.clone())).collect());
-        assert!(all.iter().all(|x| *x == want));
+    for turn in 0..60 {
+        let (solver, begun) = (Solver::iterative(matrix.clone()), AtomicBool::new(false));
+        let solve = || assert!(solver.solve(rhs.clone()) == want, "turn {turn}");
+        pool.in_place_scope(|scope| {
+            // The other thread comes to help at one time or another, and leaves the second solution to the first thread.
+            scope.spawn(|_| {
+                while !begun.load(Ordering::SeqCst) {
+                    std::hint::spin_loop();
+                }
+                let begin = Instant::now();
+                while begin.elapsed() < Duration::from_micros(20 * turn) {
+                    std::hint::spin_loop();
+                }
+            });
+            scope.spawn(|_| {
+                begun.store(true, Ordering::SeqCst);
+                solve();
+            });
+            scope.spawn(|_| solve());
+        });
     }
 }
 
