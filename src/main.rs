@@ -2,6 +2,9 @@
 
 use std::process::ExitCode;
 
+#[global_allocator]
+static ALLOCATOR: quadrille::cli::Allocator = quadrille::cli::Allocator;
+
 fn main() -> ExitCode {
     quadrille::cli::main()
 }

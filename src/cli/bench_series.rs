@@ -6,7 +6,7 @@ use crate::backend::choice::DeviceChoice;
 use crate::backend::gpu::GpuOptions;
 use crate::bench::Spread;
 use crate::clock::{Elapsed, Stopwatch};
-use crate::correlate::{Tracker, prepare};
+use crate::correlate::{History, Overlap, prepare};
 use crate::field::Status;
 use crate::io::case::CaseFile;
 use crate::io::images::{read_image, write_image};
@@ -40,6 +40,9 @@ struct Cost {
     frame_s: Spread,
     /// Processor seconds per frame of all threads, the preparation of the reference taken off.
     frame_processor_s: Spread,
+    /// Seconds between the field before a frame and its own, which no other frame can use, on all threads with nothing beside it: the median of
+    /// the frames that were predicted.
+    frame_in_turn_s: Spread,
     /// Each alone, on all threads; correlation with the images in memory.
     decode_alone_s: Spread,
     correlate_alone_s: Spread,
@@ -107,6 +110,7 @@ pub(super) fn run(args: &BenchSeriesArgs) -> Result<Outcome> {
 /// All frames correlated, the images in memory.
 struct Correlated {
     seconds: f64,
+    in_turn_s: f64,
     /// What the preparation of the reference took before it.
     reference: Elapsed,
     device: String,
@@ -170,14 +174,16 @@ impl Bench<'_> {
         let size = self.size;
         self.decode(files)?; // they are in the page cache from here on
         let n = (files.len() - 1) as f64;
-        let (mut decode, mut correlate, mut series, mut processor) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut decode, mut correlate, mut in_turn) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut series, mut processor) = (Vec::new(), Vec::new());
         // By turns: what slows the machine down for a while slows all of them down.
         let (device, Ran { summary, busy, .. }, run) = loop {
             let run = series.len();
             let plan = self.plan(files)?;
             decode.push(self.decode(files)? / n);
-            let Correlated { seconds, reference, device } = self.correlate(files, &plan)?;
+            let Correlated { seconds, in_turn_s, reference, device } = self.correlate(files, &plan)?;
             correlate.push(seconds / n);
+            in_turn.push(in_turn_s);
             let (ran, run) = self.run(&plan, run)?;
             series.push((run.wall_s - ran.summary.seconds_reference) / n);
             processor.push((run.cpu_s - reference.cpu_s) / n);
@@ -192,7 +198,8 @@ impl Bench<'_> {
                 frame.number
             ))?;
         }
-        let [decode, correlate, series, processor] = [decode, correlate, series, processor].map(Spread::of);
+        let [decode, correlate, in_turn] = [decode, correlate, in_turn].map(Spread::of);
+        let [series, processor] = [series, processor].map(Spread::of);
         Ok(Cost {
             size_px: size,
             format: self.name(),
@@ -202,6 +209,7 @@ impl Bench<'_> {
             frames_per_second: 1.0 / series.median,
             frame_s: series,
             frame_processor_s: processor,
+            frame_in_turn_s: in_turn,
             decode_alone_s: decode,
             correlate_alone_s: correlate,
             share_of_bound: (decode.median + correlate.median) / series.median,
@@ -249,7 +257,8 @@ impl Bench<'_> {
     fn correlate(&self, files: &[PathBuf], plan: &Plan) -> Result<Correlated> {
         let image = |file: &PathBuf| -> Result<_> { Ok(Arc::new(read_image(file, 0)?.image)) };
         let (reference, zones) = (image(&files[0])?, [Zone::rectangle("all", self.roi())]);
-        pool(Some(self.threads))?.install(|| {
+        let pool = pool(Some(self.threads))?;
+        pool.install(|| {
             let watch = Stopwatch::start();
             let correlator = prepare(
                 &plan.device(reference.width() * reference.height())?,
@@ -258,15 +267,22 @@ impl Bench<'_> {
                 plan.options.clone(),
             )?;
             let prepared = watch.elapsed();
-            let mut tracker = Tracker::new(&*correlator);
-            let mut seconds = 0.0;
+            let mut history = History::new(correlator.options().start);
+            let (mut seconds, mut in_turn) = (0.0, Vec::new());
             for (number, file) in (1..).zip(&files[1..]) {
                 let image = image(file)?;
                 let watch = Stopwatch::start();
-                tracker.correlate(number, image)?;
+                let frame = correlator.upload(image)?;
+                let uploaded = watch.elapsed().wall_s;
+                let start = history.predict(number, correlator.mesh());
+                let mut tell = |_| in_turn.push(watch.elapsed().wall_s - uploaded);
+                let overlap = &mut Overlap::new(&pool, &mut tell);
+                let correlation = correlator.correlate_in_series(frame, start.as_ref(), overlap)?;
+                history.note(number, &correlation);
                 seconds += watch.elapsed().wall_s;
             }
-            Ok(Correlated { seconds, reference: prepared, device: correlator.device().to_owned() })
+            let device = correlator.device().to_owned();
+            Ok(Correlated { seconds, in_turn_s: Spread::of(in_turn).median, reference: prepared, device })
         })
     }
 
@@ -308,6 +324,13 @@ impl std::fmt::Display for Measured {
                 f,
                 "  processor, ms/frame  {median:8.1} ({fastest:.1}-{slowest:.1})   all threads together: {PROJECTED_CORES} cores like these \
                  do {most:.0} frames/s at most"
+            )?;
+            let Spread { median, fastest, slowest } = cost.frame_in_turn_s.scaled(1e3);
+            let most = 1.0 / cost.frame_in_turn_s.median;
+            writeln!(
+                f,
+                "  in turn, ms/frame    {median:8.2} ({fastest:.2}-{slowest:.2})   from the field before a frame to its own, nothing beside it: \
+                 {most:.0} frames/s at most"
             )?;
             let stages: Vec<String> =
                 cost.stage_percent.iter().map(|(stage, percent)| format!("{stage} {percent:.0} %")).collect();

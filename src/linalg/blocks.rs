@@ -254,6 +254,22 @@ impl Pattern {
     }
 }
 
+/// Rows that are worth a thread of their own.
+pub(super) const ROWS_AT_LEAST: usize = 128;
+
+/// Parts of `all`, one after the other, each for itself.
+pub(super) fn parts_mut<T>(all: &mut [T], parts: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
+    let (mut rest, mut at) = (all, 0);
+    parts
+        .map(|part| {
+            let (_, from) = std::mem::take(&mut rest).split_at_mut(part.start - at);
+            let (own, after) = from.split_at_mut(part.len());
+            (rest, at) = (after, part.end);
+            own
+        })
+        .collect()
+}
+
 /// Adds the part of each element of a node to its row of blocks, in element order.
 fn add_row<M: Borrow<ElementMatrix>>(
     pattern: &Pattern,
@@ -318,28 +334,28 @@ impl BlockMatrix {
     }
 
     /// Assembles the rows of `nodes` anew, bit for bit as [`BlockMatrix::assemble`] and [`BlockMatrix::hold`] would: for a
-    /// matrix of which some elements have changed, and `nodes` all of theirs.
+    /// matrix of which some elements have changed, and `nodes`, ascending, all of theirs.
     pub(crate) fn assemble_rows<M: Borrow<ElementMatrix>>(
         &mut self,
         nodes: &[u32],
         elements: &[[u32; 4]],
-        matrix: impl Fn(u32) -> M,
+        matrix: impl Fn(u32) -> M + Sync,
     ) {
-        for &node in nodes {
-            let range = self.pattern.row(node as usize);
-            let row = &mut self.blocks[range.clone()];
+        let Self { pattern, blocks, held } = self;
+        let is_held = |node: u32| held.binary_search(&node).is_ok();
+        let rows = parts_mut(blocks, nodes.iter().map(|&node| pattern.row(node as usize)));
+        nodes.par_iter().zip(rows).with_min_len(ROWS_AT_LEAST).for_each(|(&node, row)| {
             row.fill([0.0; 4]);
-            add_row(&self.pattern, elements, &matrix, node as usize, row);
-            if self.held.is_empty() {
-                continue;
+            add_row(pattern, elements, &matrix, node as usize, row);
+            if held.is_empty() {
+                return;
             }
-            let is_held = |node: u32| self.held.binary_search(&node).is_ok();
-            for (block, &column) in row.iter_mut().zip(&self.pattern.columns[range]) {
+            for (block, &column) in row.iter_mut().zip(&pattern.columns[pattern.row(node as usize)]) {
                 if is_held(node) || is_held(column) {
                     *block = if node == column { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
                 }
             }
-        }
+        });
     }
 
     /// Takes the rows of `nodes` from a matrix on the same pattern.

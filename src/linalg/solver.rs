@@ -194,7 +194,7 @@ impl Solver {
         &self,
         nodes: &[u32],
         elements: &[[u32; 4]],
-        of_element: impl Fn(u32) -> &'a ElementMatrix,
+        of_element: impl Fn(u32) -> &'a ElementMatrix + Sync,
     ) -> Self {
         let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let (mut system, mut differ) = spare.unwrap_or_else(|| (self.system.clone(), Vec::new()));

@@ -83,11 +83,15 @@ int flock(int fd, int how) {
 }
 "#;
 
-/// Compiles it with the C compiler that every Rust toolchain links with.
 fn nfs(desk: &Desk) -> String {
     desk.write("nfs.c", NFS);
-    let library = desk.path("nfs.so");
-    let source = desk.path("nfs.c");
+    compiled(desk, &desk.path("nfs.c"))
+}
+
+/// Compiles a library with the C compiler that every Rust toolchain links with.
+fn compiled(desk: &Desk, source: &Path) -> String {
+    let library = desk.path("preloaded.so");
+    let source = source.to_path_buf();
     let made =
         Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).arg("-ldl").output().unwrap();
     assert!(made.status.success(), "{}", said(&made));
@@ -286,6 +290,44 @@ fn a_mask_of_another_size_is_refused_before_it_is_unpacked() {
         .refused(&["the mask is 30000 x 30000 px, the reference image 128 x 96 px"]);
 }
 
+/// A library that writes down how the memory of a process is mapped when it ends.
+const MAPS: &str = r#"
+#include <stdio.h>
+#include <stdlib.h>
+__attribute__((destructor)) static void end(void) {
+    FILE *from = fopen("/proc/self/smaps", "r"), *to = fopen(getenv("QUADRILLE_TEST_MAPS"), "w");
+    for (int c; from && to && (c = fgetc(from)) != EOF;) fputc(c, to);
+    if (to) fclose(to);
+}
+"#;
+
+#[test]
+fn memory_is_asked_for_in_large_pages() {
+    if !Path::new("/sys/kernel/mm/transparent_hugepage").exists() {
+        eprintln!("not tested: this kernel has no large pages");
+        return;
+    }
+    let desk = Desk::new();
+    desk.run("synth translation --size 768x768 --frames 1 --output s").fine();
+    desk.write("maps.c", MAPS);
+    let library = compiled(&desk, &desk.path("maps.c"));
+    let line = "correlate --device cpu --threads 2 --export none --no-report --output run s/000000.tif s/000001.tif";
+    let environment = [("LD_PRELOAD", library.as_str()), ("QUADRILLE_TEST_MAPS", "maps")];
+    desk.run_with(&environment, &line.split_whitespace().collect::<Vec<_>>()).fine();
+    // What is the process's own, kB, all in all and where large pages were asked for.
+    let (mut all, mut asked, mut here) = (0, 0, 0);
+    for line in desk.read("maps").lines() {
+        if let Some(kilobytes) = line.strip_prefix("Anonymous:") {
+            here = kilobytes.trim().trim_end_matches(" kB").parse().unwrap();
+        } else if let Some(flags) = line.strip_prefix("VmFlags:") {
+            all += here;
+            asked += if flags.split_whitespace().any(|flag| flag == "hg") { here } else { 0 };
+        }
+    }
+    // What is left are stacks, and what the program and its libraries begin with.
+    assert!(all > 20_000 && all - asked < 5_000, "{asked} of {all} kB");
+}
+
 #[test]
 fn a_joint_of_more_squares_than_anybody_solves_is_refused_and_asks_for_no_memory() {
     let desk = Desk::new();
@@ -299,14 +341,8 @@ fn a_joint_of_more_squares_than_anybody_solves_is_refused_and_asks_for_no_memory
     }
 }
 
-/// Compiles scripts/full_disk.c with the C compiler that every Rust toolchain links with.
 fn full_disk(desk: &Desk) -> String {
-    let library = desk.path("full_disk.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/full_disk.c");
-    let made =
-        Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).arg("-ldl").output().unwrap();
-    assert!(made.status.success(), "{}", said(&made));
-    library.to_str().unwrap().to_owned()
+    compiled(desk, &Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/full_disk.c"))
 }
 
 /// A disk that takes no more at some of the writes of `line`, which writes into disk/out, and then has room again: an error that says
