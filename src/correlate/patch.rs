@@ -70,18 +70,16 @@ impl Patch {
         }
     }
 
-    /// Weighted sum of K x K coefficients.
+    /// Weighted sum of K x K coefficients: of the columns first, whose values lie side by side.
     fn sum<const K: usize>(&self, at: usize, wx: &[f32; 6], wy: &[f32; 6]) -> f32 {
-        let mut sum = 0.0;
+        let mut along = [0.0; K];
         for k in 0..K {
             let column = &self.coefficients[at + k * self.height..][..K];
-            let mut along = 0.0;
             for l in 0..K {
-                along += column[l] * wy[l];
+                along[l] += wx[k] * column[l];
             }
-            sum += wx[k] * along;
         }
-        sum
+        along.iter().zip(wy).map(|(along, wy)| along * wy).sum()
     }
 
     /// The gradient at a pixel of the piece, as the reference has it.

@@ -382,7 +382,8 @@ mod tests {
     fn what_follows_a_matrix_is_what_is_made_of_it_anew() {
         let before = matrix(|node| node);
         let elements = elements(|node| node);
-        let changed: Vec<u32> = (0..40).collect();
+        // Some side by side, others not.
+        let changed: Vec<u32> = (0..SIDES[0] * SIDES[1]).filter(|node| node % 11 < 3).map(|node| node as u32).collect();
         let mut after = before.clone();
         let halved: Vec<ElementMatrix> = (0..elements.len()).map(|e| element_matrix(e).map(|v| 0.25 * v)).collect();
         after.assemble_rows(&changed, &elements, |element| &halved[element as usize]);
