@@ -83,6 +83,7 @@ pub mod mesh;
 pub mod metrology;
 #[doc(hidden)]
 pub mod paper;
+mod parts;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(all(feature = "report", feature = "store"))]

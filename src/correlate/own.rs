@@ -7,8 +7,8 @@ use super::regularisation::Regulariser;
 use crate::backend::{Backend, BackendError, ElementMoments, KernelOptions};
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::Mesh;
+use crate::parts;
 use crate::units::Px;
-use rayon::prelude::*;
 
 /// Share of its texture by which an element that is left out takes part in a matrix with a penalty of its own.
 const HELD_SHARE: f64 = 1e-3;
@@ -80,12 +80,12 @@ impl Changed {
         nodes.sort_unstable();
         nodes.dedup();
         let elements = pattern.elements_around(&nodes);
-        let of_element = |&element: &u32| {
-            let element = element as usize;
+        let of_element = |at: usize| {
+            let element = elements[at] as usize;
             let left = lost.binary_search_by_key(&element, |(element, _)| *element).map(|at| &lost[at].1);
             OfElement::new(mesh, element, left.unwrap_or(&moments[element]), options, lambda)
         };
-        let of_elements = elements.par_iter().with_min_len(64).map(of_element).collect();
+        let of_elements = parts::map(elements.len(), 64, OfElement::NONE, of_element);
         Self { nodes, elements, of_elements }
     }
 

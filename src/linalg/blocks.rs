@@ -1,5 +1,6 @@
 //! Sparse symmetric matrices of 2x2 blocks, one row of blocks per node.
 
+use crate::parts;
 use rayon::prelude::*;
 use std::borrow::Borrow;
 use std::ops::{Add, Mul, Range};
@@ -239,32 +240,28 @@ impl Pattern {
 
     /// As [`Pattern::gather`], from the part of each corner of an element.
     pub(crate) fn gather_corners(&self, of_corner: impl Fn(usize, usize) -> [f64; 2] + Sync) -> Vec<[f64; 2]> {
-        (0..self.n_nodes())
-            .into_par_iter()
-            .with_min_len(2048)
-            .map(|node| {
-                let mut sum = [0.0; 2];
-                for &(element, corner) in self.elements_of(node) {
-                    let [x, y] = of_corner(element as usize, corner as usize);
-                    sum = [sum[0] + x, sum[1] + y];
-                }
-                sum
-            })
-            .collect()
+        parts::map(self.n_nodes(), 2048, [0.0; 2], |node| {
+            let mut sum = [0.0; 2];
+            for &(element, corner) in self.elements_of(node) {
+                let [x, y] = of_corner(element as usize, corner as usize);
+                sum = [sum[0] + x, sum[1] + y];
+            }
+            sum
+        })
     }
 }
 
-/// Rows that are worth a thread of their own.
-pub(super) const ROWS_AT_LEAST: usize = 128;
+/// Rows that are worth to ask another thread for.
+pub(super) const ROWS: usize = 64;
 
-/// Parts of `all`, one after the other, each for itself.
-pub(super) fn parts_mut<T>(all: &mut [T], parts: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
+/// Ranges of `all`, one after the other, each for itself.
+pub(super) fn ranges_mut<T>(all: &mut [T], ranges: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
     let (mut rest, mut at) = (all, 0);
-    parts
-        .map(|part| {
-            let (_, from) = std::mem::take(&mut rest).split_at_mut(part.start - at);
-            let (own, after) = from.split_at_mut(part.len());
-            (rest, at) = (after, part.end);
+    ranges
+        .map(|range| {
+            let (_, from) = std::mem::take(&mut rest).split_at_mut(range.start - at);
+            let (own, after) = from.split_at_mut(range.len());
+            (rest, at) = (after, range.end);
             own
         })
         .collect()
@@ -343,8 +340,7 @@ impl BlockMatrix {
     ) {
         let Self { pattern, blocks, held } = self;
         let is_held = |node: u32| held.binary_search(&node).is_ok();
-        let rows = parts_mut(blocks, nodes.iter().map(|&node| pattern.row(node as usize)));
-        nodes.par_iter().zip(rows).with_min_len(ROWS_AT_LEAST).for_each(|(&node, row)| {
+        let assembled = |node: u32, row: &mut [[f64; 4]]| {
             row.fill([0.0; 4]);
             add_row(pattern, elements, &matrix, node as usize, row);
             if held.is_empty() {
@@ -355,7 +351,16 @@ impl BlockMatrix {
                     *block = if node == column { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
                 }
             }
-        });
+        };
+        let mut rows = ranges_mut(blocks, nodes.iter().map(|&node| pattern.row(node as usize)));
+        let some = nodes.chunks(ROWS).zip(rows.chunks_mut(ROWS)).collect();
+        parts::for_each(
+            some,
+            || (),
+            |(), (nodes, rows)| {
+                nodes.iter().zip(rows).for_each(|(&node, row)| assembled(node, row));
+            },
+        );
     }
 
     /// Takes the rows of `nodes` from a matrix on the same pattern.

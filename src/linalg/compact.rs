@@ -4,9 +4,10 @@
 //! 16 bits tell an entry to 1.5e-5, far below what the solution is wanted to, in whatever direction a node has little texture; and where nodes one
 //! after the other have their neighbours at the same distances, as on a grid, these are said once for all of them.
 
-use super::blocks::{BlockMatrix, Pattern, ROWS_AT_LEAST, parts_mut};
+use super::blocks::{BlockMatrix, Pattern, ROWS, ranges_mut};
 use super::conjugate_gradients::{BlockJacobi, PIECE, Root, Scaled, conjugate_gradients};
 use crate::isa::{Isa, multiversioned};
+use crate::parts;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -188,10 +189,17 @@ impl Compact {
         let around = matrix.pattern().around(nodes, 1);
         let groups: Vec<&[u32]> = around.chunk_by(|a, b| *a as usize / SIDE == *b as usize / SIDE).collect();
         let slots_of = |nodes: &&[u32]| places.slots(nodes[0] as usize / SIDE..nodes[0] as usize / SIDE + 1);
-        let slots = parts_mut(slots, groups.iter().map(slots_of));
-        groups.par_iter().zip(slots).with_min_len(ROWS_AT_LEAST / 2).for_each(|(nodes, slots)| {
-            nodes.iter().for_each(|&node| fill(places, roots, matrix, node as usize, slots));
-        });
+        let mut slots = ranges_mut(slots, groups.iter().map(slots_of));
+        let some = groups.chunks(ROWS / 2).zip(slots.chunks_mut(ROWS / 2)).collect();
+        parts::for_each(
+            some,
+            || (),
+            |(), (groups, slots): (&[&[u32]], &mut [&mut [Slot]])| {
+                for (nodes, slots) in groups.iter().zip(slots) {
+                    nodes.iter().for_each(|&node| fill(places, roots, matrix, node as usize, slots));
+                }
+            },
+        );
     }
 
     /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction`, in the norm of the inverse blocks on the diagonal, or `max_iterations`

@@ -5,7 +5,7 @@
 
 use super::blocks::{BlockMatrix, Pattern, row_sums};
 use crate::isa::{Isa, multiversioned};
-use rayon::prelude::*;
+use crate::parts;
 use std::ops::{Add, Mul, Sub};
 
 /// Nodes per piece of work: fixed, so that sums have the same order for any number of threads.
@@ -152,8 +152,6 @@ pub(super) fn conjugate_gradients<T: Real>(
     max_iterations: usize,
 ) -> (Vec<[T; 2]>, CgOutcome) {
     let (n, margin, isa) = (matrix.n_nodes(), matrix.margin(), Isa::detect());
-    // Pieces that one thread takes at least.
-    let pieces = if n <= ALONE_UP_TO { n.div_ceil(PIECE).max(1) } else { 1 };
     let zero = |n: usize| vec![[T::default(); 2]; n];
     // The directions p, their images q, and the images w of r.
     let (mut x, mut p, mut q, mut w) = (zero(n), zero(n), zero(n), zero(n));
@@ -162,34 +160,35 @@ pub(super) fn conjugate_gradients<T: Real>(
     let square = |r: &[T; 2]| -> f64 { r.iter().map(|&r| r.into() * r.into()).sum() };
     let mut rr = in_order(r[margin..][..n].chunks(PIECE).map(|r| r.iter().map(square).sum()));
     let rr_start = rr;
+    let mut of_pieces = vec![0.0; n.div_ceil(PIECE)];
     let (mut alpha, mut beta, mut iterations) = (1.0, 0.0, 0);
     while iterations < max_iterations && rr > reduction * reduction * rr_start && rr > 0.0 {
-        let rw: Vec<f64> = w
-            .par_chunks_mut(PIECE)
-            .enumerate()
-            .with_min_len(pieces)
-            .map(|(piece, w)| matrix.image(isa, &r, piece * PIECE, w))
-            .collect();
+        let parts = w.chunks_mut(PIECE).zip(&mut of_pieces).enumerate();
+        shared(n, parts, |(piece, (w, rw))| *rw = matrix.image(isa, &r, piece * PIECE, w));
         // p . q of the new direction.
-        let pq = in_order(rw) - beta * rr / alpha;
+        let pq = in_order(of_pieces.iter().copied()) - beta * rr / alpha;
         if pq <= 0.0 {
             break; // not positive definite along p: what is reached so far stands
         }
         alpha = rr / pq;
-        let new_rr: Vec<f64> = x
-            .par_chunks_mut(PIECE)
-            .zip(r[margin..][..n].par_chunks_mut(PIECE))
-            .zip(p.par_chunks_mut(PIECE).zip(q.par_chunks_mut(PIECE)))
-            .zip(w.par_chunks(PIECE))
-            .with_min_len(pieces)
-            .map(|(((x, r), (p, q)), w)| update(isa, [alpha, beta], w, [p, q, x, r]))
-            .collect();
-        let new_rr = in_order(new_rr);
+        let of_solution = x.chunks_mut(PIECE).zip(r[margin..][..n].chunks_mut(PIECE));
+        let parts = of_solution.zip(p.chunks_mut(PIECE).zip(q.chunks_mut(PIECE)));
+        let parts = parts.zip(w.chunks(PIECE)).zip(&mut of_pieces);
+        shared(n, parts, |((((x, r), (p, q)), w), rr)| *rr = update(isa, [alpha, beta], w, [p, q, x, r]));
+        let new_rr = in_order(of_pieces.iter().copied());
         (beta, rr) = (new_rr / rr, new_rr);
         iterations += 1;
     }
     let relative_residual = if rr_start > 0.0 { (rr / rr_start).max(0.0).sqrt() } else { 0.0 };
     (x, CgOutcome { iterations, relative_residual })
+}
+
+/// Does `work` for the parts of `n` nodes.
+fn shared<P: Send>(n: usize, parts: impl Iterator<Item = P>, work: impl Fn(P) + Sync) {
+    match n <= ALONE_UP_TO {
+        true => parts.for_each(work),
+        false => parts::for_each(parts.collect(), || (), |(), part| work(part)),
+    }
 }
 
 /// All digits of it.

@@ -29,6 +29,7 @@ use crate::imaging::{Image, Interpolation, Levels};
 use crate::isa::Isa;
 use crate::linalg::{Pattern, Solver};
 use crate::mesh::{ElementPixels, Mesh, PixelMap, PixelMesh};
+use crate::parts;
 use crate::units::Px;
 use corners::{Corners, Light};
 use gradient::AtPixel;
@@ -224,10 +225,17 @@ impl CpuField {
             }
             worst
         };
-        let pieces = self.displacement.par_chunks_mut(NODES).zip(correction.par_chunks(NODES));
-        let pieces = pieces.zip(latest.par_chunks_mut(NODES)).enumerate();
-        let largest = pieces.map(|(piece, ((u, du), latest))| of_piece(piece, u, du, latest));
-        largest.collect::<Vec<_>>().into_iter().fold((0.0, 0), worse)
+        let mut largest = vec![(0.0, 0); correction.len().div_ceil(NODES)];
+        let pieces = self.displacement.chunks_mut(NODES).zip(correction.chunks(NODES));
+        let pieces = pieces.zip(latest.chunks_mut(NODES)).zip(&mut largest).enumerate().collect();
+        parts::for_each(
+            pieces,
+            || (),
+            |(), (piece, (((u, du), latest), largest))| {
+                *largest = of_piece(piece, u, du, latest);
+            },
+        );
+        largest.into_iter().fold((0.0, 0), worse)
     }
 }
 
@@ -265,12 +273,12 @@ impl CpuLevel {
         let pass = &Pass::<L>::new(isa, &self.reference, deformed);
         let displacement = &field.displacement;
         let light = field.light.as_deref();
-        let pieces = field.sums.par_chunks_mut(PIECE).zip(field.element_transfer.par_chunks_mut(PIECE));
-        let pieces = pieces.zip(field.out.par_chunks_mut(PIECE)).zip(field.corners.par_chunks_mut(PIECE));
-        let pieces = pieces.zip(&mut field.tallies).enumerate();
+        let pieces = field.sums.chunks_mut(PIECE).zip(field.element_transfer.chunks_mut(PIECE));
+        let pieces = pieces.zip(field.out.chunks_mut(PIECE)).zip(field.corners.chunks_mut(PIECE));
+        let pieces = pieces.zip(&mut field.tallies).enumerate().collect();
         let [kept, back] = self.kept_and_back;
         let (excluded, of_zones) = (&field.excluded, &field.transfer);
-        pieces.for_each_init(Scratch::default, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
+        parts::for_each(pieces, Scratch::default, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
             let first = piece * PIECE;
             for (corners, nodes) in corners.iter_mut().zip(&self.mesh.elements()[first..]) {
                 *corners = Corners::new(nodes.map(|node| displacement[node as usize]));
@@ -719,7 +727,7 @@ impl Backend for CpuBackend {
         Ok(Found {
             displacement: field.displacement.clone(),
             zones: level.zone_sums(field),
-            elements: (0..field.sums.len()).into_par_iter().with_min_len(NODES).map(matched).collect(),
+            elements: parts::map(field.sums.len(), NODES, ElementMatch::default(), matched),
             transfer: level.transfer(field),
         })
     }

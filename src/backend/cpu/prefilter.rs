@@ -15,7 +15,7 @@ use crate::backend::pyramid::Grey;
 use crate::backend::spline::causal_start;
 use crate::imaging::Interpolation;
 use crate::isa::{Isa, mul_add, multiversioned};
-use rayon::prelude::*;
+use crate::parts;
 
 const BAND: usize = 16;
 const STRIP: usize = 32;
@@ -36,7 +36,9 @@ pub(super) fn coefficients<G: Grey>(
     let (stride, first) = (plane.stride, plane.at(0, 0));
     let inner = &mut plane.data_mut()[first..];
     let bands = height.div_ceil(BAND);
-    inner.par_chunks_mut(BAND * stride).take(bands).enumerate().for_each_init(
+    let of_rows = inner.chunks_mut(BAND * stride).take(bands).enumerate().collect();
+    parts::for_each(
+        of_rows,
         || vec![[0.0; BAND]; width],
         |band, (k, out)| {
             let rows = &grey[k * BAND * width..((k + 1) * BAND).min(height) * width];
@@ -44,11 +46,17 @@ pub(super) fn coefficients<G: Grey>(
         },
     );
     let columns = Columns { data: plane.data_mut()[first..].as_mut_ptr(), stride, height };
-    (0..width.div_ceil(STRIP)).into_par_iter().for_each(|strip| {
-        // SAFETY: strips are disjoint columns of the plane, which outlives the loop and is not touched
-        // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
-        unsafe { filter_columns(isa, &columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
-    });
+    let columns = &columns; // as a whole, which may be shared
+    let strips = (0..width.div_ceil(STRIP)).collect();
+    parts::for_each(
+        strips,
+        || (),
+        |(), strip: usize| {
+            // SAFETY: strips are disjoint columns of the plane, which outlives the loop and is not touched
+            // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
+            unsafe { filter_columns(isa, columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
+        },
+    );
     plane.continue_border();
     Ok(plane)
 }
