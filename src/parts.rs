@@ -130,7 +130,7 @@ mod tests {
                 is_over.store(true, Ordering::SeqCst);
             });
         });
-        assert!(asked.recv().expect("told"), "the other work was begun before the loop was over");
+        assert!(asked.recv().expect("told"), "the other work was begun before the loop had ended");
     }
 
     #[test]
