@@ -16,5 +16,7 @@ pub mod isa;
 pub mod linalg;
 #[path = "../../src/mesh/mod.rs"]
 pub mod mesh;
+#[path = "../../src/parts.rs"]
+mod parts;
 #[path = "../../src/units.rs"]
 pub mod units;
