@@ -12,9 +12,14 @@ const LOOKS: usize = 2000;
 /// So many are made once all is done: until the pool knows it, too.
 const LAST_LOOKS: usize = 20;
 
-/// Does `work` for each of `parts`, with a `state` of each thread, by this thread and by all of its pool that have nothing else to do. While others
-/// are still at their last part this one waits and takes up nothing, so that a part must not wait for anything.
-pub(crate) fn for_each<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, work: impl Fn(&mut S, T) + Sync) {
+/// Does `work` for each of `parts`, by this thread and by all of its pool that have nothing else to do. While others are still at their last part
+/// this one waits and takes up nothing, so that a part must not wait for anything.
+pub(crate) fn for_each<T: Send>(parts: Vec<T>, work: impl Fn(T) + Sync) {
+    for_each_init(parts, || (), |(), part| work(part));
+}
+
+/// As [`for_each`], with a `state` of each thread.
+pub(crate) fn for_each_init<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, work: impl Fn(&mut S, T) + Sync) {
     let helpers = rayon::current_num_threads().min(parts.len()).saturating_sub(1);
     let parts = Mutex::new(parts.into_iter());
     let take = || {
@@ -48,13 +53,9 @@ pub(crate) fn for_each<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, 
 /// What `work` makes of each number below `n`, by parts of so many; `blank` is written first.
 pub(crate) fn map<T: Send + Clone>(n: usize, part: usize, blank: T, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let mut all = vec![blank; n];
-    for_each(
-        all.chunks_mut(part).enumerate().collect(),
-        || (),
-        |(), (k, all): (usize, &mut [T])| {
-            (k * part..).zip(all).for_each(|(at, one)| *one = work(at));
-        },
-    );
+    for_each(all.chunks_mut(part).enumerate().collect(), |(k, all): (usize, &mut [T])| {
+        (k * part..).zip(all).for_each(|(at, one)| *one = work(at));
+    });
     all
 }
 
@@ -100,7 +101,7 @@ mod tests {
         for threads in [1, 2, 7] {
             for n in [0, 1, 5, 1000] {
                 let mut done = vec![0; n];
-                pool(threads).install(|| for_each(done.iter_mut().collect(), || (), |(), part: &mut i32| *part += 1));
+                pool(threads).install(|| for_each(done.iter_mut().collect(), |part: &mut i32| *part += 1));
                 assert!(done.iter().all(|&times| times == 1), "{threads} threads, {n} parts");
             }
         }
@@ -118,15 +119,11 @@ mod tests {
             });
             pool.install(|| {
                 let first = rayon::current_thread_index();
-                for_each(
-                    vec![(), ()],
-                    || (),
-                    |(), ()| {
-                        both.wait();
-                        let is_first = rayon::current_thread_index() == first;
-                        std::thread::sleep(Duration::from_millis(if is_first { 50 } else { 300 }));
-                    },
-                );
+                for_each(vec![(), ()], |()| {
+                    both.wait();
+                    let is_first = rayon::current_thread_index() == first;
+                    std::thread::sleep(Duration::from_millis(if is_first { 50 } else { 300 }));
+                });
                 is_over.store(true, Ordering::SeqCst);
             });
         });
@@ -143,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_a_part_is_passed_on() {
-        let panics = || for_each((0..100).collect(), || (), |(), part: i32| assert!(part != 50, "this part"));
+        let panics = || for_each((0..100).collect(), |part: i32| assert!(part != 50, "this part"));
         assert!(std::panic::catch_unwind(|| pool(3).install(panics)).is_err());
     }
 }

@@ -252,7 +252,7 @@ impl Pattern {
 }
 
 /// Rows that are worth to ask another thread for.
-pub(super) const ROWS: usize = 64;
+pub(super) const ROWS_OF_A_PART: usize = 64;
 
 /// Ranges of `all`, one after the other, each for itself.
 pub(super) fn ranges_mut<T>(all: &mut [T], ranges: impl Iterator<Item = Range<usize>>) -> Vec<&mut [T]> {
@@ -315,13 +315,7 @@ impl BlockMatrix {
         matrix: impl Fn(u32) -> M + Sync,
     ) -> Self {
         let mut blocks = vec![[0.0; 4]; pattern.n_blocks()];
-        let mut rows = Vec::with_capacity(pattern.n_nodes());
-        let mut rest = blocks.as_mut_slice();
-        for node in 0..pattern.n_nodes() {
-            let (row, tail) = rest.split_at_mut(pattern.row(node).len());
-            rows.push(row);
-            rest = tail;
-        }
+        let rows = ranges_mut(&mut blocks, (0..pattern.n_nodes()).map(|node| pattern.row(node)));
         rows.into_par_iter().with_min_len(512).enumerate().for_each(|(node, row)| {
             // Memory that is fresh from the kernel, read before it is written, would be mapped twice.
             row.fill([0.0; 4]);
@@ -353,14 +347,10 @@ impl BlockMatrix {
             }
         };
         let mut rows = ranges_mut(blocks, nodes.iter().map(|&node| pattern.row(node as usize)));
-        let some = nodes.chunks(ROWS).zip(rows.chunks_mut(ROWS)).collect();
-        parts::for_each(
-            some,
-            || (),
-            |(), (nodes, rows)| {
-                nodes.iter().zip(rows).for_each(|(&node, row)| assembled(node, row));
-            },
-        );
+        let some = nodes.chunks(ROWS_OF_A_PART).zip(rows.chunks_mut(ROWS_OF_A_PART)).collect();
+        parts::for_each(some, |(nodes, rows): (&[u32], &mut [&mut [[f64; 4]]])| {
+            nodes.iter().zip(rows).for_each(|(&node, row)| assembled(node, row));
+        });
     }
 
     /// Takes the rows of `nodes` from a matrix on the same pattern.

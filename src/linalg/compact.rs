@@ -4,7 +4,7 @@
 //! 16 bits tell an entry to 1.5e-5, far below what the solution is wanted to, in whatever direction a node has little texture; and where nodes one
 //! after the other have their neighbours at the same distances, as on a grid, these are said once for all of them.
 
-use super::blocks::{BlockMatrix, Pattern, ROWS, ranges_mut};
+use super::blocks::{BlockMatrix, Pattern, ROWS_OF_A_PART, ranges_mut};
 use super::conjugate_gradients::{BlockJacobi, PIECE, Root, Scaled, conjugate_gradients};
 use crate::isa::{Isa, multiversioned};
 use crate::parts;
@@ -162,14 +162,10 @@ impl Compact {
         let roots: Vec<Root<f64>> = jacobi.inverse.par_iter().with_min_len(PIECE).map(Root::of).collect();
         let places = Arc::new(Places::new(matrix.pattern()));
         let mut slots = vec![Slot::NONE; places.slots(0..places.groups.len() - 1).len()];
-        let (mut pieces, mut rest) = (Vec::with_capacity(n_nodes.div_ceil(PIECE)), slots.as_mut_slice());
-        for first in (0..n_nodes).step_by(PIECE) {
-            let groups = first / SIDE..(first + PIECE).min(n_nodes).div_ceil(SIDE);
-            let (of_piece, others) = rest.split_at_mut(places.slots(groups.clone()).len());
-            pieces.push((groups, of_piece));
-            rest = others;
-        }
-        pieces.into_par_iter().for_each(|(groups, mut slots)| {
+        let firsts = (0..n_nodes).step_by(PIECE);
+        let pieces: Vec<_> = firsts.map(|first| first / SIDE..(first + PIECE).min(n_nodes).div_ceil(SIDE)).collect();
+        let of_pieces = ranges_mut(&mut slots, pieces.iter().map(|groups| places.slots(groups.clone())));
+        pieces.into_par_iter().zip(of_pieces).for_each(|(groups, mut slots)| {
             for group in groups {
                 let (own, others) = slots.split_at_mut(places.slots(group..group + 1).len());
                 for node in group * SIDE..((group + 1) * SIDE).min(n_nodes) {
@@ -187,19 +183,16 @@ impl Compact {
         nodes.iter().for_each(|&node| roots[node as usize] = Root::of(&jacobi.inverse[node as usize]));
         // Those beside them are scaled with theirs.
         let around = matrix.pattern().around(nodes, 1);
-        let groups: Vec<&[u32]> = around.chunk_by(|a, b| *a as usize / SIDE == *b as usize / SIDE).collect();
-        let slots_of = |nodes: &&[u32]| places.slots(nodes[0] as usize / SIDE..nodes[0] as usize / SIDE + 1);
-        let mut slots = ranges_mut(slots, groups.iter().map(slots_of));
-        let some = groups.chunks(ROWS / 2).zip(slots.chunks_mut(ROWS / 2)).collect();
-        parts::for_each(
-            some,
-            || (),
-            |(), (groups, slots): (&[&[u32]], &mut [&mut [Slot]])| {
-                for (nodes, slots) in groups.iter().zip(slots) {
-                    nodes.iter().for_each(|&node| fill(places, roots, matrix, node as usize, slots));
-                }
-            },
-        );
+        let group_of = |node: &u32| *node as usize / SIDE;
+        let groups: Vec<&[u32]> = around.chunk_by(|a, b| group_of(a) == group_of(b)).collect();
+        let of_groups = groups.iter().map(|nodes| group_of(&nodes[0]));
+        let mut slots = ranges_mut(slots, of_groups.map(|group| places.slots(group..group + 1)));
+        let some = groups.chunks(ROWS_OF_A_PART / 2).zip(slots.chunks_mut(ROWS_OF_A_PART / 2)).collect();
+        parts::for_each(some, |(groups, slots): (&[&[u32]], &mut [&mut [Slot]])| {
+            for (nodes, slots) in groups.iter().zip(slots) {
+                nodes.iter().for_each(|&node| fill(places, roots, matrix, node as usize, slots));
+            }
+        });
     }
 
     /// Solves `matrix x = rhs` from zero until the residual has fallen by `reduction`, in the norm of the inverse blocks on the diagonal, or `max_iterations`

@@ -187,7 +187,7 @@ pub(super) fn conjugate_gradients<T: Real>(
 fn shared<P: Send>(n: usize, parts: impl Iterator<Item = P>, work: impl Fn(P) + Sync) {
     match n <= ALONE_UP_TO {
         true => parts.for_each(work),
-        false => parts::for_each(parts.collect(), || (), |(), part| work(part)),
+        false => parts::for_each(parts.collect(), work),
     }
 }
 

@@ -228,13 +228,7 @@ impl CpuField {
         let mut largest = vec![(0.0, 0); correction.len().div_ceil(NODES)];
         let pieces = self.displacement.chunks_mut(NODES).zip(correction.chunks(NODES));
         let pieces = pieces.zip(latest.chunks_mut(NODES)).zip(&mut largest).enumerate().collect();
-        parts::for_each(
-            pieces,
-            || (),
-            |(), (piece, (((u, du), latest), largest))| {
-                *largest = of_piece(piece, u, du, latest);
-            },
-        );
+        parts::for_each(pieces, |(piece, (((u, du), latest), largest))| *largest = of_piece(piece, u, du, latest));
         largest.into_iter().fold((0.0, 0), worse)
     }
 }
@@ -277,8 +271,8 @@ impl CpuLevel {
         let pieces = pieces.zip(field.out.chunks_mut(PIECE)).zip(field.corners.chunks_mut(PIECE));
         let pieces = pieces.zip(&mut field.tallies).enumerate().collect();
         let [kept, back] = self.kept_and_back;
-        let (excluded, of_zones) = (&field.excluded, &field.transfer);
-        parts::for_each(pieces, Scratch::default, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
+        let (excluded, of_zones, own) = (&field.excluded, &field.transfer, Scratch::default);
+        parts::for_each_init(pieces, own, |scratch, (piece, ((((sums, transfer), out), corners), tally))| {
             let first = piece * PIECE;
             for (corners, nodes) in corners.iter_mut().zip(&self.mesh.elements()[first..]) {
                 *corners = Corners::new(nodes.map(|node| displacement[node as usize]));

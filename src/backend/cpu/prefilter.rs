@@ -37,7 +37,7 @@ pub(super) fn coefficients<G: Grey>(
     let inner = &mut plane.data_mut()[first..];
     let bands = height.div_ceil(BAND);
     let of_rows = inner.chunks_mut(BAND * stride).take(bands).enumerate().collect();
-    parts::for_each(
+    parts::for_each_init(
         of_rows,
         || vec![[0.0; BAND]; width],
         |band, (k, out)| {
@@ -48,15 +48,11 @@ pub(super) fn coefficients<G: Grey>(
     let columns = Columns { data: plane.data_mut()[first..].as_mut_ptr(), stride, height };
     let columns = &columns; // as a whole, which may be shared
     let strips = (0..width.div_ceil(STRIP)).collect();
-    parts::for_each(
-        strips,
-        || (),
-        |(), strip: usize| {
-            // SAFETY: strips are disjoint columns of the plane, which outlives the loop and is not touched
-            // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
-            unsafe { filter_columns(isa, columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
-        },
-    );
+    parts::for_each(strips, |strip: usize| {
+        // SAFETY: strips are disjoint columns of the plane, which outlives the loop and is not touched
+        // elsewhere meanwhile; a strip past `width` ends at the stride, inside the row.
+        unsafe { filter_columns(isa, columns, strip * STRIP, (width - strip * STRIP).min(STRIP), poles) };
+    });
     plane.continue_border();
     Ok(plane)
 }
