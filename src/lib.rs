@@ -62,32 +62,26 @@ struct Guide;
 #[doc = include_str!("../docs/mechanics.md")]
 struct Mechanics;
 
-pub mod backend;
+use quadrille_base::{clock, digest};
+#[doc(inline)]
+pub use quadrille_base::{field, imaging, mesh, units};
+#[doc(hidden)]
+pub use quadrille_base::{isa, linalg};
+#[doc(inline)]
+pub use quadrille_dic::{backend, correlate, metrology, synth};
+#[doc(inline)]
+pub use quadrille_io as io;
+#[doc(inline)]
+pub use quadrille_joint::{identify, mechanics};
+
 #[doc(hidden)]
 pub mod bench;
 #[cfg(feature = "cli")]
 pub mod cli;
-mod clock;
-pub mod correlate;
-mod digest;
-pub mod field;
-pub mod identify;
-pub mod imaging;
-pub mod io;
-#[doc(hidden)]
-pub mod isa;
-#[doc(hidden)]
-pub mod linalg;
-pub mod mechanics;
-pub mod mesh;
-pub mod metrology;
 #[doc(hidden)]
 pub mod paper;
-mod parts;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(all(feature = "report", feature = "store"))]
 pub mod run;
-pub mod synth;
-pub mod units;
 pub mod virtual_test;

@@ -3,10 +3,9 @@
 use super::{Name, number};
 use crate::backend::Traffic;
 use crate::correlate::{
-    Ambiguity, Correlation, NOISE_CONTRADICTED, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault,
-    ZoneResult,
+    Ambiguity, Correlation, NoiseColour, Reference, SmoothLight, StartUsed, TextureFault, ZoneResult,
 };
-use crate::field::{Marked, Measurement, Misfit, RigidMotion, Status};
+use crate::field::{Marked, Measurement, Misfit, NOISE_CONTRADICTED, RigidMotion, Status};
 use crate::imaging::{Blank, Saturation};
 use crate::units::Px;
 use serde::{Deserialize, Serialize};

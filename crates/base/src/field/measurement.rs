@@ -1,0 +1,271 @@
+//! A measured displacement field.
+
+use super::mark::{ElementMark, Marked};
+use crate::mesh::Mesh;
+use crate::units::{Length, Mm, PixelSize, Px, Vector};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::sync::Arc;
+
+/// How the correlation of one frame ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// The last correction is below the tolerance: the field can be used.
+    Converged,
+    /// The corrections were still above the tolerance after the largest number of iterations.
+    IterationLimit,
+    /// The corrections grew, or the deformed image does not match the reference under the field found.
+    Diverged,
+    /// Too much of a zone has moved out of the deformed image.
+    LeftImage,
+    /// The image could not be read, or is not an image of this series.
+    Unreadable,
+    /// The texture repeats, and the displacement may be off by multiples of its period: nothing says which one it is.
+    Ambiguous,
+}
+
+impl Status {
+    /// All of them, by their code.
+    pub const ALL: [Self; 6] =
+        [Self::Converged, Self::IterationLimit, Self::Diverged, Self::LeftImage, Self::Unreadable, Self::Ambiguous];
+
+    /// Number used where a file cannot hold a word: 0 converged, 1 iteration limit, 2 diverged, 3 left the
+    /// image, 4 unreadable, 5 ambiguous.
+    pub fn code(self) -> u8 {
+        match self {
+            Status::Converged => 0,
+            Status::IterationLimit => 1,
+            Status::Diverged => 2,
+            Status::LeftImage => 3,
+            Status::Unreadable => 4,
+            Status::Ambiguous => 5,
+        }
+    }
+
+    /// The status with this [`code`](Self::code).
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::Status;
+    /// assert_eq!(Status::from_code(Status::LeftImage.code()), Some(Status::LeftImage));
+    /// assert_eq!(Status::from_code(255), None);
+    /// ```
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|status| status.code() == code)
+    }
+
+    /// Whether a frame that ended so has a field that may be shown: a diverged one is no measurement.
+    pub fn has_field(self) -> bool {
+        match self {
+            Status::Converged | Status::IterationLimit | Status::LeftImage | Status::Ambiguous => true,
+            Status::Diverged | Status::Unreadable => false,
+        }
+    }
+
+    /// Name used in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Converged => "converged",
+            Status::IterationLimit => "iteration_limit",
+            Status::Diverged => "diverged",
+            Status::LeftImage => "left_image",
+            Status::Unreadable => "unreadable",
+            Status::Ambiguous => "ambiguous",
+        }
+    }
+}
+
+/// What a field may be off beyond noise, as far as the field and its residual show (THEORY 11): estimates, in `U`, of
+/// sizes and not of signs.
+///
+/// Where the truth is smooth and well resolved the nodal error comes out right within a small factor. Of noise it holds
+/// next to nothing: that is what the standard uncertainty says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ModelError {
+    /// Error of each displacement for want of nodes, of focus, or by a regularisation; zero where nothing shows.
+    pub nodes: Vec<[f64; 2]>,
+    /// Displacement, root mean square over the element, that the field does not follow there: zero but in elements whose
+    /// residual is beyond noise by the test (1 % over the zone).
+    pub misfit: Vec<f64>,
+}
+
+/// Displacements at the nodes as values at points, beside the coefficients of [`Measurement::displacement`] (THEORY 17).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointField {
+    /// Displacement at each node, in `U`; zero where the node was not measured.
+    pub displacement: Vec<[f64; 2]>,
+    /// Its standard uncertainty.
+    pub sigma: Vec<[f64; 2]>,
+    /// Whether it is a value; where not, it is the coefficient as it stands: too few measured nodes are near, or the field was
+    /// regularised.
+    pub is_value: Vec<bool>,
+}
+
+/// The elements of a frame whose residual is beyond noise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Misfit {
+    /// How many.
+    pub elements: usize,
+    /// Of how many, per cent.
+    pub percent: f64,
+    /// Middle of the one whose displacement is followed worst, in the unit of the mesh (of the reference image).
+    #[serde(rename = "at_px")]
+    pub at: [f64; 2],
+    /// Displacement that is not followed there, root mean square, in the same unit.
+    #[serde(rename = "displacement_px")]
+    pub displacement: f64,
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { elements, percent, at: [x, y], displacement } = self;
+        let plural = if *elements == 1 { "" } else { "s" };
+        write!(
+            f,
+            "misfit: the residual of {elements} element{plural} ({percent:.1} %) is beyond noise, most at ({x:.0}, {y:.0}) px, \
+             where {displacement:.2} px are not followed"
+        )
+    }
+}
+
+/// Standard uncertainty, in medians over the field, above which a node is to be doubted.
+pub const DOUBTFUL: f64 = 5.0;
+
+/// The displacement field of one deformed image, on the nodes of a mesh of the reference image.
+///
+/// A node that was not measured (without texture, or outside the deformed image) has
+/// `measured == false`; its other numbers are zero and mean nothing.
+#[derive(Debug, Clone)]
+pub struct Measurement<U: Length> {
+    /// The mesh, in `U`.
+    pub mesh: Arc<Mesh<U>>,
+    /// How the correlation ended.
+    pub status: Status,
+    /// Displacement of each node, in `U`: the coefficients of the bilinear field that was fitted to the images, whose covariance is
+    /// known; what it is at a point says [`Measurement::points`].
+    pub displacement: Vec<[f64; 2]>,
+    /// Standard uncertainty of each displacement, in `U`.
+    pub sigma: Vec<[f64; 2]>,
+    /// Whether the node was measured.
+    pub measured: Vec<bool>,
+    /// Root mean square of the residual `f - g` in each element, in grey levels.
+    pub element_residual: Vec<f64>,
+    /// What the field may be off beyond noise, in `U`; `None` where nothing made an estimate, as in stores of earlier
+    /// versions.
+    pub model_error: Option<ModelError>,
+    /// What is the matter with each element; `None` where nobody looked, as in stores of earlier versions.
+    pub marks: Option<Vec<ElementMark>>,
+    /// The displacements at the nodes as values at points (THEORY 17); `None` where nobody made them, as in stores of earlier
+    /// versions.
+    pub points: Option<PointField>,
+}
+
+impl Measurement<Px> {
+    /// The same field on the specimen, in mm with y up, on `mesh`: this field's own mesh after [`Mesh::to_mm`].
+    ///
+    /// # Panics
+    /// When `mesh` has another number of nodes.
+    pub fn to_mm(&self, mesh: &Arc<Mesh<Mm>>, scale: PixelSize) -> Measurement<Mm> {
+        assert_eq!(mesh.n_nodes(), self.displacement.len(), "the mesh of the field");
+        let size = |px: &f64| scale.mm_from_px(*px);
+        let vector = |u: &[f64; 2]| scale.to_mm(Vector::new(*u)).components();
+        let sizes = |list: &[[f64; 2]]| list.iter().map(|v| v.each_ref().map(size)).collect();
+        Measurement {
+            mesh: Arc::clone(mesh),
+            status: self.status,
+            displacement: self.displacement.iter().map(vector).collect(),
+            sigma: sizes(&self.sigma),
+            measured: self.measured.clone(),
+            element_residual: self.element_residual.clone(),
+            model_error: self.model_error.as_ref().map(|error| ModelError {
+                nodes: sizes(&error.nodes),
+                misfit: error.misfit.iter().map(size).collect(),
+            }),
+            marks: self.marks.clone(),
+            points: self.points.as_ref().map(|points| PointField {
+                displacement: points.displacement.iter().map(vector).collect(),
+                sigma: sizes(&points.sigma),
+                is_value: points.is_value.clone(),
+            }),
+        }
+    }
+}
+
+impl<U: Length> Measurement<U> {
+    /// Displacement of each node as it is read at a point: [`Measurement::points`] where they are known, else the coefficients.
+    pub fn at_points(&self) -> &[[f64; 2]] {
+        self.points.as_ref().map_or(&self.displacement, |points| &points.displacement)
+    }
+
+    /// Standard uncertainty of [`at_points`](Self::at_points).
+    pub fn sigma_at_points(&self) -> &[[f64; 2]] {
+        self.points.as_ref().map_or(&self.sigma, |points| &points.sigma)
+    }
+
+    /// The mark of each node: the gravest of its elements, [`ElementMark::None`] where none has one; `None` where nobody
+    /// looked.
+    pub fn node_marks(&self) -> Option<Vec<ElementMark>> {
+        let marks = self.marks.as_ref()?;
+        let mut nodes = vec![ElementMark::None; self.mesh.n_nodes()];
+        for (of_element, &mark) in self.mesh.elements().iter().zip(marks) {
+            of_element.iter().for_each(|&node| nodes[node as usize] = nodes[node as usize].max(mark));
+        }
+        Some(nodes)
+    }
+
+    /// How many elements have each mark; empty where none has one, or nobody looked.
+    pub fn marked(&self) -> Vec<Marked> {
+        let marks = self.marks.as_deref().unwrap_or_default();
+        let count = |mark: ElementMark| marks.iter().filter(|&&found| found == mark).count();
+        let marked = |mark| {
+            let elements = count(mark);
+            Marked { mark, elements, percent: 100.0 * elements as f64 / marks.len().max(1) as f64 }
+        };
+        ElementMark::ALL.into_iter().map(marked).filter(|marked| marked.elements > 0).collect()
+    }
+
+    /// Which measured nodes are to be doubted: those whose standard uncertainty (root mean square of its components) is above
+    /// [`DOUBTFUL`] times the median. They are hatched in maps and left out of printed extremes.
+    pub fn doubtful(&self) -> Vec<bool> {
+        let rms = |s: &[f64; 2]| (0.5 * (s[0] * s[0] + s[1] * s[1])).sqrt();
+        let mut known: Vec<f64> =
+            self.sigma.iter().zip(&self.measured).filter(|(_, measured)| **measured).map(|(s, _)| rms(s)).collect();
+        let middle = known.len() / 2;
+        let median = match known.get(middle) {
+            Some(_) => *known.select_nth_unstable_by(middle, f64::total_cmp).1,
+            None => return vec![false; self.measured.len()],
+        };
+        let is_doubtful = |(s, &measured): (&[f64; 2], &bool)| measured && rms(s) > DOUBTFUL * median;
+        self.sigma.iter().zip(&self.measured).map(is_doubtful).collect()
+    }
+
+    /// Which elements are hatched in maps: those with a node to be [doubted](Self::doubtful), and those whose displacement is
+    /// marked as doubtful.
+    pub fn hatched(&self) -> Vec<bool> {
+        let nodes = self.doubtful();
+        let by_node = self.mesh.elements().iter().map(|of| of.iter().any(|&node| nodes[node as usize]));
+        let marks = self.marks.as_deref().unwrap_or_default();
+        let is_marked = |element: usize| marks.get(element).is_some_and(|mark| *mark != ElementMark::None);
+        by_node.enumerate().map(|(element, by_node)| by_node || is_marked(element)).collect()
+    }
+
+    /// The elements whose residual is beyond noise; none where no element is named, or nobody looked.
+    pub fn misfit(&self) -> Option<Misfit> {
+        let not_followed = &self.model_error.as_ref()?.misfit;
+        let elements = not_followed.iter().filter(|&&v| v > 0.0).count();
+        let worst = (0..not_followed.len()).max_by(|&a, &b| not_followed[a].total_cmp(&not_followed[b]))?;
+        let nodes = self.mesh.elements().get(worst)?;
+        let sides = if nodes[2] == nodes[3] { 3 } else { 4 };
+        let corners = self.mesh.corners(worst);
+        let middle = [0, 1].map(|c| corners[..sides].iter().map(|p| p[c]).sum::<f64>() / sides as f64);
+        // An element that has left the image, or has no texture, has no residual.
+        let n_tested = self.element_residual.iter().filter(|&&residual| residual > 0.0).count();
+        (elements > 0).then(|| Misfit {
+            elements,
+            percent: 100.0 * elements as f64 / n_tested.max(1) as f64,
+            at: middle,
+            displacement: not_followed[worst],
+        })
+    }
+}

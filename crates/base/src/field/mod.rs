@@ -1,0 +1,28 @@
+//! What a correlation gives: displacement fields with their uncertainty, strains and rigid motions; and the
+//! choices it is run with.
+
+mod mark;
+mod measurement;
+mod noise;
+mod options;
+mod point_filter;
+mod quantities;
+mod rigid;
+mod strain;
+mod strain_field;
+mod strain_window;
+
+pub use mark::{ElementMark, Marked};
+pub use measurement::{DOUBTFUL, Measurement, Misfit, ModelError, PointField, Status};
+pub use noise::{NOISE_CONTRADICTED, Noise, NoiseCorrelation};
+pub use options::{Brightness, Elements, RegularisationKind, StartFrom, UnknownChoice, UpdateReference};
+pub use point_filter::{PointFilter, PointFilters};
+pub use quantities::{
+    CrackLine, CrackTip, CrackValues, Curve, Elasticity, Elongation, Extensometer, Facing, FacingPoint,
+    FrameQuantities, Jump, NodalNoise, OPEN_BY_SIGMA, OpeningValues, PointValues, Quantities, QuantityError, Reading,
+    RemoveRigid, RigidRemoved, Segment, StressIntensity, TipState, Value, at_point, remove_rigid,
+};
+pub use rigid::RigidMotion;
+pub use strain::{ELEMENT_NOISE, NODE_NOISE, StrainDefinition, TensorStrain, element_strain_sigma, node_strain_sigma};
+pub use strain_field::StrainField;
+pub use strain_window::{StrainWindow, StrainWindows, WindowStrains};

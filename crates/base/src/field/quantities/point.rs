@@ -1,0 +1,196 @@
+//! Displacement and strain at points and along lines.
+
+use super::{NodalNoise, QuantityError, Reading, finite, positive};
+use crate::field::strain_field::StrainElement;
+use crate::field::{Measurement, StrainDefinition, TensorStrain, WindowStrains};
+use crate::mesh::{Mesh, shape_functions};
+use crate::units::Length;
+
+/// The most points of a line.
+const MOST_POINTS: usize = 100_000;
+
+/// What a field says at one point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointValues {
+    /// Displacement, in the unit of the field.
+    pub displacement: [f64; 2],
+    /// Its standard uncertainty.
+    pub sigma: [f64; 2],
+    /// The strain, and the standard uncertainty of exx, eyy and exy; `None` where no element with all nodes
+    /// measured lies around a corner of the point's element, or where the field folds.
+    pub strain: Option<(TensorStrain, [f64; 3])>,
+    /// The same over a window of nodes, interpolated between those of the element (its standard uncertainty as well: windows of
+    /// neighbours share most of their noise); `None` where it is not known at one of them, or not asked for.
+    pub window: Option<(TensorStrain, [f64; 3])>,
+}
+
+impl PointValues {
+    /// The same with the strain over a window of nodes, at the place `at` of the mesh.
+    pub(super) fn with_window<U: Length>(self, mesh: &Mesh<U>, at: [f64; 2], strains: &WindowStrains) -> Self {
+        let mean = || {
+            let (mut strain, mut sigma) = ([0.0; 3], [0.0; 3]);
+            for (node, weight) in shape_at(mesh, at)?.into_iter().filter(|(_, weight)| *weight != 0.0) {
+                let (of_node, noise) = strains.nodes[node]?;
+                for (c, e) in of_node.components().into_iter().enumerate() {
+                    strain[c] += weight * e;
+                    sigma[c] += weight * noise[c];
+                }
+            }
+            Some((TensorStrain::of_components(strain), sigma))
+        };
+        Self { window: mean(), ..self }
+    }
+}
+
+/// The field at the point `at` (reference coordinates); `None` outside the mesh and where a node of the element
+/// is not measured.
+///
+/// The displacement is the value there ([`PointFilter`](crate::field::PointFilter)), not the bilinear field of the coefficients, unless
+/// `noise` says that they stand for themselves ([`NodalNoise`]). The strain is made of the gradients at the corners of
+/// the element ([`StrainField`](crate::field::StrainField) says how), carried to the point by the shape
+/// functions: continuous along a line, over a length of twice the element size.
+///
+/// ```
+/// # use quadrille_base as quadrille;
+/// # use quadrille::{field::{Measurement, NodalNoise, Status, StrainDefinition, at_point}, mesh::{Mesh, Roi, Zone}};
+/// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 32.0, y1: 32.0 };
+/// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+/// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
+/// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 9], measured: vec![true; 9],
+/// #     element_residual: vec![1.0; 4], model_error: None, marks: None, points: None, mesh: mesh.into(), displacement };
+/// let noise = NodalNoise::new(&field.mesh, &field.measured);
+/// let there = at_point(&field, &noise, StrainDefinition::Infinitesimal, [10.0, 7.0]).unwrap();
+/// assert!((there.displacement[0] - 0.1).abs() < 1e-12 && there.sigma[0] < 0.01);
+/// assert!((there.strain.unwrap().0.xx - 0.01).abs() < 1e-12);
+/// assert!(at_point(&field, &noise, StrainDefinition::Infinitesimal, [40.0, 7.0]).is_none());
+/// ```
+pub fn at_point<U: Length>(
+    field: &Measurement<U>,
+    noise: &NodalNoise,
+    definition: StrainDefinition,
+    at: [f64; 2],
+) -> Option<PointValues> {
+    let mesh = &field.mesh;
+    let weights = shape_at(mesh, at)?;
+    let value = noise.at(mesh, &weights);
+    let [x, y] = [0, 1].map(|c| {
+        let along = |w: f64| if c == 0 { [w, 0.0] } else { [0.0, w] };
+        Reading::new(value.iter().map(|&(node, w)| (node, along(w)))).read(field, noise)
+    });
+    let (x, y) = (x?, y?);
+    let strain = gradient_weights(mesh, noise, &weights).and_then(|by| strain_of(field, noise, definition, &by));
+    Some(PointValues { displacement: [x.value, y.value], sigma: [x.sigma, y.sigma], strain, window: None })
+}
+
+/// The nodes of the element that holds a point, with their weights there.
+pub(super) fn shape_at<U: Length>(mesh: &Mesh<U>, [x, y]: [f64; 2]) -> Option<[(usize, f64); 4]> {
+    let (element, xi, eta) = mesh.find(x, y)?;
+    let psi = shape_functions(xi, eta);
+    let nodes = mesh.elements()[element];
+    Some([0, 1, 2, 3].map(|k| (nodes[k] as usize, psi[k])))
+}
+
+/// `du/dx` and `du/dy` at a point as sums over nodes: the gradients at the corners of its element, each the mean over
+/// the measured elements around weighted by their areas, times the weights of the corners.
+fn gradient_weights<U: Length>(
+    mesh: &Mesh<U>,
+    noise: &NodalNoise,
+    weights: &[(usize, f64); 4],
+) -> Option<Vec<(usize, [f64; 2])>> {
+    let mut sum = Vec::new();
+    for &(node, weight) in weights.iter().filter(|(_, weight)| *weight != 0.0) {
+        let mut by_corner = Vec::new();
+        let mut area = 0.0;
+        for element in noise.around(node) {
+            let geometry = StrainElement::new(mesh, element);
+            let Some((_, at)) = geometry.corners().find(|&(corner, _)| geometry.nodes[corner] == node) else {
+                continue;
+            };
+            let Some(by) = geometry.gradients(at) else { continue };
+            area += geometry.area;
+            by_corner.extend((0..4).map(|i| (geometry.nodes[i], by[i].map(|d| geometry.area * d))));
+        }
+        if area == 0.0 {
+            return None;
+        }
+        sum.extend(by_corner.into_iter().map(|(node, d)| (node, d.map(|d| weight * d / area))));
+    }
+    Some(sum)
+}
+
+/// The strain of the gradient with these weights, and its standard uncertainty to first order.
+fn strain_of<U: Length>(
+    field: &Measurement<U>,
+    noise: &NodalNoise,
+    definition: StrainDefinition,
+    by: &[(usize, [f64; 2])],
+) -> Option<(TensorStrain, [f64; 3])> {
+    let mut gradient = [[0.0; 2]; 2];
+    for &(node, d) in by {
+        for c in 0..2 {
+            for k in 0..2 {
+                gradient[c][k] += d[k] * field.displacement[node][c];
+            }
+        }
+    }
+    let strain = definition.of_gradient(gradient)?;
+    let slopes = definition.slopes(gradient)?;
+    let sigma = slopes.map(|slope| {
+        let weights = by.iter().map(|&(node, d)| (node, [0, 1].map(|c| slope[c][0] * d[0] + slope[c][1] * d[1])));
+        noise.sigma(Reading::new(weights).weights(), &field.sigma)
+    });
+    Some((strain, sigma))
+}
+
+/// A straight line with points at equal distances.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    from: [f64; 2],
+    to: [f64; 2],
+    step: f64,
+}
+
+impl Segment {
+    /// From one point to another, a point every `step`, the first one at `from`.
+    ///
+    /// # Errors
+    /// A number that is not finite, a step that is not positive, ends that coincide, more than 100 000 points.
+    pub fn new(from: [f64; 2], to: [f64; 2], step: f64) -> Result<Self, QuantityError> {
+        finite("a coordinate of a line", &[from[0], from[1], to[0], to[1]])?;
+        positive("the step of a line", step)?;
+        let segment = Self { from, to, step };
+        let length = segment.length();
+        if length == 0.0 {
+            return Err(QuantityError::NoLength { what: "a line", x: from[0], y: from[1] });
+        }
+        if length / step >= MOST_POINTS as f64 {
+            return Err(QuantityError::TooManyPoints { length_px: length, step_px: step, limit: MOST_POINTS });
+        }
+        Ok(segment)
+    }
+
+    /// Its length.
+    pub fn length(&self) -> f64 {
+        (self.to[0] - self.from[0]).hypot(self.to[1] - self.from[1])
+    }
+
+    /// Distance from the start, and position, of each point.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::Segment;
+    /// let points = Segment::new([0.0, 5.0], [10.0, 5.0], 4.0).unwrap().points();
+    /// assert_eq!(points, [(0.0, [0.0, 5.0]), (4.0, [4.0, 5.0]), (8.0, [8.0, 5.0])]);
+    /// ```
+    pub fn points(&self) -> Vec<(f64, [f64; 2])> {
+        let length = self.length();
+        // The end counts when it is missed by rounding only.
+        let n = (length / self.step * (1.0 + 1e-12)).floor() as usize;
+        let at = |k: usize| {
+            let s = k as f64 * self.step;
+            let share = (s / length).min(1.0);
+            (s, [0, 1].map(|c| self.from[c] + share * (self.to[c] - self.from[c])))
+        };
+        (0..=n).map(at).collect()
+    }
+}

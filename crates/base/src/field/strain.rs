@@ -1,0 +1,281 @@
+//! Strains from a displacement field.
+//!
+//! The gradient of the displacement comes from the shape functions of the elements, the strain from
+//! `F = I + grad u`. Everything is `f64`; the shear is that of the tensor, `exy = (du_x/dy + du_y/dx)/2` for
+//! small strains: half the change of a right angle.
+
+use super::UnknownChoice;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// How a strain is made of `F = I + grad u`.
+///
+/// A pure rotation has no Green-Lagrange and no Hencky strain. The infinitesimal strain sees it: rotation by `w`
+/// gives `exx = eyy = cos w - 1`, -3.8e-3 at 5 degrees.
+///
+/// ```
+/// # use quadrille_base as quadrille;
+/// use quadrille::field::StrainDefinition;
+/// assert_eq!("hencky".parse(), Ok(StrainDefinition::Hencky));
+/// assert_eq!(StrainDefinition::default().to_string(), "green-lagrange");
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StrainDefinition {
+    /// `(grad u + grad u^T)/2`: for small strains and small rotations.
+    Infinitesimal,
+    /// `(F^T F - I)/2`, on the axes of the reference image; the default.
+    #[default]
+    GreenLagrange,
+    /// `ln U = ln(F^T F)/2`, on the axes of the reference image: logarithmic (true) strain.
+    Hencky,
+}
+
+impl StrainDefinition {
+    const ALL: [Self; 3] = [Self::Infinitesimal, Self::GreenLagrange, Self::Hencky];
+
+    /// Name used in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            StrainDefinition::Infinitesimal => "infinitesimal",
+            StrainDefinition::GreenLagrange => "green-lagrange",
+            StrainDefinition::Hencky => "hencky",
+        }
+    }
+
+    /// Its formula.
+    pub fn formula(self) -> &'static str {
+        match self {
+            StrainDefinition::Infinitesimal => "(grad u + grad u^T)/2",
+            StrainDefinition::GreenLagrange => "(F^T F - I)/2 with F = I + grad u",
+            StrainDefinition::Hencky => "ln U = ln(F^T F)/2 with F = I + grad u",
+        }
+    }
+
+    /// What a file with strains on elements of `length_px` says about them: definition, shear, length
+    /// scale, noise. Without a sign of comment.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::StrainDefinition;
+    /// let said = StrainDefinition::Hencky.describe(16.0);
+    /// assert_eq!(said[0], "strain: hencky, ln U = ln(F^T F)/2 with F = I + grad u");
+    /// assert_eq!(said.len(), 4);
+    /// ```
+    pub fn describe(self, length_px: f64) -> Vec<String> {
+        let (element, node) = (ELEMENT_NOISE / length_px, NODE_NOISE / length_px);
+        vec![
+            format!("strain: {}, {}", self.name(), self.formula()),
+            "components exx, eyy, exy, no unit, x to the right, y down; exy is the tensor shear, half the engineering shear"
+                .to_owned(),
+            format!(
+                "length scale of a strain: {length_px} px on elements (their size), {} px on nodes (mean of the elements around)",
+                2.0 * length_px
+            ),
+            format!(
+                "noise of a strain, inside: sigma_exx = {element:.2e} sigma_ux on elements, {node:.2e} sigma_ux on nodes \
+                 (sigma_ux in px of an inner node); eyy likewise with sigma_uy, exy half the root of the sum of both squares; \
+                 more at borders"
+            ),
+        ]
+    }
+
+    /// The strain of the displacement gradient `[[du_x/dx, du_x/dy], [du_y/dx, du_y/dy]]`; `None` where the
+    /// field folds (`det F <= 0`) or a number is not finite.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::StrainDefinition;
+    /// let stretch = [[0.5, 0.0], [0.0, 0.0]];
+    /// assert_eq!(StrainDefinition::GreenLagrange.of_gradient(stretch).unwrap().xx, 0.625); // (1.5^2 - 1)/2
+    /// assert!((StrainDefinition::Hencky.of_gradient(stretch).unwrap().xx - 1.5f64.ln()).abs() < 1e-15);
+    /// ```
+    pub fn of_gradient(self, gradient: [[f64; 2]; 2]) -> Option<TensorStrain> {
+        let [[xx, xy], [yx, yy]] = gradient;
+        let det = 1.0 + (xx + yy) + (xx * yy - xy * yx);
+        // Written so that NaN is refused as well.
+        if !(det > 0.0 && det.is_finite()) {
+            return None;
+        }
+        // F^T F - I formed without its cancellation: the strain of a tiny gradient keeps all its digits.
+        let green = || {
+            [
+                xx + 0.5 * (xx * xx + yx * yx),
+                yy + 0.5 * (xy * xy + yy * yy),
+                0.5 * (xy + yx) + 0.5 * (xx * xy + yx * yy),
+            ]
+        };
+        let strain = match self {
+            StrainDefinition::Infinitesimal => [xx, yy, 0.5 * (xy + yx)],
+            StrainDefinition::GreenLagrange => green(),
+            StrainDefinition::Hencky => half_log_of_one_plus_twice(green()),
+        };
+        strain.iter().all(|e| e.is_finite()).then(|| TensorStrain::of_components(strain))
+    }
+
+    /// Derivatives of exx, eyy and exy by the components of the displacement gradient, at `gradient`; `None` where the field
+    /// folds. What carries the noise of a gradient to that of its strain.
+    pub(super) fn slopes(self, gradient: [[f64; 2]; 2]) -> Option<[[[f64; 2]; 2]; 3]> {
+        // Central differences of smooth functions of order one: right to about 1e-10.
+        const STEP: f64 = 1e-5;
+        let mut slopes = [[[0.0; 2]; 2]; 3];
+        for c in 0..2 {
+            for k in 0..2 {
+                let [low, high] = [-STEP, STEP].map(|step| {
+                    let mut moved = gradient;
+                    moved[c][k] += step;
+                    self.of_gradient(moved)
+                });
+                let (low, high) = (low?.components(), high?.components());
+                for e in 0..3 {
+                    slopes[e][c][k] = (high[e] - low[e]) / (2.0 * STEP);
+                }
+            }
+        }
+        Some(slopes)
+    }
+}
+
+/// `ln(I + 2 E)/2` of a symmetric 2x2 matrix `E` = [xx, yy, xy].
+///
+/// With the eigenvalues `1 + m +- d` of `I + 2 E`: the mean of their logarithms on the diagonal, and half
+/// their difference, `atanh(d/(1 + m))`, along the deviator. Neither loses digits when `E` is tiny or isotropic.
+fn half_log_of_one_plus_twice([xx, yy, xy]: [f64; 3]) -> [f64; 3] {
+    let mean = xx + yy;
+    let (deviator, shear) = (xx - yy, 2.0 * xy);
+    let radius = deviator.hypot(shear);
+    let diagonal = 0.25 * (2.0 * mean + (mean - radius) * (mean + radius)).ln_1p();
+    let ratio = radius / (1.0 + mean);
+    let along = if ratio < 1e-9 { 1.0 } else { ratio.atanh() / ratio } / (1.0 + mean);
+    [diagonal + 0.5 * along * deviator, diagonal - 0.5 * along * deviator, 0.5 * along * shear]
+}
+
+impl fmt::Display for StrainDefinition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for StrainDefinition {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        Self::ALL.into_iter().find(|s| s.name() == word).ok_or_else(|| UnknownChoice {
+            option: "strain",
+            given: word.to_owned(),
+            expected: "infinitesimal, green-lagrange or hencky",
+        })
+    }
+}
+
+/// A strain with the **tensor** shear, half the change of a right angle; no unit. x to the right, y down.
+///
+/// The laws of the mechanics take an `mechanics::substrate::EngineeringStrain`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TensorStrain {
+    /// `exx`, along x.
+    pub xx: f64,
+    /// `eyy`, along y.
+    pub yy: f64,
+    /// `exy`, the shear of the tensor.
+    pub xy: f64,
+}
+
+impl TensorStrain {
+    /// `[exx, eyy, exy]`, as files have it.
+    pub fn components(self) -> [f64; 3] {
+        [self.xx, self.yy, self.xy]
+    }
+
+    /// From `[exx, eyy, exy]`.
+    pub fn of_components([xx, yy, xy]: [f64; 3]) -> Self {
+        Self { xx, yy, xy }
+    }
+}
+
+/// `sigma_exx l / sigma_ux` of an element far from the borders, 0.963: see [`element_strain_sigma`].
+pub const ELEMENT_NOISE: f64 = 0.963_433_044_002_285;
+
+/// `sigma_exx l / sigma_ux` of a node far from the borders, 0.681: [`ELEMENT_NOISE`] over the root of 2.
+pub const NODE_NOISE: f64 = 0.681_250_038_633_213_4;
+
+/// Standard uncertainty of the strain (exx, eyy, exy) at the centre of a square element of `length` far from the
+/// borders, from that of an inner node's displacement, in the same unit.
+///
+/// Noise spread evenly makes `Cov = 2 sigma^2/g^2` times the inverse of the mass matrix of the mesh, whose symbol
+/// along each axis is `l (2 + cos t)/3`. With mean values over `t`: the variance of a nodal displacement is
+/// `<3/(2 + cos t)>^2 = 3`, that of the difference of neighbours `<3 (2 - 2 cos t)/(2 + cos t)> = 6 (sqrt 3 - 1)`,
+/// that of the mean of neighbours `<3 (1 + cos t)/(2 (2 + cos t))> = 3/2 (1 - 1/sqrt 3)`, each times its power of
+/// `l`. So
+///
+/// ```text
+/// sigma_exx = sqrt(2) sqrt(6 (sqrt 3 - 1) 3/2 (1 - 1/sqrt 3)) sigma/(l^2 g_x) = 2.36 sigma/(l^2 g_x) = 0.963 sigma_ux/l
+/// ```
+///
+/// and the shear, the mean of two gradients with noise of their own, has `0.963/2 sqrt(sigma_ux^2 + sigma_uy^2)/l`.
+/// Elements at a border have up to twice as much.
+pub fn element_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
+    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| ELEMENT_NOISE * sigma / length)
+}
+
+/// Standard uncertainty of the strain (exx, eyy, exy) at an inner node, from that of its displacement.
+///
+/// As [`element_strain_sigma`], with the central difference over `2 l`: `<3 sin^2 t/(2 + cos t)> = 3 (2 - sqrt 3)`
+/// times `sqrt 3` of the other axis. `1.67 sigma/(l^2 g_x) = 0.681 sigma_ux/l`.
+pub fn node_strain_sigma(sigma_u: [f64; 2], length: f64) -> [f64; 3] {
+    [sigma_u[0], sigma_u[1], 0.5 * sigma_u[0].hypot(sigma_u[1])].map(|sigma| NODE_NOISE * sigma / length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean of `value(cos t)` over a period.
+    fn mean(value: impl Fn(f64) -> f64) -> f64 {
+        const N: usize = 64; // the integrands are analytic: the sum converges like 0.268^N
+        (0..N).map(|k| value((std::f64::consts::TAU * k as f64 / N as f64).cos())).sum::<f64>() / N as f64
+    }
+
+    #[test]
+    fn noise_factors_are_the_means_over_the_symbol_of_the_mass_matrix() {
+        let mass = |c: f64| (2.0 + c) / 3.0;
+        let nodal = mean(|c| 1.0 / mass(c));
+        let difference = mean(|c| (2.0 - 2.0 * c) / mass(c));
+        let average = mean(|c| 0.5 * (1.0 + c) / mass(c));
+        let central = mean(|c| (1.0 - c * c) / mass(c));
+        assert!((ELEMENT_NOISE - (difference * average).sqrt() / nodal).abs() < 1e-14);
+        assert!((NODE_NOISE - (central * nodal).sqrt() / nodal).abs() < 1e-14);
+        // The same in terms of the image noise.
+        assert!(((2.0 * difference * average).sqrt() - 2.36).abs() < 0.001);
+        assert!(((2.0 * central * nodal).sqrt() - 1.67).abs() < 0.002);
+    }
+
+    #[test]
+    fn the_logarithm_is_that_of_the_power_series_and_of_the_eigenvalues() {
+        // ln(I + 2E)/2 = E - E^2 + 4/3 E^3 - ...: the next term is below 4e-15 here.
+        let e = [3e-4, -1e-4, 2e-4];
+        let multiply = |a: [f64; 3], b: [f64; 3]| {
+            [a[0] * b[0] + a[2] * b[2], a[2] * b[2] + a[1] * b[1], a[0] * b[2] + a[2] * b[1]]
+        };
+        let (e2, e3) = (multiply(e, e), multiply(multiply(e, e), e));
+        let log = half_log_of_one_plus_twice(e);
+        for k in 0..3 {
+            assert!((log[k] - (e[k] - e2[k] + 4.0 / 3.0 * e3[k])).abs() < 1e-13, "{k}: {log:?}");
+        }
+        // Tiny and isotropic: no digit is lost.
+        assert_eq!(half_log_of_one_plus_twice([1e-20, 1e-20, 0.0]), [1e-20, 1e-20, 0.0]);
+        let [xx, yy, xy] = half_log_of_one_plus_twice([0.0, 0.0, 1e-12]);
+        assert!((xy - 1e-12).abs() < 1e-27 && xx.abs() < 1e-23 && yy.abs() < 1e-23);
+        // Large: principal stretches 3 and 1/2, turned by 30 degrees.
+        let (sin, cos) = 30f64.to_radians().sin_cos();
+        let turned =
+            |a: f64, b: f64| [a * cos * cos + b * sin * sin, a * sin * sin + b * cos * cos, (a - b) * sin * cos];
+        let log = half_log_of_one_plus_twice(turned(4.0, -0.375));
+        let want = turned(3f64.ln(), 0.5f64.ln());
+        for k in 0..3 {
+            assert!((log[k] - want[k]).abs() < 1e-14, "{k}: {log:?}");
+        }
+    }
+}

@@ -1,0 +1,469 @@
+//! Strain over a window of nodes: the virtual strain gauge of the good practice guides.
+//!
+//! A plane is fitted by least squares to each component of the displacement of the nodes around a node; its slopes are the
+//! displacement gradient there. The noise of the slopes follows from that of the nodes and from how it goes together
+//! ([`NodalNoise`](super::NodalNoise) has the same model).
+
+use super::Measurement;
+use super::quantities::noise::solve_spd;
+use super::strain::{StrainDefinition, TensorStrain};
+use crate::mesh::{ElementGeometry, Mesh};
+use crate::units::Length;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::collections::hash_map::DefaultHasher;
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::sync::{Mutex, PoisonError};
+
+/// Elements around a window that decide about its noise: beyond, correlations change it by less than 1e-4.
+const MARGIN: usize = 4;
+/// Places are rounded to this part of the element size before noise is computed from them, so that windows of one shape have
+/// the same noise to the last bit, wherever they lie.
+const GRAIN: f64 = 1.0 / 65536.0;
+/// A window counts when its nodes spread across at least this part (of the variance) of what they do along.
+const LEAST_SPREAD: f64 = 0.01;
+
+/// A window of N x N nodes over which strains are taken, N odd and 3 or more.
+///
+/// ```
+/// # use quadrille_base as quadrille;
+/// use quadrille::field::StrainWindow;
+/// let window = StrainWindow::new(5).unwrap();
+/// assert_eq!((window.nodes(), window.gauge_length(16.0)), (5, 80.0)); // (5 - 1) 16 px + 16 px
+/// assert!([0, 1, 2, 4, 53].map(StrainWindow::new).iter().all(Option::is_none));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "u32", into = "u32")]
+pub struct StrainWindow(u32);
+
+impl StrainWindow {
+    /// The largest: its strains would say little of where they stand.
+    pub const MOST: u32 = 51;
+
+    /// A window of `nodes` x `nodes`; `None` unless that is odd, 3 or more, and not above [`MOST`](Self::MOST).
+    pub fn new(nodes: u32) -> Option<Self> {
+        (nodes % 2 == 1 && (3..=Self::MOST).contains(&nodes)).then_some(Self(nodes))
+    }
+
+    /// N: the nodes along a side.
+    pub fn nodes(self) -> usize {
+        self.0 as usize
+    }
+
+    /// Rings of elements around the node in the middle.
+    fn rings(self) -> usize {
+        self.nodes() / 2
+    }
+
+    /// Length of the virtual strain gauge on elements of this size, in its unit: `(N - 1) L_step + L_subset` with the element
+    /// size as step and as subset, so N elements.
+    pub fn gauge_length(self, element_size: f64) -> f64 {
+        (self.nodes() - 1) as f64 * element_size + element_size
+    }
+
+    /// `sigma_exx l / sigma_ux` of a node far from the borders, with the size l of square elements: as `NODE_NOISE`
+    /// (super::NODE_NOISE) is for the mean of the elements around a node. eyy likewise; the shear has half the root of the sum of
+    /// both squares.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::StrainWindow;
+    /// let factors = [3, 5, 7, 9].map(|nodes| StrainWindow::new(nodes).unwrap().noise());
+    /// assert!(factors.windows(2).all(|pair| pair[1] < 0.6 * pair[0]));
+    /// ```
+    pub fn noise(self) -> f64 {
+        // The window and its margin as a grid, from the node in the middle on by rings.
+        let reach = (self.rings() + MARGIN) as i64;
+        let side = 2 * reach + 1;
+        let ring = |at: i64| (at % side - reach).abs().max((at / side - reach).abs());
+        let mut nodes: Vec<i64> = (0..side * side).collect();
+        nodes.sort_by_key(|&at| ring(at));
+        let mut number = vec![0; nodes.len()];
+        (0..).zip(&nodes).for_each(|(k, &at)| number[at as usize] = k);
+        let places: Vec<[f64; 2]> = nodes.iter().map(|at| [(at % side) as f64, (at / side) as f64]).collect();
+        let cells = (0..side * side).filter(|at| at % side + 1 < side && at / side + 1 < side);
+        let corners = |at: i64| [at, at + 1, at + 1 + side, at + side].map(|at| number[at as usize]);
+        let Noise { node, slopes: [xx, ..] } =
+            noise_of(&places, &cells.map(corners).collect::<Vec<_>>(), self.nodes() * self.nodes());
+        (xx / node).sqrt()
+    }
+
+    /// Share of its amplitude that a wave of a strain keeps at a node far from the borders, whose displacement the nodes have
+    /// exactly: plane fitted to sines. `period` in element sizes; exx varies along x, or `across` it, along y.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// use quadrille::field::StrainWindow;
+    /// let window = StrainWindow::new(3).unwrap(); // the central difference: sin(t)/t with t = 2 pi/period
+    /// let t = std::f64::consts::TAU / 10.0;
+    /// assert!((window.wave_gain(10.0, false) - t.sin() / t).abs() < 1e-12);
+    /// assert!((window.wave_gain(10.0, true) - (1.0 + 2.0 * t.cos()) / 3.0).abs() < 1e-12); // the mean of three rows
+    /// ```
+    pub fn wave_gain(self, period: f64, across: bool) -> f64 {
+        let reach = self.rings() as i64;
+        let rows = || (-reach..=reach).map(|k| k as f64);
+        let places: Vec<[f64; 2]> = rows().flat_map(|y| rows().map(move |x| [x, y])).collect();
+        let Some(weights) = plane(&places) else { return f64::NAN }; // N x N nodes span a plane
+        let wave_number = std::f64::consts::TAU / period;
+        // The integral of the strain cos(k x), or cos(k y), along x.
+        let displacement = |[x, y]: [f64; 2]| match across {
+            false => (wave_number * x).sin() / wave_number,
+            true => x * (wave_number * y).cos(),
+        };
+        places.iter().zip(&weights).map(|(&place, weight)| weight[0] * displacement(place)).sum()
+    }
+
+    /// What a file with such strains on elements of `length_px` says about them, without a sign of comment.
+    pub fn describe(self, length_px: f64) -> Vec<String> {
+        let n = self.nodes();
+        vec![
+            format!(
+                "strain window: plane fitted by least squares to {n} x {n} nodes; virtual strain gauge (N - 1) L_step + L_subset \
+                 = {} x {length_px} + {length_px} = {} px",
+                n - 1,
+                self.gauge_length(length_px)
+            ),
+            "noise of a strain of the window: sigma from that of its nodes and the correlation of their noise; fewer nodes and \
+             more noise at borders and holes; no value where less than a quarter of the nodes is there"
+                .to_owned(),
+        ]
+    }
+}
+
+impl TryFrom<u32> for StrainWindow {
+    type Error = String;
+
+    fn try_from(nodes: u32) -> Result<Self, String> {
+        Self::new(nodes)
+            .ok_or_else(|| format!("a strain window of {nodes} nodes; expected an odd number, 3 to {}", Self::MOST))
+    }
+}
+
+impl From<StrainWindow> for u32 {
+    fn from(window: StrainWindow) -> Self {
+        window.0
+    }
+}
+
+impl fmt::Display for StrainWindow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{0} x {0} nodes", self.0)
+    }
+}
+
+/// Strains over windows of nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WindowStrains {
+    /// The window.
+    pub window: StrainWindow,
+    /// At each node the strain over the window around it, and the standard uncertainty of exx, eyy and exy; `None` where the
+    /// node is not measured, too few of its window are, or they lie on one line.
+    pub nodes: Vec<Option<(TensorStrain, [f64; 3])>>,
+}
+
+/// Makes strains over windows of nodes, of one mesh and of any number of fields on it.
+///
+/// The window of a node holds the measured nodes of the elements within (N - 1)/2 rings around it, through elements with all
+/// nodes measured: N x N nodes of a grid. It does not reach over a hole, a crack or into another zone. All its nodes have one
+/// weight. Where the displacement is a polynomial of the first degree the strain is that of the field, to round-off; on a whole
+/// window of a grid also of one of the second degree.
+#[derive(Debug)]
+pub struct StrainWindows {
+    window: StrainWindow,
+    /// Whether the correlation of nodal noise is not known: standard uncertainties are then upper bounds.
+    bound: bool,
+    /// Elements around each node.
+    around: Vec<Vec<u32>>,
+    /// Size of the elements.
+    size: f64,
+    kept: Mutex<Kept>,
+}
+
+/// What holds for all fields with the same measured nodes.
+#[derive(Debug, Default)]
+struct Kept {
+    measured: Vec<bool>,
+    places: Vec<Place>,
+    /// Noise of patches by their shape: most windows of a grid have one shape.
+    noise: HashMap<[u64; 2], Noise>,
+}
+
+/// The window of one node.
+#[derive(Debug, Clone, Default)]
+struct Place {
+    /// Its nodes; none where it does not count.
+    nodes: Vec<u32>,
+    noise: Noise,
+}
+
+/// What a patch does to noise of unit density; lengths in the size of the elements.
+#[derive(Debug, Clone, Copy, Default)]
+struct Noise {
+    /// Variance of the displacement of the node in the middle.
+    node: f64,
+    /// Covariance of the slopes along x and y of the fitted plane: xx, xy, yy.
+    slopes: [f64; 3],
+}
+
+/// Weights of a plane fitted to points: of each, in the slopes along x and y.
+fn plane(points: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
+    let n = points.len() as f64;
+    let middle = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
+    let off = || points.iter().map(|p| [p[0] - middle[0], p[1] - middle[1]]);
+    let [xx, xy, yy] = off().fold([0.0; 3], |[xx, xy, yy], [x, y]| [xx + x * x, xy + x * y, yy + y * y]);
+    let det = xx * yy - xy * xy;
+    // Of the two eigenvalues: their product over the square of their sum, which is above the larger one.
+    let is_plane = det > LEAST_SPREAD / (1.0 + LEAST_SPREAD).powi(2) * (xx + yy) * (xx + yy);
+    is_plane.then(|| off().map(|[x, y]| [(yy * x - xy * y) / det, (xx * y - xy * x) / det]).collect())
+}
+
+/// Marks nodes and elements that have been come to, without clearing.
+struct Marks {
+    nodes: Vec<(u32, u32)>,
+    elements: Vec<u32>,
+    turn: u32,
+}
+
+impl Marks {
+    fn new(n_nodes: usize, n_elements: usize) -> Self {
+        Self { nodes: vec![(0, 0); n_nodes], elements: vec![0; n_elements], turn: 0 }
+    }
+}
+
+/// Nodes and elements around a node, by rings; the first `window` nodes are those of its window.
+#[derive(Default)]
+struct Patch {
+    nodes: Vec<u32>,
+    elements: Vec<u32>,
+    window: usize,
+}
+
+impl StrainWindows {
+    /// Windows on `mesh`; `regularised` fields have noise whose correlation is not known.
+    pub fn new<U: Length>(mesh: &Mesh<U>, window: StrainWindow, regularised: bool) -> Self {
+        let mut around = vec![Vec::new(); mesh.n_nodes()];
+        for (element, &[a, b, c, d]) in mesh.elements().iter().enumerate() {
+            for node in [a, b, c].into_iter().chain((d != c).then_some(d)) {
+                around[node as usize].push(element as u32);
+            }
+        }
+        Self { window, bound: regularised, around, size: mesh.element_size(), kept: Mutex::default() }
+    }
+
+    /// The window.
+    pub fn window(&self) -> StrainWindow {
+        self.window
+    }
+
+    /// The strains of `field`, which is on the mesh that these windows are made for.
+    ///
+    /// What the windows are is kept from field to field; where other nodes are measured than before, it is found anew around
+    /// them.
+    ///
+    /// # Panics
+    /// When the field is on a mesh with another number of nodes.
+    ///
+    /// ```
+    /// # use quadrille_base as quadrille;
+    /// # use quadrille::{field::*, mesh::{Mesh, Roi, Zone}};
+    /// # let roi = Roi { x0: 0.0, y0: 0.0, x1: 64.0, y1: 64.0 };
+    /// # let mesh = Mesh::on_zones(&[Zone::rectangle("all", roi)], 16, 64, 64).unwrap();
+    /// # let displacement: Vec<_> = mesh.nodes().iter().map(|x| [0.01 * x[0], 0.0]).collect();
+    /// # let field = Measurement { status: Status::Converged, sigma: vec![[0.01; 2]; 25], measured: vec![true; 25],
+    /// #     marks: None, points: None, element_residual: vec![1.0; 16], model_error: None, mesh: mesh.into(), displacement };
+    /// let windows = StrainWindows::new(&field.mesh, StrainWindow::new(3).unwrap(), false);
+    /// let strains = windows.of(&field, StrainDefinition::Infinitesimal); // stretched by 1 % along x
+    /// let (strain, sigma) = strains.nodes[12].unwrap();
+    /// assert!((strain.xx - 0.01).abs() < 1e-12 && sigma[0] < 0.01 / 16.0);
+    /// ```
+    pub fn of<U: Length>(&self, field: &Measurement<U>, definition: StrainDefinition) -> WindowStrains {
+        assert_eq!(field.measured.len(), self.around.len(), "the mesh of the field");
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.measured != field.measured {
+            self.prepare(&mut kept, field);
+        }
+        let places = &kept.places;
+        let strain = |place: &Place| self.strain(field, definition, places, place);
+        WindowStrains { window: self.window, nodes: places.iter().map(strain).collect() }
+    }
+
+    fn strain<U: Length>(
+        &self,
+        field: &Measurement<U>,
+        definition: StrainDefinition,
+        places: &[Place],
+        place: &Place,
+    ) -> Option<(TensorStrain, [f64; 3])> {
+        let points: Vec<[f64; 2]> = place.nodes.iter().map(|&node| field.mesh.nodes()[node as usize]).collect();
+        let weights = plane(&points)?;
+        let mut gradient = [[0.0; 2]; 2];
+        // Variance of unit noise, by component of the displacement; upper bounds of the slopes.
+        let (mut density, mut total, mut bound) = ([0.0; 2], 0.0, [[0.0; 2]; 2]);
+        for (&node, w) in place.nodes.iter().zip(&weights) {
+            let node = node as usize;
+            let (u, sigma) = (field.displacement[node], field.sigma[node]);
+            let square = w[0] * w[0] + w[1] * w[1];
+            total += square;
+            for c in 0..2 {
+                density[c] += square * sigma[c] * sigma[c] / places[node].noise.node;
+                for k in 0..2 {
+                    gradient[c][k] += w[k] * u[c];
+                    bound[c][k] += w[k].abs() * sigma[c];
+                }
+            }
+        }
+        let strain = definition.of_gradient(gradient)?;
+        let slopes = definition.slopes(gradient)?;
+        let [xx, xy, yy] = place.noise.slopes;
+        let sigma = slopes.map(|slope| match self.bound {
+            true => (0..4).map(|i| slope[i / 2][i % 2].abs() * bound[i / 2][i % 2]).sum(),
+            false => {
+                let of = |c: usize| {
+                    let [x, y] = slope[c];
+                    density[c] / total * (x * x * xx + 2.0 * x * y * xy + y * y * yy)
+                };
+                (of(0) + of(1)).max(0.0).sqrt() / self.size
+            }
+        });
+        Some((strain, sigma))
+    }
+
+    /// Finds the windows of the nodes around which other nodes are measured than before: of all at first.
+    fn prepare<U: Length>(&self, kept: &mut Kept, field: &Measurement<U>) {
+        let (mesh, measured) = (&*field.mesh, &field.measured);
+        let n = self.around.len();
+        let mut marks = Marks::new(n, mesh.n_elements());
+        let reach = self.window.rings() + if self.bound { 0 } else { MARGIN };
+        let stale: Vec<usize> = match kept.measured.len() == n {
+            false => (0..n).collect(),
+            true => {
+                let changed = (0..n).filter(|&node| kept.measured[node] != measured[node]);
+                // One ring more: an element is in it or not by all of its nodes.
+                let near =
+                    self.patch(mesh, changed.map(|node| node as u32).collect(), [0, reach + 1], &|_| true, &mut marks);
+                near.nodes.into_iter().map(|node| node as usize).collect()
+            }
+        };
+        let whole: Vec<bool> =
+            mesh.elements().iter().map(|nodes| nodes.iter().all(|&node| measured[node as usize])).collect();
+        kept.places.resize(n, Place::default());
+        let least = (self.window.nodes().pow(2)).div_ceil(4).max(4);
+        for node in stale {
+            kept.places[node] = Place::default();
+            if !measured[node] {
+                continue;
+            }
+            let rings = [self.window.rings(), reach];
+            let patch = self.patch(mesh, vec![node as u32], rings, &|element| whole[element as usize], &mut marks);
+            if patch.elements.is_empty() {
+                continue;
+            }
+            let noise = self.noise(mesh, &patch, &marks, &mut kept.noise);
+            let nodes = if patch.window >= least { patch.nodes[..patch.window].to_vec() } else { Vec::new() };
+            kept.places[node] = Place { nodes, noise };
+        }
+        kept.measured.clone_from(measured);
+    }
+
+    /// The nodes and elements within rings around `start`; the first number of rings makes the window.
+    fn patch<U: Length>(
+        &self,
+        mesh: &Mesh<U>,
+        start: Vec<u32>,
+        rings: [usize; 2],
+        takes: &dyn Fn(u32) -> bool,
+        marks: &mut Marks,
+    ) -> Patch {
+        marks.turn += 1;
+        let turn = marks.turn;
+        let mut patch = Patch { window: start.len(), nodes: start, ..Patch::default() };
+        for (at, &node) in patch.nodes.iter().enumerate() {
+            marks.nodes[node as usize] = (turn, at as u32);
+        }
+        let mut ring = 0..patch.nodes.len();
+        for done in 1..=rings[1] {
+            for at in ring.clone() {
+                for &element in &self.around[patch.nodes[at] as usize] {
+                    if marks.elements[element as usize] == turn || !takes(element) {
+                        continue;
+                    }
+                    marks.elements[element as usize] = turn;
+                    patch.elements.push(element);
+                    for node in mesh.elements()[element as usize] {
+                        let mark = &mut marks.nodes[node as usize];
+                        if mark.0 != turn {
+                            *mark = (turn, patch.nodes.len() as u32);
+                            patch.nodes.push(node);
+                        }
+                    }
+                }
+            }
+            ring = ring.end..patch.nodes.len();
+            if done == rings[0] {
+                patch.window = patch.nodes.len();
+            }
+        }
+        patch
+    }
+
+    /// What a patch does to noise: from its shape, rounded.
+    fn noise<U: Length>(
+        &self,
+        mesh: &Mesh<U>,
+        patch: &Patch,
+        marks: &Marks,
+        known: &mut HashMap<[u64; 2], Noise>,
+    ) -> Noise {
+        if self.bound {
+            return Noise { node: 1.0, slopes: [0.0; 3] };
+        }
+        let [x0, y0] = mesh.nodes()[patch.nodes[0] as usize];
+        let grains = |v: f64| (v / self.size / GRAIN).round() as i64;
+        let places: Vec<[i64; 2]> = patch
+            .nodes
+            .iter()
+            .map(|&node| mesh.nodes()[node as usize])
+            .map(|[x, y]| [grains(x - x0), grains(y - y0)])
+            .collect();
+        let elements: Vec<[u32; 4]> = patch
+            .elements
+            .iter()
+            .map(|&element| mesh.elements()[element as usize].map(|node| marks.nodes[node as usize].1))
+            .collect();
+        let key = [0u8, 1].map(|salt| {
+            let mut hasher = DefaultHasher::new();
+            (salt, patch.window, &places, &elements).hash(&mut hasher);
+            hasher.finish()
+        });
+        *known.entry(key).or_insert_with(|| {
+            let places: Vec<[f64; 2]> = places.iter().map(|p| p.map(|v| v as f64 * GRAIN)).collect();
+            noise_of(&places, &elements, patch.window)
+        })
+    }
+}
+
+/// The noise of the node in the middle of a patch and of the plane fitted to its first `window` nodes, where the covariance of
+/// the nodes is the inverse of the mass matrix.
+fn noise_of(places: &[[f64; 2]], elements: &[[u32; 4]], window: usize) -> Noise {
+    let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); places.len()];
+    for nodes in elements {
+        let nodes = nodes.map(|node| node as usize);
+        let mass = ElementGeometry::new(nodes.map(|node| places[node])).mass_matrix();
+        for (i, &row) in nodes.iter().enumerate() {
+            for (j, &column) in nodes.iter().enumerate() {
+                match rows[row].iter_mut().find(|(there, _)| *there == column) {
+                    Some((_, sum)) => *sum += mass[i][j],
+                    None => rows[row].push((column, mass[i][j])),
+                }
+            }
+        }
+    }
+    let solved = |load: &dyn Fn(usize) -> f64| solve_spd(&rows, (0..places.len()).map(load).collect());
+    let node = solved(&|at| f64::from(at == 0))[0];
+    let Some(weights) = plane(&places[..window]) else { return Noise { node, slopes: [0.0; 3] } };
+    let weight = |at: usize, k: usize| weights.get(at).map_or(0.0, |w| w[k]);
+    let [x, y] = [0, 1].map(|k| solved(&|at| weight(at, k)));
+    let product = |k: usize, solved: &[f64]| weights.iter().zip(solved).map(|(w, s)| w[k] * s).sum::<f64>();
+    Noise { node, slopes: [product(0, &x), product(0, &y), product(1, &y)] }
+}

@@ -1,0 +1,13 @@
+//! The ground of quadrille: units, linear algebra, images, meshes and fields. Nothing here opens a file or knows a device.
+
+#![cfg_attr(not(test), deny(clippy::unwrap_used))]
+
+pub mod clock;
+pub mod digest;
+pub mod field;
+pub mod imaging;
+pub mod isa;
+pub mod linalg;
+pub mod mesh;
+pub mod parts;
+pub mod units;

@@ -1,0 +1,30 @@
+//! Meshes of four-node elements, in pixels or millimetres, and the pixels of their elements.
+
+mod carried;
+mod crack;
+mod element;
+mod error;
+mod grid;
+mod lay;
+mod mapped;
+mod pixel_set;
+mod pixels;
+mod polygon;
+mod q4;
+mod zone;
+mod zone_pixels;
+
+pub use carried::CarriedZones;
+pub use crack::{CutFaces, CutTip, FacePoint};
+pub use crack::{point_along, project};
+pub use element::{
+    CORNERS, ElementGeometry, GAUSS, GAUSS_POINTS, GAUSS_WEIGHT, InverseMap, LocalMap, local_coordinates,
+    local_derivatives, mean_products, shape_functions,
+};
+pub use error::MeshError;
+pub use grid::Grid;
+pub use lay::{ELEMENT_SHARE, PixelMesh};
+pub use pixel_set::PixelSet;
+pub use pixels::{ElementPixels, PixelMap, Run};
+pub use q4::Mesh;
+pub use zone::{Crack, Guard, Mask, Roi, Zone, ZoneElements};

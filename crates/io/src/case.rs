@@ -1,0 +1,204 @@
+//! Case files: what to correlate, what joint it is, what to find, as TOML. One kind of file for every command.
+//!
+//! [`CaseDocument`] is a file as it was read: the typed tree [`Case`] with every section, and its text. A command takes its view
+//! of it, which refuses sections of others: [`CaseDocument::correlation`], [`CaseDocument::joint`], [`CaseDocument::run`].
+
+mod crack_path;
+mod document;
+mod drives;
+mod explain;
+mod fields;
+mod force;
+mod guard;
+mod joint;
+mod law;
+mod lists;
+mod quantities;
+mod schema;
+mod setup;
+
+pub use crack_path::CrackPath;
+pub use document::{CaseDocument, Reader, parse_case, read_case, read_document, write_case};
+pub use drives::{CaseAppliedLoad, CaseHistory, CasePath, CasePathControl, CaseSupport, CaseTied};
+pub use explain::{CaseError, CasePlace, CaseText, heading};
+pub use fields::{CaseCorrelation, CaseElements, CaseImages, CaseZone, Pages};
+pub use force::{CaseAxis, CaseDirection, CaseForce};
+pub use guard::CaseGuard;
+pub use joint::{
+    CaseBootstrap, CaseBoundary, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseInterface, CaseIntervals,
+    CaseJointMesh, CaseJointOutput, CaseMeasurement, CaseNodeGroup, CaseNodes, CaseRigidMotion, CaseTest, CaseWeights,
+};
+pub use law::{
+    CaseCohesive, CaseExact, CaseKinematics, CaseMaterial, CasePlane, CaseQuadrature, CaseSubstrate, EXACT, STD,
+};
+pub use quantities::{
+    CaseCrack, CaseExtensometer, CaseLine, CaseLoad, CaseOpening, CaseProbe, CaseQuantities, CaseQuantityOptions,
+};
+pub use schema::{CaseLaws, LawKey, LawKeys, case_reference, case_schema};
+pub use setup::CaseReport;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Every section that a case file may have; what it does not say is `None` or empty, and left to the command line and the
+/// defaults.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// Which images.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub images: CaseImages,
+    /// How to correlate.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub correlation: CaseCorrelation,
+    /// Zones of the reference image, in order: what lies in all of rectangle, polygon and mask, and in no excluded polygon.
+    /// One of `roi`, `polygon`, `exclude`, `mask`, `mesh` at least; without a zone the specimen is found in the reference.
+    #[serde(rename = "zone", default, skip_serializing_if = "Vec::is_empty")]
+    pub zones: Vec<CaseZone>,
+    /// How quantities are drawn from the fields (docs/quantities.md).
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub quantities: CaseQuantityOptions,
+    /// What other instruments recorded.
+    pub load: Option<CaseLoad>,
+    /// Points whose displacement and strain are drawn.
+    #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
+    pub probes: Vec<CaseProbe>,
+    /// Lines along which they are drawn.
+    #[serde(rename = "line", default, skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<CaseLine>,
+    /// Virtual extensometers: elongation and strain between two points, or two gauge lines across them.
+    #[serde(rename = "extensometer", default, skip_serializing_if = "Vec::is_empty")]
+    pub extensometers: Vec<CaseExtensometer>,
+    /// Opening and sliding between two zones.
+    #[serde(rename = "opening", default, skip_serializing_if = "Vec::is_empty")]
+    pub openings: Vec<CaseOpening>,
+    /// What the program cannot know of the test, for the reporting table of `report.html`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub report: CaseReport,
+    /// Cracks and joints: paths along which the mesh is cut, given or found, with opening, sliding, tip and stress intensity along them.
+    #[serde(rename = "crack", default, skip_serializing_if = "Vec::is_empty")]
+    pub cracks: Vec<CaseCrack>,
+    /// Where the adhesive is in the images: between two zones.
+    pub interface: Option<CaseInterface>,
+    /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
+    /// `gap_mm` together). `quadrille run` takes that of its correlation: there only `refine` can be given.
+    pub mesh: Option<CaseJointMesh>,
+    /// Groups of nodes whose reaction is given, by name: a condition on the position in mm, as `grip = "y = max and x < 2.5"` (`=`,
+    /// `<`, `<=`, `>`, `>=`; `min` and `max` are the ends of the mesh), or a list of node numbers of the mesh file. Without it those
+    /// that the mesh file names, or the prescribed nodes of each strip.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(with = "BTreeMap<String, joint::NodeGroupKey>")]
+    pub groups: BTreeMap<String, CaseNodeGroup>,
+    /// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is
+    /// given.
+    pub boundary: Option<CaseBoundary>,
+    /// Displacements of groups of nodes that are prescribed, by component. Beside `[boundary]`, or instead of it.
+    #[serde(rename = "support", default, skip_serializing_if = "Vec::is_empty")]
+    pub supports: Vec<CaseSupport>,
+    /// Forces on groups of nodes; they keep their direction.
+    #[serde(rename = "applied_load", default, skip_serializing_if = "Vec::is_empty")]
+    pub applied_loads: Vec<CaseAppliedLoad>,
+    /// How the history of border, supports and loads is gone through. Of `quadrille simulate` alone.
+    pub path: Option<CasePath>,
+    /// The material of the strips (docs/mechanics.md); in `[substrate.NAME]` that of the group `NAME` of elements, where it has
+    /// its own.
+    #[schemars(with = "Option<CaseMaterial>")]
+    pub substrate: Option<CaseSubstrate>,
+    /// The law of the adhesive (docs/mechanics.md). Parameters that are not fitted keep these values.
+    pub cohesive: Option<CaseCohesive>,
+    /// Several tests of one adhesive that are fitted together (docs/identification.md): one law, each with its own images or table,
+    /// mesh, border, noise and constants. Beside them the file has `[fit]` and, over those of the tests, `[cohesive]`.
+    #[serde(rename = "test", default, skip_serializing_if = "Vec::is_empty")]
+    pub tests: Vec<CaseTest>,
+    /// What is written of a computed joint.
+    pub output: Option<CaseJointOutput>,
+    /// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there
+    /// neither is given.
+    pub measurement: Option<CaseMeasurement>,
+    /// What the load cell recorded (docs/identification.md): beside the displacements in the objective of a fit, or alone; with `use =
+    /// false`, or without a fit, held against the prediction.
+    pub force: Option<CaseForce>,
+    /// What is fitted, from where, and what is stated of its error (docs/identification.md).
+    pub fit: Option<CaseFit>,
+    /// Record of a finished run; read over.
+    #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
+    pub run: Option<toml::Table>,
+}
+
+/// The sections of a correlation.
+///
+/// ```
+/// # use quadrille_io as quadrille;
+/// use quadrille::io::case::parse_case;
+/// let case = parse_case("images.deformed = 'shots/*.tif'\n[[zone]]\nroi = [10, 10, 90, 90]", "a/case.toml".as_ref())?;
+/// assert_eq!(case.images.deformed, Some(vec!["shots/*.tif".to_owned()]));
+/// assert_eq!(case.base, std::path::Path::new("a"));
+/// # Ok::<(), quadrille::io::case::CaseError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CaseFile {
+    /// Folder of the case file: relative names in it are relative to this. Not written.
+    pub base: PathBuf,
+    /// The section `[images]`.
+    pub images: CaseImages,
+    /// The section `[correlation]`.
+    pub correlation: CaseCorrelation,
+    /// The sections `[[zone]]`, in order.
+    pub zones: Vec<CaseZone>,
+    /// The section `[quantities]`.
+    pub quantities: CaseQuantityOptions,
+    /// The section `[load]`.
+    pub load: Option<CaseLoad>,
+    /// The sections `[[probe]]`, in order.
+    pub probes: Vec<CaseProbe>,
+    /// The sections `[[line]]`, in order.
+    pub lines: Vec<CaseLine>,
+    /// The sections `[[extensometer]]`, in order.
+    pub extensometers: Vec<CaseExtensometer>,
+    /// The sections `[[opening]]`, in order.
+    pub openings: Vec<CaseOpening>,
+    /// The section `[report]`.
+    pub report: CaseReport,
+    /// The sections `[[crack]]`, in order.
+    pub cracks: Vec<CaseCrack>,
+    /// The section `[run]`: how a finished run came about.
+    pub run: Option<toml::Table>,
+}
+
+impl CaseFile {
+    /// `name` of this case file as a path: relative names start at the folder of the case file.
+    pub fn resolve(&self, name: &str) -> PathBuf {
+        self.base.join(name)
+    }
+
+    /// What this case draws from the fields, with the load files as paths that start at the current folder.
+    pub fn drawn(&self) -> CaseQuantities {
+        let path = |name: &String| self.resolve(name).display().to_string();
+        let load = |load: &CaseLoad| CaseLoad {
+            file: path(&load.file),
+            frame_times: load.frame_times.as_ref().map(path),
+            ..load.clone()
+        };
+        CaseQuantities {
+            options: self.quantities.clone(),
+            load: self.load.as_ref().map(load),
+            probes: self.probes.clone(),
+            lines: self.lines.clone(),
+            extensometers: self.extensometers.clone(),
+            openings: self.openings.clone(),
+            cracks: self.cracks.clone(),
+        }
+    }
+
+    /// This case with other quantities.
+    pub fn with_drawn(self, drawn: &CaseQuantities) -> Self {
+        let CaseQuantities { options, load, probes, lines, extensometers, openings, cracks } = drawn.clone();
+        Self { quantities: options, load, probes, lines, extensometers, openings, cracks, ..self }
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

@@ -1,0 +1,313 @@
+//! A case file as it was read, and what each command takes of it.
+
+use super::explain::{explained, heading};
+use super::{Case, CaseError, CaseFile, CaseText};
+use serde::Deserialize;
+use std::io::ErrorKind;
+use std::path::Path;
+use toml::de::{DeTable, Deserializer};
+
+/// Who takes which sections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reader {
+    /// Commands that correlate, or draw from fields.
+    Correlation,
+    /// Commands that compute a joint, or find its parameters, from what was measured.
+    Joint,
+    /// From the images to the parameters.
+    Run,
+    /// The parameters of one law from several tests.
+    Tests,
+}
+
+impl Reader {
+    const ALL: [Self; 3] = [Self::Correlation, Self::Joint, Self::Run];
+
+    /// Its commands.
+    pub fn commands(self) -> &'static str {
+        match self {
+            Self::Correlation => "correlate, watch, slurm, probe",
+            Self::Joint => "simulate, identify, sweep",
+            Self::Run => "run",
+            Self::Tests => "identify",
+        }
+    }
+
+    /// Whether it takes `section`.
+    pub fn takes(self, section: &str) -> bool {
+        let of_correlation = || OF_CORRELATION.contains(&section) || section == RECORD;
+        let of_joint = || OF_JOINT.contains(&section);
+        match self {
+            Self::Correlation => of_correlation(),
+            Self::Joint => of_joint(),
+            // The border of a run is measured.
+            Self::Run => of_correlation() || section == INTERFACE || (of_joint() && !DRIVES.contains(&section)),
+            Self::Tests => section == TESTS || OF_TESTS.contains(&section),
+        }
+    }
+
+    /// The commands that take `section`.
+    pub(super) fn of(section: &str) -> String {
+        if section == TESTS {
+            return Self::Tests.commands().to_owned();
+        }
+        let commands = Self::ALL.into_iter().filter(|reader| reader.takes(section)).map(Self::commands);
+        commands.collect::<Vec<_>>().join(", ")
+    }
+}
+
+const OF_CORRELATION: [&str; 11] = [
+    "images",
+    "correlation",
+    "zone",
+    "quantities",
+    "load",
+    "probe",
+    "line",
+    "extensometer",
+    "opening",
+    "crack",
+    "report",
+];
+const INTERFACE: &str = "interface";
+const OF_JOINT: [&str; 12] = [
+    "mesh",
+    "groups",
+    "boundary",
+    "support",
+    "applied_load",
+    "path",
+    "substrate",
+    "cohesive",
+    "output",
+    "measurement",
+    "force",
+    "fit",
+];
+/// What drives a joint that no images tell of.
+const DRIVES: [&str; 3] = ["support", "applied_load", "path"];
+const TESTS: &str = "test";
+/// What a case of several tests has beside them.
+const OF_TESTS: [&str; 3] = ["cohesive", "output", "fit"];
+/// Of a finished run.
+const RECORD: &str = "run";
+
+/// Every section, as a run goes.
+pub(super) fn sections() -> impl Iterator<Item = &'static str> {
+    OF_CORRELATION.into_iter().chain([INTERFACE]).chain(OF_JOINT).chain([TESTS]).chain([RECORD])
+}
+
+/// A case file as it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CaseDocument {
+    /// All that it says.
+    pub case: Case,
+    /// Its text.
+    pub text: CaseText,
+    /// Its sections, in the order of their names.
+    sections: Vec<String>,
+}
+
+impl CaseDocument {
+    /// The document with the content `text`; `path` gives its folder and stands in messages.
+    ///
+    /// # Errors
+    /// No TOML, a key that no section has, a value of the wrong kind.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, CaseError> {
+        let wrong = |error: toml::de::Error| explained(&error, text, path);
+        let table = DeTable::parse(text).map_err(wrong)?;
+        let sections = table.get_ref().keys().map(|key| key.get_ref().to_string()).collect();
+        let case = Case::deserialize(Deserializer::from(table)).map_err(wrong)?;
+        Ok(Self { case, text: CaseText::new(path, text), sections })
+    }
+
+    /// The tables of a case file with the content `text`, as they stand in it.
+    ///
+    /// # Errors
+    /// Those of [`Self::parse`].
+    pub fn tables(text: &str, path: &Path) -> Result<serde_json::Value, CaseError> {
+        Self::parse(text, path)?;
+        toml::from_str(text).map_err(|error| explained(&error, text, path))
+    }
+
+    /// Refuses sections that `reader` does not take.
+    pub(crate) fn taken_by(&self, reader: Reader) -> Result<(), CaseError> {
+        match self.sections.iter().find(|section| !reader.takes(section)) {
+            None => Ok(()),
+            Some(section) if section == TESTS => {
+                let message = "[[test]] names several tests, which quadrille identify fits together; simulate, sweep and run take one";
+                Err(self.text.refuse(section, None, message))
+            }
+            Some(section) if reader == Reader::Tests && OF_JOINT.contains(&section.as_str()) => {
+                let message =
+                    format!("{} is each test's own: it stands in the case files that [[test]] names", heading(section));
+                Err(self.text.refuse(section, None, message))
+            }
+            Some(section) => {
+                let (takers, commands) = (Reader::of(section), reader.commands());
+                let headed = heading(section);
+                let message = format!("{headed} is for quadrille {takers}; it is not taken by: {commands}");
+                Err(self.text.refuse(section, None, message))
+            }
+        }
+    }
+
+    /// What a correlation takes of it.
+    ///
+    /// # Errors
+    /// A section for another command.
+    pub fn correlation(self) -> Result<CaseFile, CaseError> {
+        self.taken_by(Reader::Correlation)?;
+        Ok(self.into_correlation().0)
+    }
+
+    /// The sections of the correlation, and those that are left.
+    pub(crate) fn into_correlation(self) -> (CaseFile, Case) {
+        let base = self.text.path().parent().map(Path::to_owned).unwrap_or_default();
+        let Case {
+            images,
+            correlation,
+            zones,
+            quantities,
+            load,
+            probes,
+            lines,
+            extensometers,
+            openings,
+            report,
+            cracks,
+            run,
+            interface,
+            mesh,
+            groups,
+            boundary,
+            supports,
+            applied_loads,
+            path,
+            substrate,
+            cohesive,
+            tests,
+            output,
+            measurement,
+            force,
+            fit,
+        } = self.case;
+        let of_correlation = CaseFile {
+            base,
+            images,
+            correlation,
+            zones,
+            quantities,
+            load,
+            probes,
+            lines,
+            extensometers,
+            openings,
+            report,
+            cracks,
+            run,
+        };
+        let joint = Case {
+            interface,
+            mesh,
+            groups,
+            boundary,
+            supports,
+            applied_loads,
+            path,
+            substrate,
+            cohesive,
+            tests,
+            output,
+            measurement,
+            force,
+            fit,
+            ..Case::default()
+        };
+        (of_correlation, joint)
+    }
+}
+
+impl From<CaseFile> for Case {
+    fn from(case: CaseFile) -> Self {
+        let CaseFile {
+            base: _,
+            images,
+            correlation,
+            zones,
+            quantities,
+            load,
+            probes,
+            lines,
+            extensometers,
+            openings,
+            report,
+            cracks,
+            run,
+        } = case;
+        Self {
+            images,
+            correlation,
+            zones,
+            quantities,
+            load,
+            probes,
+            lines,
+            extensometers,
+            openings,
+            report,
+            cracks,
+            run,
+            ..Self::default()
+        }
+    }
+}
+
+impl Case {
+    /// Its text as TOML. Reading it gives an equal case.
+    #[expect(clippy::unreachable, reason = "every value has a form, as the comment says, and fuzz/ tries")]
+    pub fn to_toml(&self) -> String {
+        // Every value of these structs has a form in TOML: numbers fit in 64 bits, keys are text.
+        toml::to_string(self).unwrap_or_else(|error| unreachable!("a case has a form in TOML: {error}"))
+    }
+}
+
+/// Reads the case file `path`.
+///
+/// # Errors
+/// A file that cannot be read, that is not TOML, or that has a key or a value that a case file does not have.
+pub fn read_document(path: &Path) -> Result<CaseDocument, CaseError> {
+    let bytes = std::fs::read(path).map_err(|reason| match reason.kind() {
+        ErrorKind::NotFound => CaseError::NotFound { path: path.to_owned() },
+        _ => CaseError::Io { path: path.to_owned(), reason },
+    })?;
+    match std::str::from_utf8(&bytes) {
+        Ok(text) => CaseDocument::parse(text, path),
+        Err(error) => {
+            let line = 1 + bytes.iter().take(error.valid_up_to()).filter(|&&b| b == b'\n').count();
+            Err(CaseError::NotText { path: path.to_owned(), line })
+        }
+    }
+}
+
+/// Reads what a correlation takes of the case file `path`.
+///
+/// # Errors
+/// As [`read_document`], and a section for another command.
+pub fn read_case(path: &Path) -> Result<CaseFile, CaseError> {
+    read_document(path)?.correlation()
+}
+
+/// The same of the content `text`; `path` gives its folder and stands in messages.
+///
+/// # Errors
+/// As [`read_case`], but nothing is read.
+pub fn parse_case(text: &str, path: &Path) -> Result<CaseFile, CaseError> {
+    CaseDocument::parse(text, path)?.correlation()
+}
+
+/// The text of a case file that says what `case` says. Reading it gives an equal case.
+pub fn write_case(case: &CaseFile) -> String {
+    let body = Case::from(case.clone()).to_toml();
+    format!("# Case file of quadrille. File names are relative to the folder of this file.\n{body}")
+}

@@ -1,0 +1,166 @@
+//! Images as they are decoded: samples and their channels, before they are grey levels.
+
+use crate::imaging::Pixels;
+
+/// What an image file may hold to be decoded: a file of a few hundred bytes can claim, and unpack to, gigabytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accepted {
+    /// The most pixels, in millions.
+    pub max_mpx: u32,
+    /// The only size, width and height in px, where it is known: that of the reference.
+    pub size: Option<[usize; 2]>,
+}
+
+impl Accepted {
+    /// The most pixels that can be asked for, in millions: 46 000 x 46 000, where 32 bits count pixels.
+    pub const MOST_MPX: u32 = 2147;
+
+    /// Whatever can be read: of files that a run has read before.
+    pub const ANY: Self = Self { max_mpx: Self::MOST_MPX, size: None };
+
+    /// Of these the images of this size alone.
+    pub fn of_size(self, width: usize, height: usize) -> Self {
+        Self { size: Some([width, height]), ..self }
+    }
+}
+
+impl Default for Accepted {
+    /// A billion pixels of any shape.
+    fn default() -> Self {
+        Self { max_mpx: 1000, size: None }
+    }
+}
+
+/// What a decoder can find wrong, before the file's name is known.
+#[derive(Debug)]
+pub(crate) enum ImageFault {
+    Truncated(String),
+    Corrupt(String),
+    Unsupported(String),
+    TooLarge { width: u64, height: u64, max_mpx: u32 },
+    OtherSize { width: u64, height: u64, wanted: [usize; 2] },
+    Memory { width: u64, height: u64, bytes: u128 },
+    NoSuchPage { pages: usize },
+}
+
+/// How the samples of an image lie in memory.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Channels {
+    /// Channels of a pixel.
+    pub n: usize,
+    /// Whether the first three are red, green and blue; otherwise the first is grey.
+    pub colour: bool,
+    /// Whether each channel is a plane of its own.
+    pub planar: bool,
+}
+
+/// Samples as decoded.
+pub(crate) struct Raw {
+    pub width: usize,
+    pub height: usize,
+    pub channels: Channels,
+    pub pixels: Pixels,
+    /// The largest grey level that there can be.
+    pub white: f32,
+    pub notes: Vec<String>,
+    /// As the file says.
+    pub taken: Option<String>,
+}
+
+/// Refuses a size that cannot be meant, before anything is allocated for it.
+///
+/// `decoded` are the bytes of the unpacked image; no method of the format shrinks data by more than `ratio`.
+pub(crate) fn check_size(
+    accepted: Accepted,
+    width: u64,
+    height: u64,
+    decoded: u128,
+    ratio: u32,
+    len: usize,
+) -> Result<(), ImageFault> {
+    if width == 0 || height == 0 {
+        return Err(ImageFault::Corrupt(format!("the image is {width} x {height} px")));
+    }
+    if let Some(wanted) = accepted.size
+        && wanted.map(|side| side as u64) != [width, height]
+    {
+        return Err(ImageFault::OtherSize { width, height, wanted });
+    }
+    let max_mpx = accepted.max_mpx.min(Accepted::MOST_MPX);
+    if width.checked_mul(height).is_none_or(|pixels| pixels > u64::from(max_mpx) * 1_000_000) {
+        return Err(ImageFault::TooLarge { width, height, max_mpx });
+    }
+    if decoded > len as u128 * u128::from(ratio) {
+        return Err(ImageFault::Truncated(format!("{len} bytes cannot hold the {width} x {height} px of its header")));
+    }
+    // Decoders do not ask whether there is so much memory: where it is limited, they would end the process.
+    let room = usize::try_from(decoded).ok().and_then(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).ok());
+    room.ok_or(ImageFault::Memory { width, height, bytes: decoded })
+}
+
+/// Luminance of linear red, green and blue with the weights of Rec. 709.
+pub(crate) fn luminance(red: f32, green: f32, blue: f32) -> f32 {
+    0.2126 * red + 0.7152 * green + 0.0722 * blue
+}
+
+impl Channels {
+    /// One grey level per pixel.
+    pub(crate) const GREY: Channels = Channels { n: 1, colour: false, planar: false };
+
+    /// The grey levels of the samples; what is lost is noted.
+    pub(crate) fn grey(self, samples: Pixels, notes: &mut Vec<String>) -> Pixels {
+        let needed = if self.colour { 3 } else { 1 };
+        match self.n - needed {
+            0 => {}
+            1 => notes.push("the alpha channel is ignored".into()),
+            more => notes.push(format!("{more} further channels are ignored")),
+        }
+        if !self.colour {
+            return self.first(samples);
+        }
+        let depth = samples.depth();
+        let luminances = match &samples {
+            Pixels::U8(samples) => self.luminances(samples),
+            Pixels::U16(samples) => self.luminances(samples),
+            Pixels::F32(samples) => self.luminances(samples),
+        };
+        match luminances {
+            None => {
+                notes.push(format!("red, green and blue are equal: kept as {depth} grey levels"));
+                self.first(samples)
+            }
+            Some(levels) => {
+                let scale = if depth == "32-bit float" { String::new() } else { format!(" in the {depth} scale") };
+                notes.push(format!("colours become luminance (Rec. 709), a 32-bit float{scale}"));
+                Pixels::F32(levels)
+            }
+        }
+    }
+
+    /// The first channel.
+    pub(crate) fn first(self, samples: Pixels) -> Pixels {
+        if self.n == 1 {
+            return samples;
+        }
+        match samples {
+            Pixels::U8(samples) => Pixels::U8(self.channel(&samples, 0).collect()),
+            Pixels::U16(samples) => Pixels::U16(self.channel(&samples, 0).collect()),
+            Pixels::F32(samples) => Pixels::F32(self.channel(&samples, 0).collect()),
+        }
+    }
+
+    fn channel<T: Copy>(self, samples: &[T], channel: usize) -> impl Iterator<Item = T> {
+        let plane = samples.len() / self.n;
+        let (start, step) = if self.planar { (channel * plane, 1) } else { (channel, self.n) };
+        samples.iter().skip(start).step_by(step).take(plane).copied()
+    }
+
+    /// The luminance of each pixel; `None` when no pixel has a colour.
+    fn luminances<T: Copy + PartialEq + Into<f32>>(self, samples: &[T]) -> Option<Vec<f32>> {
+        let colours = || self.channel(samples, 0).zip(self.channel(samples, 1)).zip(self.channel(samples, 2));
+        if colours().all(|((red, green), blue)| red == green && green == blue) {
+            return None;
+        }
+        Some(colours().map(|((red, green), blue)| luminance(red.into(), green.into(), blue.into())).collect())
+    }
+}

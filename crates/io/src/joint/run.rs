@@ -1,0 +1,116 @@
+//! A correlation run, read from its store.
+
+use super::{JointFileError, JointMeshFile, JointRun, RunMatrix};
+use crate::field::{Elements, Status};
+use crate::linalg::{ElementMatrix, alike};
+use crate::mesh::mean_products;
+use crate::store::Store;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The summary that a correlation leaves beside its store.
+const SUMMARY: &str = "summary.json";
+
+/// Reads the run in the folder `path`, or of the store `path`.
+///
+/// # Errors
+/// A store that cannot be read, no pixel size, no frame that converged; displacements that are splines.
+pub fn read_joint_run(path: &Path) -> Result<JointRun, JointFileError> {
+    let store = Store::open(path)?;
+    let Some(scale) = store.header().pixel_size else {
+        return Err(JointFileError::NoPixelSize { path: path.to_owned() });
+    };
+    if store.header().elements() == Elements::CubicSpline {
+        return Err(JointFileError::Splines { path: path.to_owned() });
+    }
+    let measured = store.mesh();
+    let on_specimen = Arc::new(measured.to_mm(scale));
+    let mesh = JointMeshFile {
+        path: path.to_owned(),
+        elements: on_specimen.elements().to_vec(),
+        nodes: on_specimen.nodes().to_vec(),
+        groups: on_specimen.zones().to_vec(),
+        element_group: on_specimen.element_zone().to_vec(),
+        mm_per_px: Some(scale.mm_per_px()),
+        ..JointMeshFile::default()
+    };
+    let (mut frames, mut instants, mut left_out, mut sigma) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut measured_from = Vec::new();
+    for number in 1..=store.n_frames() {
+        match store.frame(number)?.map(|frame| frame.measurement).filter(|field| field.status == Status::Converged) {
+            Some(field) => {
+                let field = field.to_mm(&on_specimen, scale);
+                let at = |(&u, &measured): (&[f64; 2], &bool)| measured.then_some(u);
+                frames.push(number);
+                measured_from.push(store.reference_frame(number)?.unwrap_or(0));
+                instants.push(field.displacement.iter().zip(&field.measured).map(at).collect());
+                sigma.push(field.sigma);
+            }
+            None => left_out.push(number),
+        }
+    }
+    if frames.is_empty() {
+        return Err(JointFileError::NoFrame { path: path.to_owned() });
+    }
+    let mut noise = [0.0; 2];
+    let mut n_known = 0.0;
+    for &number in &frames {
+        if let Some(of_frame) = store.noise(number)? {
+            n_known += 1.0;
+            noise.iter_mut().zip(of_frame).for_each(|(sum, v)| *sum += v * v);
+        }
+    }
+    let known = n_known > 0.0;
+    let noise_grey = known.then(|| (noise[0] / n_known).sqrt());
+    let noise_ratio = known.then(|| (noise[1] / noise[0]).sqrt());
+    let per_mm = 1.0 / (scale.mm_per_px() * scale.mm_per_px());
+    let of_noise = store.gradient_noise()?.unwrap_or_default();
+    let of_noise = of_noise.iter().enumerate().map(|(element, factor)| {
+        // The two components are not coupled: turning changes nothing.
+        alike(mean_products(measured.corners(element)), per_mm * factor)
+    });
+    let of_noise: Vec<ElementMatrix> = of_noise.collect();
+    let normal_matrix = store.normal_matrices()?.map(|list| RunMatrix {
+        corners: measured.elements().to_vec(),
+        matrices: list.into_iter().map(|matrix| turned(matrix, per_mm)).collect(),
+        of_noise,
+    });
+    let n_references = store.header().reference.len().max(1);
+    Ok(JointRun {
+        path: path.to_owned(),
+        mesh,
+        frames,
+        measured_from,
+        instants,
+        sigma,
+        normal_matrix,
+        n_references,
+        noise_grey,
+        noise_ratio,
+        left_out,
+        warnings: warnings_beside(path),
+    })
+}
+
+/// What the correlation warned of, from the summary beside the store. A run that goes on has none yet, and one that was moved
+/// without it is none the worse.
+fn warnings_beside(store: &Path) -> Vec<String> {
+    #[derive(serde::Deserialize)]
+    struct Messages {
+        messages: Vec<String>,
+    }
+    let places = [Some(store), store.parent()].into_iter().flatten();
+    let text = places.filter_map(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok()).next();
+    let read = text.and_then(|text| serde_json::from_str::<Messages>(&text).ok());
+    let plain = |line: &String| line.strip_prefix("warning: ").unwrap_or(line).to_owned();
+    read.map_or(Vec::new(), |summary| summary.messages.iter().map(plain).collect())
+}
+
+/// The matrix times `factor`, with y up: what couples x and y changes its sign.
+fn turned(mut matrix: ElementMatrix, factor: f64) -> ElementMatrix {
+    let places = (0..8).flat_map(|row| (row..8).map(move |column| (row, column)));
+    for (entry, (row, column)) in matrix.iter_mut().zip(places) {
+        *entry *= if row % 2 == column % 2 { factor } else { -factor };
+    }
+    matrix
+}

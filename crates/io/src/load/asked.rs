@@ -1,0 +1,79 @@
+//! A load file as a case asks for it: a row for each frame, or joined with the frames by time.
+
+use super::error::LoadError;
+use super::{FrameTimes, LoadTable, read_frame_times, read_load, read_record};
+use crate::case::CaseLoad;
+use std::path::Path;
+
+/// The load file that `load` asks for, a row for each of `n_frames`; names of files are relative to the current folder.
+///
+/// # Errors
+/// A file that cannot be read or joined, and times that are missing or given twice.
+pub fn read_as_asked(load: &CaseLoad, n_frames: usize) -> Result<LoadTable, LoadError> {
+    let wrong = |what: String| Err(LoadError::Times { what });
+    let path = Path::new(&load.file);
+    for (name, value, least) in [
+        ("the interval of the frames (--frame-interval, frame_interval_s)", load.frame_interval_s, 0.0),
+        ("the area of the cross-section (--area, area_mm2)", load.area_mm2, 0.0),
+        ("the time of the reference (--load-start, start_s)", load.start_s, f64::NEG_INFINITY),
+    ] {
+        if let Some(value) = value.filter(|value| !(value.is_finite() && *value > least)) {
+            let above = if least == 0.0 { " above 0" } else { "" };
+            return wrong(format!("{name} is {value}; give a finite number{above}"));
+        }
+    }
+    let start_s = load.start_s.unwrap_or(0.0);
+    let times = match (&load.frame_times, load.frame_interval_s) {
+        (Some(_), Some(_)) => {
+            return wrong(
+                "the times of the frames are given twice; give either their interval or a file of times".to_owned(),
+            );
+        }
+        (Some(file), None) => Some(read_frame_times(Path::new(file), n_frames)?.later(start_s)),
+        (None, Some(interval_s)) => Some(FrameTimes::every(interval_s, start_s, n_frames)),
+        (None, None) => None,
+    };
+    let table = match (&load.time, times) {
+        (Some(time), Some(times)) => {
+            let mut table = read_record(path, time, &times)?;
+            table.notes.insert(0, said_of_times(load));
+            table
+        }
+        (None, None) if load.start_s.is_none() => read_load(path, n_frames)?,
+        (Some(_), None) => {
+            return wrong(format!(
+                "{}: rows are joined with the frames by time, but nobody knows when the frames were taken; give \
+                 --frame-interval S (frame_interval_s) or --frame-times FILE (frame_times)",
+                path.display()
+            ));
+        }
+        (None, _) => {
+            return wrong(format!(
+                "{}: times of the frames are given, but not the column of the load file to join them with; give --load-time \
+                 COLUMN (time), or leave them out",
+                path.display()
+            ));
+        }
+    };
+    Ok(match load.area_mm2 {
+        Some(area_mm2) => table.with_stress(area_mm2, path)?,
+        None => table,
+    })
+}
+
+/// How frames and rows of a load file were joined.
+fn said_of_times(load: &CaseLoad) -> String {
+    let start = load.start_s.unwrap_or(0.0);
+    match (load.frame_interval_s, &load.frame_times) {
+        (Some(interval), _) => format!(
+            "load joined by time, interpolated: the reference at {start} s, a frame every {interval} s after it"
+        ),
+        (None, Some(file)) if start != 0.0 => {
+            format!("load joined by time, interpolated: frames at the times of {file}, {start} s later")
+        }
+        (None, file) => {
+            let file = file.as_deref().unwrap_or("-");
+            format!("load joined by time, interpolated: frames at the times of {file}")
+        }
+    }
+}

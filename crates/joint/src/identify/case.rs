@@ -1,0 +1,794 @@
+//! An identification as its case file describes it.
+
+use super::error::{FitError, wrong};
+use super::far_starts::own_minima;
+use super::load_cell::LoadCell;
+use super::noise::{Noise, Precision, even_texture};
+use super::objective::Problem;
+use super::observation::{Observation, ObservedInstant, largest_without_rigid_motion, without};
+use super::options::{Discretisation, FitOptions, Intervals};
+use super::plausibility::{Implausible, implausible_joint};
+use super::starts::latin_hypercube;
+use super::tournament::check_laws;
+use super::trust_region::TrustRegionOptions;
+use super::uncertainties;
+use super::unknowns::{Unknown, Unknowns};
+use super::watch::FitWatch;
+use super::weights::WeightKind;
+use crate::field::NOISE_CONTRADICTED;
+use crate::io::case::{
+    CaseBootstrap, CaseBoundaryNoise, CaseDiscretisation, CaseFit, CaseIntervals, CaseMeasurement, CaseNodes,
+    CasePathControl, CaseWeights,
+};
+use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, MeasurementTable, MeshInput, RunMatrix};
+use crate::io::run_case::RunCase;
+use crate::mechanics::cohesive::CohesiveLaw;
+use crate::mechanics::{Joint, law_of_case, materials_of_case};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What a case file says about the identification of its joint.
+#[derive(Debug)]
+pub struct Case<'a> {
+    /// What is to be solved.
+    pub problem: Problem<'a>,
+    /// How.
+    pub options: FitOptions,
+    /// The parameter whose profile likelihood is asked for.
+    pub profile: Option<usize>,
+    /// The parameter that `sweep` prescribes, and its values.
+    pub sweep: Option<(usize, Vec<f64>)>,
+    /// The laws that are compared on the same data; none where that is not asked for.
+    pub laws: Vec<String>,
+    /// What is compared, for people.
+    pub about: String,
+    /// What is known of the boundary: `measured`, `estimated` or `exact`.
+    pub boundary: &'static str,
+    /// What is possible, but hardly meant.
+    pub doubts: Vec<String>,
+    /// Values of the case that hardly anything has.
+    pub implausible: Vec<Implausible>,
+    /// Time after which the fit ends at the best point so far, s.
+    pub max_seconds: Option<f64>,
+    /// The load cell, whether it takes part in the fit or is only held against the prediction.
+    pub force: Option<LoadCell>,
+}
+
+/// The share `v` of a deformed image's noise that acts through the noise of the reference's gradient: its mean over
+/// sub-pixel displacements along both axes, cubic interpolation (1 at whole pixels, 0.57 halfway).
+const NOISE_PASSED: f64 = 0.77;
+
+impl<'a> Case<'a> {
+    /// The joint of a case.
+    ///
+    /// # Errors
+    /// See [`crate::mechanics::JointError`].
+    pub fn joint(input: &JointInput) -> Result<Joint, FitError> {
+        Joint::new(input).map_err(|error| FitError::from(error).in_case(&input.case.text))
+    }
+
+    /// What is to be identified of `joint`, which [`Case::joint`] made of the same `input`; `path` is named in errors.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn new(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
+        Self::of(joint, input, path).map_err(|error| error.in_case(&input.case.text))
+    }
+
+    /// The load cell of a case, to be held against a prediction; `None` where there is none.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn load_cell(
+        joint: &Joint,
+        input: &JointInput,
+        doubts: &mut Vec<String>,
+    ) -> Result<Option<LoadCell>, FitError> {
+        let (Some(asked), Some(read)) = (&input.case.force, &input.force) else { return Ok(None) };
+        let made = LoadCell::new(joint, asked, read, false, doubts);
+        made.map(Some).map_err(|error| error.in_case(&input.case.text))
+    }
+
+    /// Whether the laws, materials and parameters of a case are some that there are: what can be told before anything is measured.
+    ///
+    /// # Errors
+    /// See [`FitError`].
+    pub fn check(case: &RunCase) -> Result<(), FitError> {
+        let checked = || {
+            let (Some(cohesive), Some(substrate)) = (&case.joint.cohesive, &case.joint.substrate) else {
+                return Ok(());
+            };
+            let (law, ..) = law_of_case(cohesive)?;
+            materials_of_case(substrate, &case.interface.zones)?;
+            if let Some(fit) = &case.joint.fit {
+                starts(&unknowns(&*law, fit)?, fit)?;
+                if !fit.laws.is_empty() {
+                    check_laws(&fit.laws, &*law, usize::MAX)?;
+                }
+            }
+            Ok(())
+        };
+        checked().map_err(|error: FitError| error.in_case(&case.text))
+    }
+
+    fn of(joint: &'a Joint, input: &JointInput, path: &Path) -> Result<Self, FitError> {
+        let missing = |section, hint| FitError::NoTable { path: path.to_owned(), section, hint };
+        let case = &input.case;
+        let used = case.force.as_ref().is_some_and(|force| force.used);
+        let nothing = CaseMeasurement::default();
+        let (measurement, measured) = match (&case.measurement, &input.measurement) {
+            (Some(measurement), Some(measured)) => (measurement, Some(measured)),
+            // The load curve alone.
+            (measurement, None) if used => (measurement.as_ref().unwrap_or(&nothing), None),
+            _ => {
+                let hint =
+                    "give file = \"measured.csv\" or store = \"run/fields.zarr\"; or [force] for a load curve alone";
+                return Err(missing("measurement", hint));
+            }
+        };
+        let Some(table) = &case.fit else {
+            return Err(missing("fit", "give parameters = [\"phi_n\", \"delta_n\", \"delta_t\"]"));
+        };
+        let mut doubts = Vec::new();
+        if table.shared.is_some() {
+            doubts.push("[fit] shared is not used: it is for several tests ([[test]])".to_owned());
+        }
+        let unknowns = unknowns(&*joint.law, table)?;
+        if joint.law.has_own_minima() && table.intervals == Some(CaseIntervals::Linear) {
+            doubts.push(own_minima(joint.law.name()));
+        }
+        let cell = match (&case.force, &input.force) {
+            (Some(asked), Some(read)) => Some(LoadCell::new(joint, asked, read, used, &mut doubts)?),
+            _ => None,
+        };
+        let in_fit = cell.clone().filter(|_| used);
+        let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
+        let weights = match measurement.weights {
+            Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
+                let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \"covariance\", or \
+                            [force] use = false";
+                return Err(wrong("measurement", "weights", what));
+            }
+            None if of_run || used => WeightKind::Covariance,
+            None | Some(CaseWeights::Paper) => WeightKind::Paper,
+            Some(CaseWeights::Uniform) => WeightKind::Uniform,
+            Some(CaseWeights::Covariance) => WeightKind::Covariance,
+        };
+        let boundary = match measurement.boundary.unwrap_or_default() {
+            _ if measured.is_none() && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
+                let what =
+                    "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
+                return Err(wrong("measurement", "boundary", what));
+            }
+            _ if measured.is_none() => "exact",
+            CaseBoundaryNoise::Measured => "measured",
+            CaseBoundaryNoise::Estimated => "estimated",
+            CaseBoundaryNoise::Exact => "exact",
+        };
+        if input.case.path.control == Some(CasePathControl::ArcLength) {
+            let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
+            return Err(wrong("path", "control", what));
+        }
+        if !input.drives.is_empty() && boundary != "exact" {
+            let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
+            return Err(wrong("measurement", "boundary", what));
+        }
+        if boundary == "estimated" && weights != WeightKind::Covariance {
+            let what = "boundary = \"estimated\" needs weights = \"covariance\"";
+            return Err(wrong("measurement", "boundary", what));
+        }
+        if let Some(MeasurementInput::Run(run)) = measured {
+            doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
+        }
+        let noisy = boundary != "exact";
+        let (mut observation, mut noise) = match measured {
+            Some(measured) => {
+                let observation = observation(joint, input, measurement, measured, noisy, &mut doubts)?;
+                let noise = noise(joint, measurement, measured, &observation, noisy, &mut doubts)?;
+                (observation, noise)
+            }
+            None => of_force_alone(joint, measurement)?,
+        };
+        if let Some(cell) = &in_fit {
+            (observation, noise) = with_force(observation, noise, cell, &mut doubts)?;
+        }
+        check_weights(&observation, weights)?;
+        let (n_data, n_parameters) = (observation.n_data(), unknowns.n());
+        if n_data < n_parameters {
+            return Err(FitError::FewData { n_data, n_parameters });
+        }
+        let options = FitOptions {
+            weights,
+            estimate_boundary: boundary == "estimated",
+            starts: starts(&unknowns, table)?,
+            region: TrustRegionOptions {
+                max_evaluations: table.max_evaluations.unwrap_or(TrustRegionOptions::default().max_evaluations),
+                ..TrustRegionOptions::default()
+            },
+            constants: uncertainties::constants(joint, input, table, measurement, in_fit.as_ref(), &mut doubts)?,
+            doubt: true,
+            release: true,
+            other_minima: true,
+            rotations: uncertainties::rotations(table),
+            discretisation: match table.discretisation {
+                None if of_run => Discretisation::Included,
+                None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
+                Some(CaseDiscretisation::Included) => Discretisation::Included,
+                Some(CaseDiscretisation::Off) => Discretisation::Off,
+            },
+            intervals: match table.intervals.unwrap_or_default() {
+                CaseIntervals::Auto => Intervals::Auto,
+                CaseIntervals::Linear => Intervals::Linear,
+                CaseIntervals::Profile => Intervals::Profile,
+            },
+            bootstrap: match table.bootstrap.unwrap_or_default() {
+                CaseBootstrap::Auto => None,
+                CaseBootstrap::Draws(draws @ 0..=10_000) => Some(draws as usize),
+                CaseBootstrap::Draws(draws) => {
+                    let what = format!("bootstrap = {draws}; give \"auto\" or a number of draws from 0 to 10000");
+                    return Err(wrong("fit", "bootstrap", what));
+                }
+            },
+        };
+        let index = |key: &str, name: &str| {
+            unknowns.law().parameters().iter().position(|p| p.name == name).ok_or_else(|| {
+                wrong("fit", key, format!("{key}: the law has no parameter '{name}'; it has {}", names(&unknowns)))
+            })
+        };
+        let profile = match &table.profile {
+            None => None,
+            Some(name) => {
+                let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
+                if unknowns.n() == 1 {
+                    let what = "profile needs two parameters or more: of one alone the interval says it all";
+                    return Err(wrong("fit", "profile", what));
+                }
+                Some(of_fit.ok_or_else(|| {
+                    wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"))
+                })?)
+            }
+        };
+        let sweep = match table.sweep.iter().collect::<Vec<_>>().as_slice() {
+            [] => None,
+            [(name, values)] => {
+                let at = index("sweep", name)?;
+                if unknowns.list().iter().any(|unknown| unknown.index == at) {
+                    return Err(wrong(
+                        "fit",
+                        "sweep",
+                        format!("sweep: {name} is fitted; take it out of parameters to prescribe it"),
+                    ));
+                }
+                if values.is_empty() {
+                    return Err(wrong(
+                        "fit",
+                        "sweep",
+                        format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]"),
+                    ));
+                }
+                Some((at, (*values).clone()))
+            }
+            _ => return Err(wrong("fit", "sweep", "sweep: give the values of one parameter")),
+        };
+        if !table.laws.is_empty() {
+            check_laws(&table.laws, unknowns.law(), n_data)?;
+        }
+        let n_compared = observation.compared.iter().filter(|c| **c).count();
+        let compared = match (n_compared, &observation.force) {
+            (0, _) => String::new(),
+            (n, None) => format!("{n} nodes"),
+            (n, Some(_)) => format!("{n} nodes and "),
+        };
+        let force = observation.force.as_ref().map_or(String::new(), |cell| format!("the load of {}", cell.group.name));
+        let about = format!(
+            "{compared}{force} at {} instants, {} weights, {boundary} boundary; noise: {}",
+            observation.instants.len(),
+            weights.name(),
+            noise.source
+        );
+        let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
+        let problem = Problem { joint, observation, noise, unknowns, watch };
+        let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
+        let max_seconds = table.max_seconds.map(|seconds| positive("fit", "max_seconds", seconds)).transpose()?;
+        Ok(Self {
+            problem,
+            options,
+            profile,
+            sweep,
+            laws: table.laws.clone(),
+            about,
+            boundary,
+            doubts,
+            implausible,
+            max_seconds,
+            force: cell,
+        })
+    }
+}
+
+fn names(unknowns: &Unknowns) -> String {
+    unknowns.law().parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", ")
+}
+
+fn unknowns(law: &dyn CohesiveLaw, table: &CaseFit) -> Result<Unknowns, FitError> {
+    let known: Vec<&str> = law.parameters().iter().map(|p| p.name).collect();
+    if table.parameters.is_empty() {
+        return Err(wrong("fit", "parameters", format!("parameters is empty; give some of {}", known.join(", "))));
+    }
+    let mut list = Vec::new();
+    for (k, name) in table.parameters.iter().enumerate() {
+        let Some(index) = known.iter().position(|known| known == name) else {
+            let what = format!("parameters: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+            return Err(wrong("fit", "parameters", what));
+        };
+        if table.parameters[..k].contains(name) {
+            return Err(wrong("fit", "parameters", format!("parameters: '{name}' stands there twice")));
+        }
+        list.push(index);
+    }
+    for (key, map) in [("start", &table.start), ("lower", &table.lower), ("upper", &table.upper)] {
+        for (name, value) in map {
+            if !known.contains(&name.as_str()) {
+                let what = format!("{key}: the law '{}' has no '{name}'; it has {}", law.name(), known.join(", "));
+                return Err(wrong("fit", key, what));
+            }
+            if !table.parameters.contains(name) {
+                return Err(wrong(
+                    "fit",
+                    key,
+                    format!("{key}: '{name}' is not among parameters; its value stands in [cohesive]"),
+                ));
+            }
+            if value.is_nan() || (key == "start" && value.is_infinite()) {
+                return Err(wrong("fit", key, format!("{key}: {name} = {value} is not a finite number")));
+            }
+        }
+    }
+    let values = law.values();
+    let asked = |&index: &usize| {
+        let name = known[index];
+        let given = |map: &BTreeMap<String, f64>| map.get(name).copied();
+        (index, given(&table.start).unwrap_or(values[index]), given(&table.lower), given(&table.upper))
+    };
+    let unknowns = Unknowns::new(law, &list.iter().map(asked).collect::<Vec<_>>())?;
+    for Unknown { parameter, start, bounds: [lower, upper], .. } in unknowns.list() {
+        if !(lower <= start && start <= upper) {
+            let (start, lower, upper) = (*start, *lower, *upper);
+            return Err(FitError::StartOutside { name: parameter.name, start, lower, upper });
+        }
+    }
+    Ok(unknowns)
+}
+
+fn starts(unknowns: &Unknowns, table: &CaseFit) -> Result<Vec<Vec<f64>>, FitError> {
+    let mut starts = table.starts.clone();
+    for start in &starts {
+        if start.len() != unknowns.n() {
+            let what = format!("starts: {} values for {} parameters", start.len(), unknowns.n());
+            return Err(wrong("fit", "starts", what));
+        }
+        for (unknown, &start) in unknowns.list().iter().zip(start) {
+            let [lower, upper] = unknown.bounds;
+            if !(lower <= start && start <= upper) {
+                return Err(FitError::StartOutside { name: unknown.parameter.name, start, lower, upper });
+            }
+        }
+    }
+    if let Some(n) = table.latin_hypercube {
+        if !(1..=1000).contains(&n) {
+            return Err(wrong(
+                "fit",
+                "latin_hypercube",
+                format!("latin_hypercube = {n}; give a number of starts from 1 to 1000"),
+            ));
+        }
+        for unknown in unknowns.list() {
+            let name = unknown.parameter.name;
+            if !(table.lower.contains_key(name) && table.upper.contains_key(name)) {
+                return Err(wrong(
+                    "fit",
+                    "latin_hypercube",
+                    format!("latin_hypercube needs [fit.lower] and [fit.upper] of {name}"),
+                ));
+            }
+        }
+        let [lower, upper] = unknowns.scaled_bounds();
+        if lower.iter().chain(&upper).any(|z| !z.is_finite()) {
+            return Err(wrong("fit", "latin_hypercube", "latin_hypercube needs finite bounds above zero"));
+        }
+        let points = latin_hypercube(n, [&lower, &upper], table.seed.unwrap_or(1));
+        starts.extend(points.iter().map(|z| unknowns.unscaled(z)));
+    }
+    Ok(starts)
+}
+
+/// Positive and finite, or a clear line.
+fn positive(section: &'static str, key: &str, value: f64) -> Result<f64, FitError> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(wrong(section, key, format!("{key} = {value}: it must be a finite number above zero"))),
+    }
+}
+
+impl Problem<'_> {
+    /// The prescribed displacements at the prescribed nodes of the measured mesh, instant by instant.
+    pub(super) fn prescribed_as_measured(&self) -> Vec<Vec<[f64; 2]>> {
+        prescribed_as_measured(self.joint)
+    }
+}
+
+fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
+    let place: HashMap<u32, usize> = joint.boundary.nodes().iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let prescribed =
+        |values: &Vec<[f64; 2]>| joint.measured.prescribed.iter().map(|node| values[place[node]]).collect();
+    joint.boundary.instants().iter().map(prescribed).collect()
+}
+
+/// Measured displacements by instant (from 0) and node, without the rigid motion where it is taken off; and what is
+/// named when one is missing.
+struct Fields<'a> {
+    path: &'a Path,
+    instants: Vec<(usize, Vec<Option<[f64; 2]>>)>,
+}
+
+fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<String>) -> Result<Fields<'a>, FitError> {
+    let n_nodes = joint.measured.mesh.nodes().len();
+    let n_instants = joint.boundary.instants().len();
+    let mut fields = match measured {
+        MeasurementInput::Table(MeasurementTable { path, instants }) => {
+            let mut list = Vec::with_capacity(instants.len());
+            for (&instant, rows) in instants {
+                if instant > n_instants {
+                    return Err(FitError::Instant { path: path.clone(), instant, n_instants });
+                }
+                let mut field = vec![None; n_nodes];
+                for (&node, &u) in rows {
+                    let Some(place) = field.get_mut(node as usize) else {
+                        return Err(FitError::Node { path: path.clone(), instant, node, n_nodes });
+                    };
+                    *place = Some(u);
+                }
+                list.push((instant - 1, field));
+            }
+            let missing: Vec<String> =
+                (1..=n_instants).filter(|k| !instants.contains_key(k)).map(|k| k.to_string()).collect();
+            if !missing.is_empty() {
+                doubts.push(format!(
+                    "instants {} are not in {}: they are computed and not compared",
+                    missing.join(", "),
+                    path.display()
+                ));
+            }
+            Fields { path, instants: list }
+        }
+        MeasurementInput::Run(run) => {
+            if run.instants.len() != n_instants {
+                let instant = run.instants.len();
+                return Err(FitError::Instant { path: run.path.clone(), instant, n_instants });
+            }
+            Fields { path: &run.path, instants: run.instants.iter().cloned().enumerate().collect() }
+        }
+    };
+    for (index, field) in &mut fields.instants {
+        let Some(motion) = joint.removed.get(*index) else { continue };
+        for (node, u) in field.iter_mut().enumerate() {
+            *u = u.map(|u| without(motion, joint.measured.mesh.nodes()[node], u));
+        }
+    }
+    Ok(fields)
+}
+
+fn observation(
+    joint: &Joint,
+    input: &JointInput,
+    measurement: &CaseMeasurement,
+    measured: &MeasurementInput,
+    noisy_boundary: bool,
+    doubts: &mut Vec<String>,
+) -> Result<Observation, FitError> {
+    let mesh = &joint.measured.mesh;
+    let n_nodes = mesh.nodes().len();
+    let fields = fields(joint, measured, doubts)?;
+    let mut is_prescribed = vec![false; n_nodes];
+    joint.measured.prescribed.iter().for_each(|&node| is_prescribed[node as usize] = true);
+    let file: Option<&JointMeshFile> = match &input.mesh {
+        MeshInput::File(file) | MeshInput::Run(file) => Some(file),
+        MeshInput::Rectangle { .. } => None,
+    };
+    let selected = file.and_then(|file| file.selected.as_ref());
+    let mut chosen: Vec<u32> = match &measurement.nodes {
+        None => match selected {
+            Some(list) => list.clone(),
+            None => (0..n_nodes as u32).collect(),
+        },
+        Some(CaseNodes::Free) => (0..n_nodes as u32).collect(),
+        Some(CaseNodes::Selected) => selected.cloned().ok_or_else(|| {
+            wrong(
+                "measurement",
+                "nodes",
+                "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers",
+            )
+        })?,
+        Some(CaseNodes::List(list)) => list.clone(),
+    };
+    if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
+        return Err(wrong(
+            "measurement",
+            "nodes",
+            format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"),
+        ));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    let listed = matches!(measurement.nodes, Some(CaseNodes::List(_)));
+    let n = chosen.len();
+    chosen.retain(|&node| !is_prescribed[node as usize]);
+    if listed && chosen.len() < n {
+        doubts.push(format!("{} of the nodes are prescribed and not compared", n - chosen.len()));
+    }
+    if let MeasurementInput::Run(_) = measured {
+        // A node that one frame lost is left out of all: the covariance is one for all instants.
+        let lost = |node: &u32| fields.instants.iter().any(|(_, field)| field[*node as usize].is_none());
+        let n = chosen.len();
+        chosen.retain(|node| !lost(node));
+        if chosen.len() < n {
+            doubts.push(format!("{} nodes were not measured in every frame and are not compared", n - chosen.len()));
+        }
+    }
+    if chosen.is_empty() {
+        return Err(FitError::NoData {
+            what: "no node is left to compare; choose others with [measurement] nodes".into(),
+        });
+    }
+    let mut compared = vec![false; n_nodes];
+    chosen.iter().for_each(|&node| compared[node as usize] = true);
+    let nodes: Vec<u32> =
+        (0..n_nodes as u32).filter(|&k| compared[k as usize] || noisy_boundary && is_prescribed[k as usize]).collect();
+    let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let given = prescribed_as_measured(joint);
+    let of_border: HashMap<u32, usize> =
+        joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
+    if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
+        return Err(wrong(
+            "measurement",
+            "instant_weights",
+            format!("instant_weights holds {factor}; give finite numbers, zero or more"),
+        ));
+    }
+    let n_all = match measured {
+        MeasurementInput::Run(run) => run.frames.len() + run.left_out.len(),
+        MeasurementInput::Table(_) => joint.boundary.instants().len(),
+    };
+    if factors.len() > n_all {
+        let what = format!("instant_weights has {} entries, but there are {n_all} instants", factors.len());
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    if let MeasurementInput::Run(run) = measured
+        && !(factors.is_empty() || run.left_out.is_empty())
+    {
+        doubts.push(format!(
+            "instant_weights counts the frames that converged: {} did not, and the weights behind them are those of earlier \
+             entries",
+            run.left_out.len()
+        ));
+    }
+    let (mut instants, mut unknown_nodes) = (Vec::new(), 0);
+    for (index, field) in &fields.instants {
+        let factor = factors.get(*index).copied().unwrap_or(1.0);
+        if factor == 0.0 {
+            continue;
+        }
+        let border = |node: u32| of_border.get(&node).map(|&k| given[*index][k]);
+        let mut displacement = Vec::with_capacity(2 * nodes.len());
+        for &node in &nodes {
+            let u = match compared[node as usize] {
+                true => field[node as usize],
+                // The prescribed displacement is the measured one.
+                false => border(node),
+            };
+            let missing = || FitError::NotMeasured { path: fields.path.to_owned(), instant: index + 1, node };
+            displacement.extend(u.ok_or_else(missing)?);
+        }
+        let known = |node: usize| field[node].or_else(|| border(node as u32)).map(|u| (mesh.nodes()[node], u));
+        let points: Vec<_> = (0..n_nodes).filter_map(known).collect();
+        unknown_nodes = unknown_nodes.max(n_nodes - points.len());
+        let largest = largest_without_rigid_motion(&points);
+        instants.push(ObservedInstant { index: *index, displacement, largest, factor });
+    }
+    if unknown_nodes > 0 && matches!(measured, MeasurementInput::Table(_)) {
+        doubts.push(format!(
+            "{unknown_nodes} nodes are not measured: the paper's weights are made from the largest displacement of the others"
+        ));
+    }
+    if instants.is_empty() {
+        return Err(match fields.instants.is_empty() {
+            true => FitError::NoData { what: "there is no instant".into() },
+            false => FitError::NoWeight { what: "[measurement] instant_weights leaves out every instant" },
+        });
+    }
+    let prescribed = match noisy_boundary {
+        true => joint.measured.prescribed.iter().map(|node| place[node]).collect(),
+        false => Vec::new(),
+    };
+    let compared = nodes.iter().map(|&node| compared[node as usize]).collect();
+    let pixel_size_mm = uncertainties::mm_per_px(input);
+    Ok(Observation { nodes, compared, prescribed, instants, pixel_size_mm, force: None })
+}
+
+/// What is compared where no displacement was measured: no node, all instants of the border.
+fn of_force_alone(joint: &Joint, measurement: &CaseMeasurement) -> Result<(Observation, Noise), FitError> {
+    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
+    let n = joint.boundary.instants().len();
+    if let Some(factor) = factors.iter().find(|factor| ![0.0, 1.0].contains(*factor)) {
+        let what = format!("instant_weights holds {factor}; of a load curve alone they may be 0 or 1 only");
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    if factors.len() > n {
+        let what = format!("instant_weights has {} entries, but there are {n} instants", factors.len());
+        return Err(wrong("measurement", "instant_weights", what));
+    }
+    let instant = |index: usize| ObservedInstant { index, displacement: Vec::new(), largest: [0.0; 2], factor: 1.0 };
+    let instants = (0..n).filter(|&index| factors.get(index) != Some(&0.0)).map(instant).collect();
+    let (nodes, compared, prescribed) = (Vec::new(), Vec::new(), Vec::new());
+    let observation = Observation { nodes, compared, prescribed, instants, pixel_size_mm: None, force: None };
+    let noise = Noise {
+        precision: Precision::White(0),
+        common: 0.0,
+        on_boundary: false,
+        sigma: Some(1.0),
+        source: String::new(),
+        ratio: None,
+    };
+    Ok((observation, noise))
+}
+
+/// The same with the force of the load cell as one more row.
+fn with_force(
+    mut observation: Observation,
+    mut noise: Noise,
+    cell: &LoadCell,
+    doubts: &mut Vec<String>,
+) -> Result<(Observation, Noise), FitError> {
+    let Some(sigma) = noise.sigma else {
+        let what = "noise_mm is missing: displacements and forces are weighed by their noise, and that of the displacements cannot be \
+                    estimated from a residual that holds both";
+        return Err(wrong("measurement", "noise_mm", what));
+    };
+    // Asked for where a load cell is made for a fit.
+    let Some(std) = cell.std_n else { return Err(wrong("force", "std_N", "std_N is missing")) };
+    let without: Vec<String> = (observation.instants.iter())
+        .filter(|instant| cell.at(instant.index).is_none())
+        .map(|instant| (instant.index + 1).to_string())
+        .collect();
+    if without.len() == observation.instants.len() {
+        let what = "there is no force at any instant that is compared; check the file, its column and its times";
+        return Err(wrong("force", "file", what));
+    }
+    if !without.is_empty() {
+        doubts.push(format!("no force is known at instants {}", without.join(", ")));
+    }
+    if observation.nodes.is_empty() {
+        // Rows of nothing would count as instants with data.
+        observation.instants.retain(|instant| cell.at(instant.index).is_some());
+    }
+    observation.force = Some(cell.clone());
+    let joined = if noise.source.is_empty() { "" } else { "; " };
+    noise.source = format!("{}{joined}force {std} N as given", noise.source);
+    let weight = sigma * sigma / (std * std);
+    noise.precision = Precision::WithForce { displacements: Box::new(noise.precision), weight };
+    Ok((observation, noise))
+}
+
+fn check_weights(observation: &Observation, weights: WeightKind) -> Result<(), FitError> {
+    if weights == WeightKind::Paper && observation.instants.iter().all(|i| i.largest == [0.0; 2]) {
+        let what = "the measured displacements are a rigid motion at every instant; give weights = \"uniform\"";
+        return Err(FitError::NoWeight { what });
+    }
+    let uneven = observation.instants.iter().any(|i| i.factor != 1.0);
+    if weights == WeightKind::Covariance && uneven {
+        return Err(wrong(
+            "measurement",
+            "instant_weights",
+            "with weights = \"covariance\" instant_weights may be 0 or 1 only",
+        ));
+    }
+    Ok(())
+}
+
+fn noise(
+    joint: &Joint,
+    measurement: &CaseMeasurement,
+    measured: &MeasurementInput,
+    observation: &Observation,
+    on_boundary: bool,
+    doubts: &mut Vec<String>,
+) -> Result<Noise, FitError> {
+    let given = measurement.noise_mm.map(|noise| positive("measurement", "noise_mm", noise)).transpose()?;
+    let shared = measurement.common_reference.unwrap_or(true);
+    match measured {
+        MeasurementInput::Table(_) => {
+            let common = if shared { 1.0 } else { 0.0 };
+            let tied = if shared { "one noisy reference for all instants" } else { "instants independent" };
+            let from = given.map_or("estimated from the residual".to_owned(), |noise| format!("{noise:e} mm as given"));
+            Ok(Noise {
+                precision: Precision::White(observation.n_rows()),
+                common,
+                on_boundary,
+                sigma: given.map(|noise| noise / (1.0_f64 + common).sqrt()),
+                source: format!("each displacement on its own, {tied}, {from}"),
+                ratio: None,
+            })
+        }
+        MeasurementInput::Run(run) => {
+            let mesh = &joint.measured.mesh;
+            let (matrix, of) = match &run.normal_matrix {
+                Some(matrix) => (matrix.clone(), "normal matrix of the correlation"),
+                None => {
+                    doubts.push(
+                        "the store holds no normal matrix (the run was regularised, or made by an earlier version): \
+                         the covariance is that of an even texture without regularisation"
+                            .to_owned(),
+                    );
+                    (even_texture(mesh.nodes(), mesh.elements()), "even texture")
+                }
+            };
+            let [least, most] = NOISE_CONTRADICTED;
+            if let Some(ratio) = run.noise_ratio.filter(|ratio| !(least..=most).contains(ratio)) {
+                doubts.push(format!(
+                    "the noise stated for the correlation is contradicted by its residuals, which say {ratio:.2} times as \
+                     much: the standard uncertainties of the displacements, and all intervals with them, are wrong by \
+                     about that factor"
+                ));
+            }
+            let staged = observation.instants.iter().map(|instant| instant.index);
+            let staged: Vec<usize> = staged.filter(|&instant| run.measured_from[instant] > 0).collect();
+            if let Some(&first) = staged.first() {
+                doubts.push(format!(
+                    "{} of {} instants, from frame {} on, were measured from a later reference (frame {}): their covariance \
+                     is taken to be that of the first reference, with the mean of the standard uncertainties that the \
+                     store states; theirs are larger",
+                    staged.len(),
+                    observation.instants.len(),
+                    run.frames[first],
+                    run.measured_from[first]
+                ));
+            }
+            let precision_of = |matrix: &RunMatrix| {
+                Precision::of_matrix(mesh.nodes(), &matrix.corners, &matrix.matrices, &observation.nodes)
+            };
+            let (texture, kappa) = matrix.without_noise(run.noise_grey.unwrap_or(0.0));
+            let (precision, kappa) = match precision_of(&texture) {
+                Ok(precision) => (precision, kappa),
+                // Too little is left somewhere: the matrix with its noise says more than none.
+                Err(_) => (precision_of(&matrix).map_err(|fault| FitError::Covariance { row: fault.node })?, 0.0),
+            };
+            // Of the reference `M0^-1 / k`, of each frame `M0^-1 M M0^-1`, about (1 + v kappa) M0^-1 (THEORY 10).
+            let own = 1.0 + NOISE_PASSED * kappa;
+            let common = if shared { 1.0 / (own * run.n_references as f64) } else { 0.0 };
+            let mut noise =
+                Noise { precision, common, on_boundary, sigma: None, source: String::new(), ratio: run.noise_ratio };
+            let (variance, stated) = (noise.mean_variance(), mean_stated_variance(run, observation));
+            let variance_given = given.map(|noise| noise * noise).or(stated);
+            noise.sigma = variance_given.map(|stated| (stated / variance).sqrt());
+            let from = match (given, stated) {
+                (Some(noise), _) => format!("{noise:e} mm in the mean as given"),
+                (None, Some(stated)) => format!("{:.3e} mm in the mean as the store states it", stated.sqrt()),
+                (None, None) => "estimated from the residual".to_owned(),
+            };
+            noise.source = format!("{of}, mean of {} reference(s) for all frames, {from}", run.n_references);
+            Ok(noise)
+        }
+    }
+}
+
+/// Mean of the variances that the store states for the rows, mm^2.
+fn mean_stated_variance(run: &JointRun, observation: &Observation) -> Option<f64> {
+    let sum_of_squares = |sigma: &Vec<[f64; 2]>| {
+        observation.nodes.iter().flat_map(|&node| sigma[node as usize]).map(|s| s * s).sum::<f64>()
+    };
+    let sum: f64 = observation.instants.iter().map(|instant| sum_of_squares(&run.sigma[instant.index])).sum();
+    let mean = sum / (observation.instants.len() * observation.n_rows()) as f64;
+    (mean > 0.0).then_some(mean)
+}

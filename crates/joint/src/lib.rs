@@ -1,0 +1,9 @@
+//! The models of quadrille: the mechanics of bonded joints, and the identification of their cohesive law from measured fields.
+
+#![cfg_attr(not(test), deny(clippy::unwrap_used))]
+
+pub use quadrille_base::{field, imaging, linalg, mesh, units};
+pub use quadrille_io as io;
+
+pub mod identify;
+pub mod mechanics;
