@@ -85,7 +85,7 @@ fn any_rotation_is_found() {
 }
 
 #[test]
-#[ignore = "prints the table of docs/correlation.md 2.5"]
+#[ignore = "prints the figures of docs/correlation.md 2.5"]
 fn table_of_cold_starts() {
     let mut fails = 0;
     let mut row = |degrees: f64, shift: [f64; 2], zone: [f64; 4]| {

@@ -196,7 +196,7 @@ fn assert_tolerance_kept<M: Motion>(motion: &M, options: Options) {
             let options = Options { tolerance_px, tolerance_by_sigma: 0.0, ..options.clone() };
             let correlation = cold(&prepared(&reference, &whole(SIDE, SIDE), options.clone()), &deformed);
             assert_eq!(correlation.measurement.status, Status::Converged, "tolerance {tolerance_px}");
-            assert!(correlation.correction_px < 10.0 * tolerance_px); // docs/correlation.md, 2.4
+            assert!(correlation.correction_px < 10.0 * tolerance_px); // docs/correlation.md, 2.2
             correlation.measurement
         });
         let [loose, tight] = &found;

@@ -20,7 +20,7 @@ pub struct Options {
     /// Interpolation of the deformed image.
     pub interpolation: Interpolation,
     /// Largest error of a node that the iteration may leave, as the corrections tell it, for a frame to count as converged, px (docs/correlation.md,
-    /// 2.4).
+    /// 2.2).
     pub tolerance_px: f64,
     /// The same as a share of the smallest standard uncertainty of a node: the larger of the two counts (THEORY 10); 0 for the
     /// tolerance alone.
