@@ -252,7 +252,7 @@ fn the_right_law_wins_and_what_is_averaged_holds_the_truth_whatever_the_threads(
 }
 
 /// Kinks of the objective give a trapezoid minima of its own, and noise chooses among them: with one minimum and linear intervals its
-/// tractions held the truth in 82 of 100 places (docs/identification.md). Compared with another law and fitted alone.
+/// tractions held the truth in 82 of 100 places. Compared with another law and fitted alone.
 #[test]
 fn a_law_with_corners_ends_in_its_lowest_minimum_and_its_band_holds_the_laws_of_the_others() {
     let (name, values, unknowns) = LAWS[5];

@@ -82,45 +82,42 @@ pub struct Case {
     pub cracks: Vec<CaseCrack>,
     /// Where the adhesive is in the images: between two zones.
     pub interface: Option<CaseInterface>,
-    /// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and
-    /// `gap_mm` together). `quadrille run` takes that of its correlation: there only `refine` can be given.
+    /// The mesh of the joint: a file, a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows`,
+    /// `gap_mm`). In `quadrille run` only `refine` can be given.
     pub mesh: Option<CaseJointMesh>,
-    /// Groups of nodes whose reaction is given, by name: a condition on the position in mm, as `grip = "y = max and x < 2.5"` (`=`,
-    /// `<`, `<=`, `>`, `>=`; `min` and `max` are the ends of the mesh), or a list of node numbers of the mesh file. Without it those
-    /// that the mesh file names, or the prescribed nodes of each strip.
+    /// Groups of nodes whose reaction is given, by name: a condition on the position in mm, such as `grip = "y = max
+    /// and x < 2.5"` (`=`, `<`, `<=`, `>`, `>=`; `min` and `max` of the mesh), or a list of node numbers. Default:
+    /// those of the mesh file, or the prescribed nodes of each strip.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(with = "BTreeMap<String, joint::NodeGroupKey>")]
     pub groups: BTreeMap<String, CaseNodeGroup>,
-    /// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is
-    /// given.
+    /// The prescribed displacements of the border: `file` or `store`; in `quadrille run` neither.
     pub boundary: Option<CaseBoundary>,
-    /// Displacements of groups of nodes that are prescribed, by component. Beside `[boundary]`, or instead of it.
+    /// Prescribed displacements of groups of nodes, by component; with `[boundary]` or instead of it.
     #[serde(rename = "support", default, skip_serializing_if = "Vec::is_empty")]
     pub supports: Vec<CaseSupport>,
     /// Forces on groups of nodes; they keep their direction.
     #[serde(rename = "applied_load", default, skip_serializing_if = "Vec::is_empty")]
     pub applied_loads: Vec<CaseAppliedLoad>,
-    /// How the history of border, supports and loads is gone through. Of `quadrille simulate` alone.
+    /// How the history of border, supports and loads is followed; for `quadrille simulate` only.
     pub path: Option<CasePath>,
-    /// The material of the strips (docs/mechanics.md); in `[substrate.NAME]` that of the group `NAME` of elements, where it has
-    /// its own.
+    /// The material of the strips (docs/mechanics.md). `[substrate.NAME]`: that of the group `NAME` of elements.
     #[schemars(with = "Option<CaseMaterial>")]
     pub substrate: Option<CaseSubstrate>,
     /// The law of the adhesive (docs/mechanics.md). Parameters that are not fitted keep these values.
     pub cohesive: Option<CaseCohesive>,
-    /// Several tests of one adhesive that are fitted together (docs/identification.md): one law, each with its own images or table,
-    /// mesh, border, noise and constants. Beside them the file has `[fit]` and, over those of the tests, `[cohesive]`.
+    /// Tests of one adhesive that are fitted together (docs/identification.md). The file also has `[fit]` and, over
+    /// those of the tests, `[cohesive]`.
     #[serde(rename = "test", default, skip_serializing_if = "Vec::is_empty")]
     pub tests: Vec<CaseTest>,
     /// What is written of a computed joint.
     pub output: Option<CaseJointOutput>,
-    /// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there
-    /// neither is given.
+    /// The displacements to fit: `file` or `store`; in `quadrille run` neither.
     pub measurement: Option<CaseMeasurement>,
-    /// What the load cell recorded (docs/identification.md): beside the displacements in the objective of a fit, or alone; with `use =
-    /// false`, or without a fit, held against the prediction.
+    /// The load cell (docs/identification.md): fitted with the displacements or alone; with `use = false`, or without a
+    /// fit, compared with the prediction.
     pub force: Option<CaseForce>,
-    /// What is fitted, from where, and what is stated of its error (docs/identification.md).
+    /// What is fitted, from where, and the uncertainties of constants (docs/identification.md).
     pub fit: Option<CaseFit>,
     /// Record of a finished run; read over.
     #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]

@@ -10,21 +10,21 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseSupport {
-    /// Name of the group: of `[groups]`, or a group of nodes of the mesh file.
+    /// Its group of nodes, of `[groups]` or the mesh file.
     pub group: String,
-    /// Displacement along x, mm: a number (the same at every instant), a list over the instants, `{ to = 2.0, instants = 40 }` (rises
-    /// evenly from rest), or `{ file = "curve.csv", column = "u_mm" }`. Without it the component is free.
+    /// Displacement along x, mm: a number (at every instant), a list over the instants, `{ to = 2.0, instants = 40 }`
+    /// (even steps from rest), or `{ file = "curve.csv", column = "u_mm" }`. Default: free.
     pub u_x_mm: Option<CaseHistory>,
     /// The same along y.
     pub u_y_mm: Option<CaseHistory>,
-    /// Whether the nodes move as one body (a glued loading block, a lever), whose `point_mm` has these displacements; its rotation is
-    /// free.
+    /// Whether the nodes move as one body (loading block, lever) whose `point_mm` has these displacements; its rotation
+    /// is free.
     #[serde(default, skip_serializing_if = "super::is_default")]
     #[schemars(extend("default" = false))]
     pub rigid: bool,
-    /// The point of a rigid body that is held or loaded, mm at rest. Without it the middle of the nodes.
+    /// The point of a rigid body that is held or loaded, mm at rest. Default: the middle of the nodes.
     pub point_mm: Option<[f64; 2]>,
-    /// Which components of the nodes a rigid body moves: one of a lever that rests on rollers (small rotations only).
+    /// Components of the nodes that a rigid body moves: one for a lever on rollers (small rotations only).
     #[schemars(extend("default" = "both"))]
     pub tied: Option<CaseTied>,
 }
@@ -33,14 +33,14 @@ pub struct CaseSupport {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CasePath {
-    /// From instant to instant, jumping where the joint snaps; or along the path of equilibria by its length, through snaps, where
-    /// displacement and load go back. The points of the path then are the instants of all results.
+    /// From instant to instant, jumping where the joint snaps; or along the path of equilibria, whose points are then
+    /// the instants of all results.
     #[schemars(extend("default" = "instants"))]
     pub control: Option<CasePathControl>,
-    /// Of `arc-length`: largest change of a jump from point to point, over the opening at which the joint counts as cracked.
+    /// Of `arc-length`: largest change of a jump between points, relative to the opening that counts as cracked.
     #[schemars(extend("default" = 0.25))]
     pub step: Option<f64>,
-    /// Of `arc-length`: points at most.
+    /// Of `arc-length`: largest number of points.
     #[schemars(extend("default" = 2000))]
     pub max_points: Option<usize>,
 }
@@ -72,7 +72,7 @@ pub enum CaseTied {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseAppliedLoad {
-    /// Name of the group: of `[groups]`, or a group of nodes of the mesh file.
+    /// Its group of nodes, of `[groups]` or the mesh file.
     pub group: String,
     /// Force along x on the whole group, N per mm of width, in equal shares on its nodes; values as of `[[support]]`.
     #[serde(rename = "F_x_N_per_mm")]
@@ -80,7 +80,7 @@ pub struct CaseAppliedLoad {
     /// The same along y.
     #[serde(rename = "F_y_N_per_mm")]
     pub f_y_n_per_mm: Option<CaseHistory>,
-    /// Traction along x on the edges of the border between nodes of the group, MPa, of the edges at rest.
+    /// Traction along x on border edges between nodes of the group, MPa, of the edges at rest.
     #[serde(rename = "T_x_MPa")]
     pub t_x_mpa: Option<CaseHistory>,
     /// The same along y.

@@ -12,37 +12,35 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseForce {
-    /// The load file, as `[load]` takes it (docs/quantities.md): a row for each instant (of a correlation run: for each frame), or with a
-    /// column of times. `quadrille run` takes that of `[load]` without it.
+    /// The load file, as of `[load]` (docs/quantities.md): one row per instant (frame), or with a column of times.
+    /// Default in `quadrille run`: that of `[load]`.
     pub file: Option<String>,
-    /// Its column with the force. Without it the only one in N, or that of them which is called `load` or `force`.
+    /// Its column with the force. Default: the only one in N, or the one called `load` or `force`.
     pub column: Option<String>,
-    /// The column that says when its rows were taken: rows are then joined with the instants (frames) by time, interpolated.
+    /// Its column of times: rows are then joined with the instants (frames) by time, interpolated.
     pub time: Option<String>,
-    /// Time between two instants (frames), s: number n was taken n times that after the reference.
+    /// Time between two instants (frames), s, from the reference on.
     pub frame_interval_s: Option<f64>,
-    /// A file with the times of the instants (frames) instead: a row for each, with a column `time`.
+    /// File with the times of the instants (frames) instead: one row each, column `time`.
     pub frame_times: Option<String>,
     /// Time of the reference in the load file, s; with `frame_times` what is added to these.
     #[schemars(extend("default" = 0))]
     pub start_s: Option<f64>,
-    /// The group of nodes whose reaction it is: one of `[groups]`, of the mesh file, or of the strips. It needs not be given where
-    /// there is only one.
+    /// The group whose reaction it is: of `[groups]`, the mesh file, or the strips. Optional if there is only one.
     #[serde(default, deserialize_with = "name")]
     pub group: Option<String>,
-    /// The direction in which the load cell counts: `"x"`, `"y"`, `"-x"`, `"-y"`, or degrees from x towards y. Positive is a force that
-    /// pulls the group that way.
+    /// Its direction, or degrees from x towards y. A positive force pulls the group that way.
     #[schemars(with = "Option<DirectionKey>", extend("default" = "y"))]
     pub direction: Option<CaseDirection>,
-    /// Width of the specimen across the plane of the images, mm. It has to be given.
+    /// Width of the specimen across the plane of the images, mm. Required.
     pub width_mm: Option<f64>,
-    /// Its standard uncertainty, with what the gain of the load cell adds, mm. Without it 1 % of the width.
+    /// Its standard uncertainty, including the gain of the load cell, mm. Default: 1 % of the width.
     pub width_mm_std: Option<f64>,
-    /// Standard uncertainty of a force, N: noise of the load cell and what the model leaves out. It has to be given, unless
-    /// `use = false`.
+    /// Standard uncertainty of a force, N: noise of the load cell and what the model leaves out. Required unless `use =
+    /// false`.
     #[serde(rename = "std_N")]
     pub std_n: Option<f64>,
-    /// Whether it takes part in the fit; `false` holds it against the prediction only.
+    /// Whether it takes part in the fit; else it is only compared with the prediction.
     #[serde(rename = "use", default = "yes", skip_serializing_if = "is_true")]
     #[schemars(extend("default" = true))]
     pub used: bool,

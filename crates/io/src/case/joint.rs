@@ -13,15 +13,15 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseInterface {
-    /// Names of the two zones beside the adhesive, whose normal points from the first to the second. Of two zones one below
-    /// the other the first is the lower one.
+    /// The two zones at the adhesive; the normal points from the first to the second. Of two zones one below the other
+    /// the first is the lower one.
     #[serde(deserialize_with = "lower_upper")]
     pub zones: [String; 2],
-    /// Pixels this close to the facing edges are left out of the sums, px; a zone with a `guard_px` of its own keeps that.
+    /// Pixels this close to the facing edges are left out, px, unless the zone has a `guard_px`.
     #[schemars(extend("default" = 3))]
     pub guard_px: Option<f64>,
-    /// Thickness of the adhesive, mm: the gap between the facing edges of the zones, which is the default; a value that
-    /// differs from it by more than 2 % is refused.
+    /// Thickness of the adhesive, mm. Default: the gap between the facing edges; a value that differs by more than 2 %
+    /// is refused.
     pub thickness_mm: Option<f64>,
 }
 
@@ -74,17 +74,16 @@ impl<'de> Deserialize<'de> for CaseNodeGroup {
     }
 }
 
-/// The mesh of the joint: a file, or a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows` and `gap_mm`
-/// together). `quadrille run` takes that of its correlation: there only `refine` can be given.
+/// The mesh of the joint: a file, a correlation run, or a rectangle (`element_size_mm`, `columns`, `rows`, `gap_mm`).
+/// In `quadrille run` only `refine` can be given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseJointMesh {
     /// A mesh file: JSON, Gmsh `.msh`, or `.vtu`.
     pub file: Option<String>,
-    /// The store `fields.zarr` of a correlation run with two zones, or the folder of the run.
+    /// Store `fields.zarr`, or folder, of a correlation run with two zones.
     pub store: Option<String>,
-    /// The two groups of elements (zones of the run) beside the adhesive: its normal points from the first to the second.
-    /// Without it, up.
+    /// The two groups of elements at the adhesive; the normal points from the first to the second. Default: up.
     pub zones: Option<[String; 2]>,
     /// Side of the square elements, mm.
     pub element_size_mm: Option<f64>,
@@ -94,15 +93,15 @@ pub struct CaseJointMesh {
     pub rows: Option<usize>,
     /// Distance of the faces, mm.
     pub gap_mm: Option<f64>,
-    /// Where the joint is cracked from the beginning: a condition on the position as of `[groups]`, as `"x < 30"`. Faces of interface
-    /// elements whose nodes all lie there press on each other where they meet, without friction, and hold nothing else.
+    /// Where the joint is cracked from the beginning: a condition as in `[groups]`, such as `"x < 30"`. Faces there
+    /// only press on each other, without friction.
     pub crack: Option<String>,
     /// Cut every element into this many by as many.
     #[schemars(extend("default" = 1))]
     pub refine: Option<usize>,
 }
 
-/// The prescribed displacements of the border: either `file` or `store`. `quadrille run` measures them: there neither is given.
+/// The prescribed displacements of the border: `file` or `store`; in `quadrille run` neither.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseBoundary {
@@ -110,7 +109,7 @@ pub struct CaseBoundary {
     pub file: Option<String>,
     /// The store of a correlation run: its outer nodes are prescribed.
     pub store: Option<String>,
-    /// Whether one rigid motion of all prescribed nodes is subtracted at every instant.
+    /// The rigid motion that is subtracted at every instant.
     #[schemars(extend("default" = "none"))]
     pub remove_rigid_motion: Option<CaseRigidMotion>,
 }
@@ -130,39 +129,36 @@ pub enum CaseRigidMotion {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseJointOutput {
-    /// Instants to draw, from 1. Without it the first, the middle and the last.
+    /// Instants to draw, from 1. Default: first, middle, last.
     pub figures: Option<Vec<usize>>,
-    /// Whether the energies are computed, for which the path between instants is followed. Without it they are, up to 20000 unknowns.
+    /// Whether the energies are computed. Default: up to 20000 unknowns.
     pub energies: Option<bool>,
-    /// Also the derivatives of the displacements by the parameters of the strips.
+    /// Also derivatives of the displacements by the parameters of the strips.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(extend("default" = false))]
     pub substrate_sensitivities: bool,
 }
 
-/// Displacements that the parameters are fitted to: either `file` or `store`. `quadrille run` measures them: there neither is
-/// given.
+/// The displacements to fit: `file` or `store`; in `quadrille run` neither.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseMeasurement {
     /// Table of displacements: `instant,node,ux_mm,uy_mm`, or `ux_px,uy_px` with y up.
     pub file: Option<String>,
-    /// The store of the correlation run that the mesh is of.
+    /// The store of the correlation run of the mesh.
     pub store: Option<String>,
-    /// Which nodes are compared: `"selected"`, `"free"`, or a list of numbers, from 0. Without it those of the list
-    /// `selected_nodes` of the mesh file, or all that are not prescribed.
+    /// Which nodes are compared; numbers count from 0. Default: `selected` if the mesh file has that list, else `free`.
     #[schemars(with = "Option<NodesKey>")]
     pub nodes: Option<CaseNodes>,
-    /// Weights of the residual; without it `covariance` for a store and `paper` for a table.
+    /// Weights of the residual. Default: `covariance` for a store, `paper` for a table.
     pub weights: Option<CaseWeights>,
     /// What is known of the prescribed displacements.
     #[schemars(extend("default" = "measured"))]
     pub boundary: Option<CaseBoundaryNoise>,
-    /// Standard deviation of each nodal displacement of one frame, mm. Without it that of the store; of a table it is
-    /// estimated from the residual.
+    /// Standard deviation of a nodal displacement of one frame, mm. Default: that of the store; for a table, from the
+    /// residual.
     pub noise_mm: Option<f64>,
-    /// Relative standard uncertainty of the noise itself. Without it 0.1, or what the residual tells where the noise is
-    /// estimated from that.
+    /// Relative standard uncertainty of the noise. Default: 0.1, or by the residual if the noise is estimated from it.
     pub noise_relative_std: Option<f64>,
     /// Whether all frames were compared with one noisy reference.
     #[schemars(extend("default" = true))]
@@ -266,11 +262,11 @@ pub enum CaseBoundaryNoise {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseTest {
-    /// What it is called in results. Without it the folder of its case file.
+    /// Its name in results. Default: the folder of its case file.
     #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
-    /// Its case file, with which `quadrille identify` fits it alone, or the folder of a `quadrille run`. Its `[fit]` says only what
-    /// is stated of the errors of its set-up (`thickness_mm_std`, `exact`, ...).
+    /// Its case file, as for `quadrille identify`, or the folder of a `quadrille run`. Of its `[fit]` only errors of
+    /// the set-up count (`thickness_mm_std`, `exact`, ...).
     pub case: String,
 }
 
@@ -278,21 +274,21 @@ pub struct CaseTest {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseFit {
-    /// Symbols of the parameters that are fitted: any of the law of `[cohesive]`.
+    /// Symbols of the fitted parameters, of the law of `[cohesive]`.
     pub parameters: Vec<String>,
-    /// Where the fit starts, by symbol; over the value of `[cohesive]`.
+    /// Starting values, by symbol. Default: those of `[cohesive]`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub start: BTreeMap<String, f64>,
-    /// Least values, by symbol. Without it a thousandth of the start.
+    /// Least values, by symbol. Default: a thousandth of the start.
     #[serde(default, skip_serializing_if = "is_default")]
     pub lower: BTreeMap<String, f64>,
-    /// Largest values, by symbol. Without it a thousand times the start.
+    /// Largest values, by symbol. Default: a thousand times the start.
     #[serde(default, skip_serializing_if = "is_default")]
     pub upper: BTreeMap<String, f64>,
     /// Further starts: a value for each of `parameters`, in their order.
     #[serde(default, skip_serializing_if = "is_default")]
     pub starts: Vec<Vec<f64>>,
-    /// So many further starts, 1 to 1000, spread over the box of the bounds (which then have to be given).
+    /// Number of further starts, 1 to 1000, spread over the box of the bounds, which are then required.
     pub latin_hypercube: Option<usize>,
     /// Seed of these starts.
     #[schemars(extend("default" = 1))]
@@ -311,31 +307,30 @@ pub struct CaseFit {
     #[schemars(extend("x-flag" = "--laws"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,
-    /// The effect of the element size on the 95 % intervals; without it `included` for a store and `stated` for a table.
+    /// Effect of the element size on the 95 % intervals. Default: `included` for a store, `stated` for a table.
     pub discretisation: Option<CaseDiscretisation>,
     /// What the 95 % intervals are made of.
     #[schemars(extend("default" = "auto"))]
     pub intervals: Option<CaseIntervals>,
-    /// Draws of the bootstrap that goes with intervals of the profile likelihood: a number up to 10000, 0 for none, or
-    /// `"auto"`.
+    /// Draws of the bootstrap that goes with profile intervals, up to 10000; 0 for none.
     #[schemars(with = "Option<BootstrapKey>", extend("default" = "auto"))]
     pub bootstrap: Option<CaseBootstrap>,
-    /// Standard uncertainty of the adhesive's thickness, mm. Without it 1 px.
+    /// Standard uncertainty of the adhesive's thickness, mm. Default: 1 px.
     pub thickness_mm_std: Option<f64>,
-    /// Relative standard uncertainty of the pixel size. Without it 0.005.
+    /// Relative standard uncertainty of the pixel size. Default: 0.005.
     pub pixel_size_relative_std: Option<f64>,
-    /// Standard uncertainty of the position of each face of the adhesive, px. Without it 0.5.
+    /// Standard uncertainty of the position of each face of the adhesive, px. Default: 0.5.
     pub face_position_px_std: Option<f64>,
     /// The same in mm; one of both.
     pub face_position_mm_std: Option<f64>,
-    /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`, `"width"`; `"rotations"` where
-    /// the data were computed with small ones: what finite ones would change is then not asked.
+    /// Constants without uncertainty: `true`, or a list of `"thickness"`, `"faces"`, `"pixel_size"`, `"noise_level"`,
+    /// `"width"`; `"rotations"` if the data were computed with small ones.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
-    /// Of several tests (`[[test]]`): constants whose error is the same in all tests that have them, as `"E"` or `"pixel_size"`. Without
-    /// it those of the strips that agree in value and uncertainty.
+    /// Of several tests: constants with one error in all tests, such as `"E"` or `"pixel_size"`. Default: those of the
+    /// strips that agree in value and uncertainty.
     pub shared: Option<Vec<String>>,
-    /// Of `quadrille sweep`: a parameter that is not fitted, and the values at which it is prescribed.
+    /// Of `quadrille sweep`: a parameter that is not fitted, and its values.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sweep: BTreeMap<String, Vec<f64>>,
 }

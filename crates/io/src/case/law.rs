@@ -29,15 +29,15 @@ pub struct CaseMaterial {
     /// The law of the material.
     #[schemars(extend("default" = "ramberg-osgood"))]
     pub model: Option<String>,
-    /// What happens out of the plane. A section `[substrate.NAME]` without it takes that of `[substrate]`.
+    /// What happens out of the plane. Default of `[substrate.NAME]`: that of `[substrate]`.
     #[schemars(extend("default" = "stress"))]
     pub plane: Option<CasePlane>,
     /// Constants without uncertainty: `true` for all of the section, or a list of symbols.
     #[schemars(extend("default" = false))]
     pub exact: Option<CaseExact>,
-    /// Of `tabulated`: the file of the curve, with the columns `strain` (mm/mm) and `stress_MPa` of a uniaxial test.
+    /// Of `tabulated`: file of the uniaxial curve, columns `strain` (mm/mm) and `stress_MPa`.
     pub file: Option<String>,
-    /// The same in the case itself: rows of strain and stress, MPa, both rising.
+    /// The same as rows of strain and stress, MPa, both rising.
     pub curve: Option<Vec<[f64; 2]>>,
     /// The parameters of the law, and their standard uncertainties, by key: the symbol with its unit, as in `E_MPa`.
     #[serde(flatten)]

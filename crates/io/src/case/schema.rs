@@ -128,11 +128,15 @@ fn with_laws(schema: &mut Value, laws: &[LawKeys]) -> Value {
 
 const HEAD: &str = "# Case files\n\n\
 <!-- Made by `quadrille schema --reference > docs/case.md`; a test compares. -->\n\n\
-One kind of TOML file for every command. Names of files in it are relative to its folder, those of flags to the current one; flags\n\
-win. A fault is refused with file, line, section and key, and with the key that may be meant. `quadrille schema > case.schema.json`\n\
-writes the JSON schema: an editor that knows TOML (Taplo, Even Better TOML) then completes and checks a case file that begins with\n\n\
+All commands read the same kind of TOML file. File names in it are relative to its folder, those of flags to the current\n\
+folder. Flags take precedence. An error names file, line, section, key, and the key that may be meant.\n\n\
+`quadrille schema > case.schema.json` writes the JSON schema. An editor that knows TOML (Taplo, Even Better TOML) then\n\
+completes and checks a case file that begins with\n\n\
 ```toml\n#:schema ./case.schema.json\n```\n\n\
-`-` in the column of defaults: nothing, or what the meaning says.\n";
+`word`: one of the words that the meaning lists. An empty default: nothing, or what the meaning says.\n";
+
+/// Length of a list of values, in bytes, above which the next key with the same values refers to it.
+const LONG: usize = 40;
 
 /// The reference of all keys as Markdown, made of [`case_schema`].
 pub fn case_reference(laws: &CaseLaws) -> String {
@@ -155,22 +159,25 @@ pub fn case_reference(laws: &CaseLaws) -> String {
         if keys.is_empty() {
             continue;
         }
-        let _ = write!(text, "\n| key | values | default | flag | meaning |\n| --- | --- | --- | --- | --- |\n");
+        let _ = write!(text, "\n| key, flag | values | default | meaning |\n|---|---|---|---|\n");
+        let mut last = String::new();
         for (key, value) in keys {
             let default = match value.get("default") {
                 Some(default) => format!("`{default}`"),
                 None if required(key) => "required".to_owned(),
-                None => "-".to_owned(),
+                None => String::new(),
             };
-            let flag = value["x-flag"].as_str().map_or(String::new(), |flag| format!("`{flag}`"));
+            let flag = value["x-flag"].as_str().map_or(String::new(), |flag| format!(", `{flag}`"));
             let meaning = [value["description"].as_str().unwrap_or_default().to_owned(), words(value)];
             let meaning = meaning.into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" ");
             let values = values(value);
-            let _ = writeln!(text, "| `{key}` | {values} | {default} | {flag} | {} |", meaning.replace('|', "\\|"));
+            let shown = if values.len() > LONG && values == last { "the same" } else { values.as_str() };
+            let _ = writeln!(text, "| `{key}`{flag} | {shown} | {default} | {} |", meaning.replace('|', "\\|"));
+            last = values;
         }
         if of_law {
-            let about = "Standard uncertainty of the parameter `KEY`, in its unit (docs/identification.md, \"The error budget\").";
-            let _ = writeln!(text, "| `KEY{STD}` | number | - | | {about} |");
+            let about = "Standard uncertainty of `KEY`, in its unit (docs/identification.md, \"The error budget\").";
+            let _ = writeln!(text, "| `KEY{STD}` | number |  | {about} |");
         }
     }
     text
@@ -198,6 +205,9 @@ fn words(schema: &Value) -> String {
 /// What a key takes, in words.
 fn values(schema: &Value) -> String {
     let words = choices(schema);
+    if words.iter().any(|(_, about)| !about.is_empty()) {
+        return "word".to_owned();
+    }
     if !words.is_empty() {
         return words.iter().map(|(word, _)| format!("`{word}`")).collect::<Vec<_>>().join(", ");
     }
