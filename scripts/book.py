@@ -25,7 +25,7 @@ ABOUT = {
     "README.md": ("README", "project/readme.md"),
     "CHANGELOG.md": ("What changed", "project/changelog.md"),
     "CONTRIBUTING.md": ("Working on quadrille", "project/contributing.md"),
-    "benches/RESULTS.md": ("Measured: speed", "project/results.md"),
+    "benches/RESULTS.md": ("Speed and accuracy: figures", "project/results.md"),
 }
 # Notebooks become chapters, too: with what their cells show where they were run (make wheel WHEEL=--all).
 NOTEBOOKS = [f"python/notebooks/{name}.ipynb" for name in ("first_pair", "tensile_test", "joint", "own_field", "long_series")]
