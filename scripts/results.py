@@ -33,12 +33,12 @@ HEAD = """\
 # Speed and accuracy: current figures
 
 Written by `make results` (`scripts/results.py`). Every section has its own date and machine. Times are on the wall,
-median (fastest-slowest), unless a section says otherwise. Compare within a section only: machines differ.
+median (fastest-slowest), unless a section says otherwise. Compare within a section only.
 """
 MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())
 WIDTH = 112  # of the lines of the page
 BUSY = 0.3  # load per core from which the stamp says that the machine had other work
-SYNTH = "quadrille synth accuracy --noise 1 --size {0}x{0} --frames {1} --amplitude {2} -o images"
+SYNTH = "quadrille make images accuracy --noise 1 --size {0}x{0} --frames {1} --amplitude {2} -o images"
 CORRELATE = "quadrille correlate -o out -q --device cpu --threads 2 --export none --no-report {0} images/*.tif"
 
 
@@ -185,8 +185,8 @@ class Bench:
 def peers(bench):
     """Next to other codes
 
-    8 bit, elements or steps of 16 px, 2 threads. *Fresh*: a process from two files to files, for quadrille with its
-    report. *Repeated*: in memory, once more. Codes take turns; ratios are those within a turn.
+    8 bit, elements or steps of 16 px, 2 threads. *Fresh*: from two files to files, for quadrille with its report.
+    *Repeated*: in memory, once more. Codes take turns; ratios are those within a turn.
     """
     command = "scripts/compare_peers.py --sizes 1024"
     printed = bench.output(command, f"--program {bench.program()}").replace(" to ", "-")
@@ -299,50 +299,31 @@ def kernels(bench):
     bench.say(command, table(head[1:], [row[1:] for row in rows if row[0] == "1024²"]))
 
 
-def of_passes(record):
-    """Every pass of every device of `quadrille bench --json`."""
-    rows = []
-    for device in record["devices"]:
-        for k, one in enumerate(device["sizes"][0]["passes"]):
-            at = [size["passes"][k] for size in device["sizes"]]
-            cells = [f"{cost['ns_per_px']:.3g} ({cost['bound']['percent_of_copy']:.0f} %)" for cost in at]
-            rows.append([device["device"], one["name"], *cells])
-    return table(["device", "pass", *(f"{size}²" for size in record["plan"]["sizes_px"])], rows)
-
-
-def of_pairs(record):
-    """Pair and series of every device."""
-    rows = []
-    for device in record["devices"]:
-        for cost in device["sizes"]:
-            both = [of_spread(cost["pair"][part]["wall"], 1e3) for part in ("reference_s", "frame_s")]
-            rows.append([device["device"], f"{cost['size_px']}²", *both, f"{cost['series']['frames_per_s']:.3g}"])
-    return table(["device", "image", "reference, ms", "frame, ms", "series, frames/s"], rows)
+PASSES = ("frame", "residual, 0.1 % strain", "residual", "iteration")
 
 
 def devices(bench):
     """Devices side by side
 
-    ns per pixel and core (CPU, software driver); in brackets the share of what copies in memory reach.
+    ns per pixel, fastest of 5, of one core (CPU, software driver) or of the card.
     """
     command = "quadrille bench --size 1024,2048 --runs 5 --frames 6"
-    bench.say(command, of_passes(bench.json(command)))
+    found = {(f"{device['device']}: {one['name']}", f"{size['size_px']}²"): f"{one['ns_per_px']:.3g}"
+             for device in bench.json(command)["devices"] for size in device["sizes"] for one in size["passes"]
+             if one["name"] in PASSES}
+    bench.say(command, crossed("pass", found))
 
 
 def card(bench):
     """A graphics card
 
-    By `make results ONLY=card` on a machine that has one; kernels by its clock.
+    By `make results ONLY=card` on a machine that has one; medians of kernels by its clock.
     """
     command = "quadrille bench --device gpu --size 1024,2048,4096 --runs 9 --frames 60"
     record = bench.json(command)
-    sizes = record["devices"][0]["sizes"]
-    rows = []
-    for k, kernel in enumerate(sizes[0]["kernels"]):
-        times = [of_spread(size["kernels"][k]["seconds"], 1e3) for size in sizes]
-        rows.append([f"{kernel['kernel']} ({kernel['dispatches']})", *times])
-    head = ["kernel (dispatches), ms", *(f"{size['size_px']}²" for size in sizes)]
-    bench.say(command, table(head, rows), of_pairs(record))
+    found = {(one["kernel"], f"{size['size_px']}²"): f"{1e3 * one['seconds']['median']:.3g} ({one['dispatches']})"
+             for size in record["devices"][0]["sizes"] for one in size["kernels"]}
+    bench.say(command, crossed("kernel, ms (dispatches)", found))
     for device in ("gpu", "cpu"):
         command = bench.series(device, "1024,2048 --format tiff --frames 200")
         bench.say(f"{command}2`, `--margin 0", of_series(bench.json(f"{command}{margin}") for margin in (2, 0)))
@@ -365,15 +346,15 @@ def solvers(bench):
     2 threads, ms, median of 5; conjugate gradients stop at 0.3 %.
     """
     command = bench.cargo("bench", "--bench report -- solvers")
-    bench.say(command, columns(bench.output(command), "mesh = image/element", "nodes", "factor",
-                               "solve, direct = solve by it", "all variances = variances",
+    bench.say(command, columns(bench.output(command), "mesh = image/element", "nodes",
+                               "solve, direct = solve by factor",
                                "solve, CG to 3e-3 (iterations) = conjugate gradients (iterations)"))
 
 
 def iterations(bench):
     """Iterations
 
-    12 tracked frames of 1024²; *flickering*: gain and offset at random.
+    12 tracked frames of 1024²; *flickering*: random gain and offset.
     """
     command = "scripts/flicker.py"
     printed = bench.output(command, f"--program {bench.program()} --output {bench.scratch}/flicker")
@@ -397,7 +378,7 @@ def identification(bench):
     """
     command = bench.cargo("bench", "--bench identification")
     printed = bench.output(command).replace(" to ", "-")
-    bench.say(command, columns(printed, "what", "evaluations", "s: median of 5 (range) = s"))
+    bench.say(command, columns(printed, "what", "s: median of 5 (range) = s"))
     command = "quadrille demo --output out"
     bench.say(command, f"{spread(bench.timed(command, 3)[0])} s.")
 
@@ -440,15 +421,19 @@ def accuracy(bench):
     bench.say(command, table(["what", "found"], rows))
 
 
+REAL = "largest error|worst deviation|: rms|in each phase|frames converged|largest difference at"
+
+
 def real(bench):
     """Real images
 
-    By `make results ONLY=real DATA=FOLDER`, with sets of the DIC Challenge and others in the folder.
+    By `make results ONLY=real DATA=FOLDER`, with public sets (DIC Challenge) in it.
     """
     command = "scripts/real_images.py --no-maps"
     data = f"--data {shlex.quote(str(bench.arguments.data))}" if bench.arguments.data else ""
     printed = bench.output(command, f"{data} --quadrille {bench.program()} --output {bench.scratch}/real")
-    bench.say(command, columns(printed, "images", "quantity", "found"))
+    (head, rows), = tables(printed)
+    bench.say(command, table(head[:3], [row[:3] for row in rows if re.search(REAL, row[1])]))
 
 
 # In the order of the page. The first line of what each says of itself is its title, the rest what the page says.
