@@ -24,6 +24,7 @@ BOOK = ROOT / "out" / "book"
 ABOUT = {
     "README.md": ("README", "project/readme.md"),
     "CHANGELOG.md": ("What changed", "project/changelog.md"),
+    "ARCHITECTURE.md": ("Architecture", "project/architecture.md"),
     "CONTRIBUTING.md": ("Working on quadrille", "project/contributing.md"),
     "benches/RESULTS.md": ("Speed and accuracy: figures", "project/results.md"),
 }
@@ -70,7 +71,7 @@ def moved(link, source, page):
         return relative(notebook_page(target), page) + anchor
     path = ROOT / target
     if path.is_dir():
-        return relative("project/contributing.md", page) + "#the-map"
+        return relative("project/architecture.md", page) + "#the-rooms"
     if at and (line := line_of(path, at)):
         anchor = f"#L{line}"
     # The end keeps mdBook from taking it for a chapter.
