@@ -213,7 +213,7 @@ def cold(bench):
 
     `quadrille correlate` on two files: without an option ("all"), or the store alone.
     """
-    command = "scripts/cold.py --sizes 1024,2048,4096 --repeat 5"
+    command = f"scripts/cold.py --sizes 1024,2048,4096 --repeat 5 --folder {bench.arguments.folder}"
     printed = bench.output(command, f"--program {bench.program()}").replace(" to ", "-")
     (_, rows), = tables(printed)
     found = {(written, image): f"{wall}; {memory}" for image, written, _, wall, *_, memory in rows}
