@@ -6,7 +6,7 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel windows demo paper real study fuzz miri soak package deny licences test check bench book clean
+.PHONY: help build wheel windows demo paper real study fuzz miri soak package deny licences test check bench results book clean
 
 help: ## List what make can do (the default)
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -81,6 +81,9 @@ book: ## The book of docs/, in out/book/index.html
 
 bench: ## Run the benchmarks
 	$(CARGO) bench --locked
+
+results: ## Measure, and write benches/RESULTS.md (ONLY=pairs,kernels: these sections alone; on a quiet machine)
+	scripts/results.py $(if $(ONLY),--only $(ONLY)) $(if $(DATA),--data "$(DATA)")
 
 clean: ## Remove what was built and made: target, out, .venv
 	$(CARGO) clean

@@ -1,7 +1,7 @@
 //! The kernels and solvers of the CPU path one by one: `cargo bench --bench kernels`.
 //!
 //! One thread, images in memory, 16 px elements, cubic B-spline. Items are pixels, so that divan prints a
-//! rate; fastest, slowest and median stand beside each other. Tables for `benches/RESULTS.md`, whole
+//! rate; fastest, slowest and median stand beside each other. Tables, whole
 //! pairs and memory: `cargo bench --bench report`.
 
 use divan::Bencher;

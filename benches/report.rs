@@ -1,4 +1,4 @@
-//! Times and memory of the CPU path, and of all devices, as tables for `benches/RESULTS.md`.
+//! Times and memory of the CPU path, and of all devices, as tables; `make results` writes them to `benches/RESULTS.md`.
 //!
 //!     cargo bench --bench report                 all tables (a few minutes)
 //!     cargo bench --bench report -- kernels      one of: kernels, pairs, borders, solvers, devices

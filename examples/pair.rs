@@ -1,4 +1,4 @@
-//! Two images: the displacement of one from the other with its uncertainty, strains, a table. It needs no feature of the crate:
+//! Two images: displacement with its uncertainty, strains, a table. It needs no feature of the crate:
 //!
 //!     cargo run --release --no-default-features --example pair                        # images made here
 //!     cargo run --release --no-default-features --example pair -- ref.png def.png     # yours

@@ -1,7 +1,8 @@
-//! A folder of images into a store, as `quadrille correlate` does it: watched, stopped after three frames, and gone on with.
+//! A folder of images into a store, as `quadrille correlate` does it. It reports each frame, stops after three, and
+//! continues.
 //!
 //!     cargo run --release --example series                      # images made here
-//!     cargo run --release --example series -- images results    # yours: the first in natural order is the reference
+//!     cargo run --release --example series -- images results    # yours: the first is the reference
 
 use quadrille::io::{case::CaseFile, images::write_image, store::Store};
 use quadrille::run::{Event, Existing, Overlay, Plan, RunFolder, Session, Stop, run_series};
@@ -38,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Event::Frame { summary, .. } => {
                 println!("frame {}: {} in {:.3} s", summary.number, summary.status.name(), summary.seconds);
                 if start == "first" && summary.number == 3 {
-                    stop.ask(); // what is on its way is finished, nothing else is begun
+                    stop.ask(); // frames that are being computed are finished, no other is begun
                 }
             }
             _ => {}

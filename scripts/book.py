@@ -24,8 +24,9 @@ BOOK = ROOT / "out" / "book"
 ABOUT = {
     "README.md": ("README", "project/readme.md"),
     "CHANGELOG.md": ("What changed", "project/changelog.md"),
+    "ARCHITECTURE.md": ("Architecture", "project/architecture.md"),
     "CONTRIBUTING.md": ("Working on quadrille", "project/contributing.md"),
-    "benches/RESULTS.md": ("Measured: speed", "project/results.md"),
+    "benches/RESULTS.md": ("Speed and accuracy: figures", "project/results.md"),
 }
 # Notebooks become chapters, too: with what their cells show where they were run (make wheel WHEEL=--all).
 NOTEBOOKS = [f"python/notebooks/{name}.ipynb" for name in ("first_pair", "tensile_test", "joint", "own_field", "long_series")]
@@ -70,7 +71,7 @@ def moved(link, source, page):
         return relative(notebook_page(target), page) + anchor
     path = ROOT / target
     if path.is_dir():
-        return relative("project/contributing.md", page) + "#the-map"
+        return relative("project/architecture.md", page) + "#the-rooms"
     if at and (line := line_of(path, at)):
         anchor = f"#L{line}"
     # The end keeps mdBook from taking it for a chapter.

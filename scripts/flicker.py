@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Light that flickers: iterations per frame of a series whose grey levels are changed as a whole, by another gain and offset in every
-frame, beside those of the same series in steady light. The table of benches/RESULTS.md.
+frame, next to those of the same series in steady light. A table of benches/RESULTS.md.
 
     scripts/flicker.py [--program target/release/quadrille] [--output out/flicker]
 """

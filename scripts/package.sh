@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Packs the crate as crates.io would get it, looks at what is in the archive, and checks that it compiles from that alone. Arguments (such
 # as --profile ci) go to `cargo check`, which shares the packages of this checkout. With --release as the first one what a release still
-# needs is an error; else it is said (CONTRIBUTING.md, "Releasing").
+# needs is an error; else it is said (CONTRIBUTING.md, "How do I make a release?").
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

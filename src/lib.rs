@@ -43,8 +43,8 @@
 //!
 //! # Features
 //!
-//! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with 171 crates
-//! instead of 322 (`scripts/check_features.sh` counts them).
+//! All are on by default; `default-features = false` leaves the correlator, the mechanics and the identification, with 168 crates
+//! instead of 331 (`scripts/check_features.sh` counts them).
 //!
 //! - `gpu`: graphics devices (wgpu). Without it [`backend::choice`] knows the CPU alone, and says so.
 //! - `store`: [`io::store`], the fields of a series (zarrs).

@@ -297,7 +297,7 @@ fn violations(source: &Source) -> Vec<Violation> {
     if let Some(module) = source.module() {
         match rank(module) {
             None => {
-                add(1, format!("module '{module}' has no rank; give it one in tests/layers.rs and CONTRIBUTING.md"))
+                add(1, format!("module '{module}' has no rank; give it one in tests/layers.rs and ARCHITECTURE.md"))
             }
             Some(own) => {
                 for (name, line) in source.modules_named() {
@@ -386,7 +386,7 @@ fn paths_named(text: &str) -> impl Iterator<Item = &str> {
 #[test]
 fn every_file_that_a_document_or_a_shader_names_is_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut texts = vec![root.join("README.md"), root.join("CONTRIBUTING.md")];
+    let mut texts = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|name| root.join(name)).to_vec();
     for folder in ["docs", "shaders", "shaders/shared"] {
         texts.extend(std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path()));
     }
@@ -459,7 +459,7 @@ fn a_name_of_the_same_or_a_higher_rank_is_found_with_file_line_and_rule() {
         &["src/backend/cpu/plane.rs, line 1: backend (rank 4) names io (rank 4); lower ranks only"],
     );
     let unknown =
-        "src/gadgets.rs, line 1: module 'gadgets' has no rank; give it one in tests/layers.rs and CONTRIBUTING.md";
+        "src/gadgets.rs, line 1: module 'gadgets' has no rank; give it one in tests/layers.rs and ARCHITECTURE.md";
     assert_violates("gadgets.rs", "", &[unknown]);
 }
 

@@ -1,9 +1,9 @@
-"""Frames spread over the processes of a Dask cluster, each found for itself: the same bits as in one process.
+"""Frames spread over the processes of a Dask cluster, each on its own: the same bits as in one process.
 
     python dask_frames.py 'images/*.tif' [ADDRESS OF A SCHEDULER]
 
-Without an address a cluster of two processes is started on this machine. For series that are written to disk anyway, the shards of
-`quadrille slurm`, or `quadrille.run(..., shard="2/4")`, need no scheduler.
+Without an address it starts a cluster of two processes on this machine. For a series that is written to disk anyway,
+`quadrille slurm` or `quadrille.run(..., shard="2/4")` need no scheduler.
 """
 
 import glob

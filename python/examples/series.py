@@ -1,4 +1,4 @@
-"""A folder of images into a store, with a bar; the same command goes on after Ctrl-C.
+"""A folder of images into a store, with a progress bar; the same command continues after Ctrl-C.
 
     python series.py 'images/*.tif' out
 """

@@ -2,7 +2,7 @@
 //!
 //! By default the allocator of the system takes every larger block from the kernel and gives it back when it is freed: each is then mapped and
 //! cleared page by page again, which takes a third of the time of a first pair of images. Kept, the blocks of the reference serve the frames; and
-//! in pages of 2 MB instead of 4 KB the first time is short as well (`benches/RESULTS.md`, "Large pages, and loops that end").
+//! in pages of 2 MB instead of 4 KB the first time is short as well (`scripts/cold.py`; ARCHITECTURE.md, "Tried, and left").
 
 #![allow(unsafe_code, reason = "an allocator, and options of one that are set before any thread starts")]
 

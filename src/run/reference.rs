@@ -78,7 +78,7 @@ impl Reference {
 }
 
 /// Bytes per pixel of the image that no correlation does without, however small its zone: images, coefficients and the search of a start (15 measured with
-/// the program itself, benches/RESULTS.md).
+/// the program itself).
 const LEAST_BYTES: u128 = 12;
 
 /// Refuses an image whose correlation this process cannot have the memory for: somewhere within, it would be ended without a word of

@@ -7,7 +7,6 @@ use crate::pages::{pages, root};
 use crate::program::Desk;
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
 
 /// The words of a command line as a shell splits them; `None` where the line holds none.
 fn words(line: &str) -> Option<Vec<String>> {
@@ -84,7 +83,7 @@ fn names_of_pages_can_be_typed_and_every_page_has_one_title() {
     for (path, text) in pages() {
         let name = path.file_stem().unwrap().to_str().unwrap();
         let plain = name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
-        let usual = ["README", "SUMMARY", "CONTRIBUTING", "RESULTS", "CHANGELOG"].contains(&name);
+        let usual = ["README", "SUMMARY", "ARCHITECTURE", "CONTRIBUTING", "RESULTS", "CHANGELOG"].contains(&name);
         assert!(plain || usual, "{}: lower case and hyphens", path.display());
         assert!(text.starts_with("# "), "{}: begins without a title", path.display());
         let titles = crate::pages::prose(&text).filter(|line| line.starts_with("# ")).count();
@@ -247,7 +246,16 @@ fn the_tutorial_of_the_library_shows_the_examples_that_run() {
 }
 
 #[test]
-fn the_readme_is_short() {
-    let size = fs::metadata(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap().len();
+fn pages_that_are_to_be_read_at_once_are_short() {
+    let text = |name: &str| fs::read_to_string(root().join(name)).unwrap();
+    let size = text("README.md").len();
     assert!(size <= 7 * 1024, "README.md has {size} bytes; 7 KiB is the most");
+    for (name, most) in [("CHANGELOG.md", 60), ("ARCHITECTURE.md", 110)] {
+        let lines = text(name).lines().count();
+        assert!(lines <= most, "{name} has {lines} lines; {most} is the most");
+    }
+    // A bar of a table, or a comment's end, is no word.
+    let is_word = |word: &&str| word.contains(char::is_alphanumeric);
+    let words = text("benches/RESULTS.md").split_whitespace().filter(is_word).count();
+    assert!(words <= 1500, "benches/RESULTS.md has {words} words; 1500 is the most");
 }

@@ -9,9 +9,10 @@ pub fn root() -> PathBuf {
     env!("CARGO_MANIFEST_DIR").into()
 }
 
-/// README, CONTRIBUTING and all of `docs/`, with their texts.
+/// README, ARCHITECTURE, CONTRIBUTING, RESULTS and all of `docs/`, with their texts.
 pub fn pages() -> Vec<(PathBuf, String)> {
-    let mut paths = vec![root().join("README.md"), root().join("CONTRIBUTING.md"), root().join("benches/RESULTS.md")];
+    let of_root = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "benches/RESULTS.md"];
+    let mut paths: Vec<PathBuf> = of_root.iter().map(|name| root().join(name)).collect();
     files(&root().join("docs"), &["md"], &mut paths);
     paths.sort();
     paths.into_iter().map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()

@@ -490,7 +490,7 @@ fn a_zone_that_has_turned_and_stretched_beyond_its_prediction_is_moved_as_a_whol
 #[ignore = "a minute and 4 GB: make study"]
 fn a_million_elements_of_4_px_end_within_a_dozen_iterations_in_every_frame() {
     // The border moves by 3.4 px from frame to frame, which such elements cannot follow from the field before; and of a million nodes some find no
-    // rest in the noise (benches/RESULTS.md, "Elements of 4 px on 16 Mpx": up to 96 iterations before).
+    // rest in the noise (up to 96 iterations before they were given up).
     const SIDE: usize = 4096;
     let motion = Accuracy::new(SIDE, SIDE);
     let image = |frame: u32| {

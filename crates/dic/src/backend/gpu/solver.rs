@@ -14,10 +14,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fall of the residual that the inner iterations are to reach with a regularised matrix, whose long waves fall last and are what the
-/// regularisation is about; else it is that of the host: an iteration solved to less takes another one (`benches/RESULTS.md`).
+/// regularisation is about; else it is that of the host: an iteration solved to less takes another one.
 const REDUCTION_REGULARISED: f64 = 1e-3;
-/// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host
-/// (`benches/RESULTS.md`).
+/// Inner iterations, at least and at most; a regularised matrix that needs more is solved by the host.
 const LEAST: usize = 4;
 const MOST: usize = 32;
 /// A row of a penalty whose sum is more than this share of its diagonal acts on a displacement that is the same
