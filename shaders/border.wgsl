@@ -1,5 +1,5 @@
 // The border of a plane: continued through the outermost pixels, c(-k) = 2 c(0) - c(k), first along the rows,
-// then along the columns with the corners. Twin: `continue_border` in src/backend/cpu/plane.rs.
+// then along the columns with the corners. Twin: `continue_border` in crates/dic/src/backend/cpu/plane.rs.
 #import types
 
 struct Border {

@@ -1,5 +1,5 @@
 // Conjugate gradients, first half of an iteration: p = z + beta p, q = A p, p . q. The product needs p of the
-// neighbours, so each thread makes those anew from the old one. Twin: src/linalg/conjugate_gradients.rs.
+// neighbours, so each thread makes those anew from the old one. Twin: crates/base/src/linalg/conjugate_gradients.rs.
 // Thread = node.
 #import cg
 

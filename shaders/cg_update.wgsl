@@ -1,5 +1,5 @@
 // Conjugate gradients, second half of an iteration: x += alpha p, r -= alpha q, z = D r, r . z.
-// Twin: src/linalg/conjugate_gradients.rs. Thread = node.
+// Twin: crates/base/src/linalg/conjugate_gradients.rs. Thread = node.
 #import cg
 
 @group(0) @binding(0) var<uniform> cg: Cg;

@@ -1,5 +1,5 @@
 // The field plus the correction, relaxed, turned and damped by `(cos, sin)`, and the largest component of the correction. Thread = node.
-// How far a node is moved, the fall of its last correction tells: twin in src/backend/relaxation.rs.
+// How far a node is moved, the fall of its last correction tells: twin in crates/dic/src/backend/relaxation.rs.
 // The correction is for the residual before the transfer of its zone changed: less what that change moves (THEORY 2).
 #import types
 #import index

@@ -1,4 +1,4 @@
-// Mean of each 2 x 2 block of pixels: the next level of the pyramid. Twin: src/backend/pyramid.rs.
+// Mean of each 2 x 2 block of pixels: the next level of the pyramid. Twin: crates/dic/src/backend/pyramid.rs.
 // Thread = pixel of the coarser level.
 
 struct Downsample {

@@ -1,5 +1,5 @@
 // The right-hand side of every node from its elements, in element order, and the start of the conjugate
-// gradients. Twins: `Pattern::gather` in src/linalg/blocks.rs, src/linalg/conjugate_gradients.rs.
+// gradients. Twins: `Pattern::gather` in crates/base/src/linalg/blocks.rs, crates/base/src/linalg/conjugate_gradients.rs.
 // Thread = node.
 #import types
 #import index

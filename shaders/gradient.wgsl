@@ -1,6 +1,6 @@
 // The reference: grey levels and the gradient of their spline at the pixels, row by row f, then both components of the gradient
 // in one word.
-// Twin: `gradients` in src/backend/cpu/gradient.rs. Thread = column of ROWS
+// Twin: `gradients` in crates/dic/src/backend/cpu/gradient.rs. Thread = column of ROWS
 // pixels: going down, sums along four of five rows of coefficients stay in registers.
 #import types
 #import gradient

@@ -1,5 +1,5 @@
 // The end of a step: the largest component of its correction, and whether the next one of its batch is made before the host has seen it.
-// Where it is not, the kernels of that one run on no workgroups. One workgroup. Twin: `Ahead` in src/backend/mod.rs.
+// Where it is not, the kernels of that one run on no workgroups. One workgroup. Twin: `Ahead` in crates/dic/src/backend/mod.rs.
 #import step
 
 struct Largest {

@@ -1,6 +1,6 @@
 // Moments of the reference gradient per element, from which the normal matrices M_ij = sum (psi_i . grad f)
 // (psi_j . grad f) are made (THEORY 2): 27 sums instead of the 36 entries, and those that couple with a gain
-// and offset. Twin: src/backend/cpu/normal_matrix.rs.
+// and offset. Twin: crates/dic/src/backend/cpu/normal_matrix.rs.
 // 16 threads per element, each takes every 16th column of each of its rows.
 #import types
 #import index

@@ -1,5 +1,5 @@
 // Takes what a regularisation asks for off the right-hand side, r -= w R a, and starts the conjugate gradients
-// from there. Twin: `Solver::correction` in src/linalg/solver.rs. Thread = node.
+// from there. Twin: `Solver::correction` in crates/base/src/linalg/solver.rs. Thread = node.
 // The penalty of a displacement that is the same everywhere is none, so that R acts on differences to the node
 // itself: no digit is lost to a large motion.
 #import types

@@ -2,7 +2,7 @@
 // with rows and columns exchanged, so that after a second time both axes are filtered and the image lies as it did.
 // The filter in its parallel form (Unser 1999): c(k) = sum_p a_p (down_p(k) + up_p(k) - s(k)), down_p(k) = s(k) + z_p down_p(k - 1),
 // up_p(k) = s(k) + z_p up_p(k + 1). Neither way waits for the other, and a thread holds nothing but one value per pole.
-// Twin: src/backend/cpu/prefilter.rs, which runs over the whole length; here a piece runs in from a halo of pixels beyond its
+// Twin: crates/dic/src/backend/cpu/prefilter.rs, which runs over the whole length; here a piece runs in from a halo of pixels beyond its
 // own, where the largest pole leaves 2e-9.
 // Thread = column; a workgroup filters LENGTH rows of LINES columns, and exchanges them in its memory.
 

@@ -1,5 +1,5 @@
 // The field on the nodes of a level from that of the next coarser one, whose pixels are twice as large.
-// Twin: `start_finer` in src/backend/cpu/mod.rs. Thread = node.
+// Twin: `start_finer` in crates/dic/src/backend/cpu/mod.rs. Thread = node.
 #import types
 #import index
 

@@ -1,5 +1,5 @@
 // Residual and right-hand side of the elements that are rectangles of pixels, in one pass (THEORY 2):
-// b_i = sum (psi_i . grad f)(f - gain g(X + u) - offset). Twin: src/backend/cpu/residual.rs.
+// b_i = sum (psi_i . grad f)(f - gain g(X + u) - offset). Twin: crates/dic/src/backend/cpu/residual.rs.
 // Thread = pixel column of an element, LANES of them side by side; a workgroup holds 64 / LANES elements. A
 // thread goes down its column with the taps in registers; the weights in xi come once, at the end.
 #import types

@@ -1,5 +1,5 @@
 // What goes back to the host at the end of a frame: how each element matched (the residual map), and the field,
-// packed. Twins: `PixelSums` and `ElementMatch` in src/backend/sums.rs. Thread = element and node of one number.
+// packed. Twins: `PixelSums` and `ElementMatch` in crates/dic/src/backend/sums.rs. Thread = element and node of one number.
 #import types
 #import index
 

@@ -1,5 +1,5 @@
 // Residual and right-hand side of the elements whose pixels are runs with local coordinates of their own: cut
-// by a mask, or of any shape. Twin: `run_sums` in src/backend/cpu/residual_runs.rs.
+// by a mask, or of any shape. Twin: `run_sums` in crates/dic/src/backend/cpu/residual_runs.rs.
 // LANES threads per element, each takes every LANES-th pixel of a run.
 #import types
 #import index

@@ -1,5 +1,5 @@
 // The end of an evaluation: sums, gain and offset of every zone, and what a step tells the host. One workgroup.
-// Twins: `zone_sums` and `fit_transfer` in src/backend/cpu/mod.rs, `PixelSums` in src/backend/sums.rs.
+// Twins: `zone_sums` and `fit_transfer` in crates/dic/src/backend/cpu/mod.rs, `PixelSums` in crates/dic/src/backend/sums.rs.
 #import tallies
 #import step
 
@@ -44,12 +44,12 @@ struct Zone {
 @group(0) @binding(3) var<storage, read_write> transfer: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> zones: array<Zone>;
 @group(0) @binding(5) var<storage, read_write> steps: array<Step>;
-// What the transfer of each zone gained, as shares of f and of 1: `GreyTransfer::change` in src/backend/mod.rs.
+// What the transfer of each zone gained, as shares of f and of 1: `GreyTransfer::change` in crates/dic/src/backend/mod.rs.
 @group(0) @binding(6) var<storage, read_write> change: array<vec2<f32>>;
 
-// Share of the variance that both images have to have in common for the rest to be noise, as in src/backend/sums.rs.
+// Share of the variance that both images have to have in common for the rest to be noise, as in crates/dic/src/backend/sums.rs.
 const SHARED: f32 = 0.5;
-// Correlation coefficient below which a change of light is not followed by the displacement, as in src/backend/mod.rs.
+// Correlation coefficient below which a change of light is not followed by the displacement, as in crates/dic/src/backend/mod.rs.
 const COUPLED: f32 = 0.9;
 const OFF: u32 = 0u;
 const ZONE: u32 = 1u;

@@ -1,6 +1,6 @@
 // After a residual pass: which elements are left out, and the sums of groups of elements of one zone. Before
-// it, where each element has a gain and offset of its own: fits them. Twins: `run` in src/backend/cpu/mod.rs
-// and `fitted` in src/backend/cpu/residual_fitted.rs.
+// it, where each element has a gain and offset of its own: fits them. Twins: `run` in crates/dic/src/backend/cpu/mod.rs
+// and `fitted` in crates/dic/src/backend/cpu/residual_fitted.rs.
 #import types
 #import index
 #import tallies

@@ -1,4 +1,4 @@
-// Grey levels of 8-bit, 16-bit or float pixels, less the series' offset. Twin: src/backend/pyramid.rs.
+// Grey levels of 8-bit, 16-bit or float pixels, less the series' offset. Twin: crates/dic/src/backend/pyramid.rs.
 // Thread = pixel.
 
 struct Unpack {

@@ -2,21 +2,21 @@
 
 #![allow(dead_code, unused_imports, missing_docs, reason = "what uses them lies in the modules that are left out")]
 
-#[path = "../../src/backend/mod.rs"]
+#[path = "../../crates/dic/src/backend/mod.rs"]
 pub mod backend;
-#[path = "../../src/clock.rs"]
+#[path = "../../crates/base/src/clock.rs"]
 pub mod clock;
-#[path = "../../src/field/mod.rs"]
+#[path = "../../crates/base/src/field/mod.rs"]
 pub mod field;
-#[path = "../../src/imaging/mod.rs"]
+#[path = "../../crates/base/src/imaging/mod.rs"]
 pub mod imaging;
-#[path = "../../src/isa.rs"]
+#[path = "../../crates/base/src/isa.rs"]
 pub mod isa;
-#[path = "../../src/linalg/mod.rs"]
+#[path = "../../crates/base/src/linalg/mod.rs"]
 pub mod linalg;
-#[path = "../../src/mesh/mod.rs"]
+#[path = "../../crates/base/src/mesh/mod.rs"]
 pub mod mesh;
-#[path = "../../src/parts.rs"]
+#[path = "../../crates/base/src/parts.rs"]
 mod parts;
-#[path = "../../src/units.rs"]
+#[path = "../../crates/base/src/units.rs"]
 pub mod units;

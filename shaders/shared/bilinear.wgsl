@@ -1,4 +1,4 @@
-// Bilinear, as four taps of which the outer ones weigh nothing. Twin: `Bilinear` in src/backend/spline.rs.
+// Bilinear, as four taps of which the outer ones weigh nothing. Twin: `Bilinear` in crates/dic/src/backend/spline.rs.
 #import taps4
 
 fn spline_weights(t: f32) -> vec4<f32> {

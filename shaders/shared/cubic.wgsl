@@ -1,4 +1,4 @@
-// Cubic B-spline. Twin: `Cubic` in src/backend/spline.rs.
+// Cubic B-spline. Twin: `Cubic` in crates/dic/src/backend/spline.rs.
 #import taps4
 
 fn spline_weights(t: f32) -> vec4<f32> {

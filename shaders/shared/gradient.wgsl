@@ -1,5 +1,5 @@
 // The gradient of the reference at a pixel: whole 16-bit numbers of a unit, x in the low half of a word, y in the high one.
-// Twin: `gradients` in src/backend/cpu/gradient.rs.
+// Twin: `gradients` in crates/dic/src/backend/cpu/gradient.rs.
 
 fn packed_gradient(x: f32, y: f32) -> u32 {
     return (nearest(x) & 0xffffu) | (nearest(y) << 16u);

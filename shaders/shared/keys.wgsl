@@ -1,4 +1,4 @@
-// Keys' cubic convolution, a = -1/2. Twin: `Keys` in src/backend/spline.rs.
+// Keys' cubic convolution, a = -1/2. Twin: `Keys` in crates/dic/src/backend/spline.rs.
 #import taps4
 
 fn spline_weights(t: f32) -> vec4<f32> {

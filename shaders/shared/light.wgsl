@@ -1,5 +1,5 @@
 // Light that changes over the specimen: gain and offset at the corners of an element. Twin: `Light` in
-// src/backend/cpu/corners.rs. The kernel declares `transfer`.
+// crates/dic/src/backend/cpu/corners.rs. The kernel declares `transfer`.
 #import q4
 
 // Where in `transfer` the light of the nodes begins; 0: there is none, and a compiler leaves all of this out.

@@ -1,4 +1,4 @@
-// Where pixels land in the deformed image, and how much they count there. Twin: src/backend/cpu/sample.rs.
+// Where pixels land in the deformed image, and how much they count there. Twin: crates/dic/src/backend/cpu/sample.rs.
 
 // A pixel that lands beyond the outermost pixel centres fades out over this distance, px.
 const EDGE: f32 = 0.25;

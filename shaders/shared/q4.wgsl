@@ -1,4 +1,4 @@
-// The displacement inside an element. Twin: `Corners` in src/backend/cpu/corners.rs.
+// The displacement inside an element. Twin: `Corners` in crates/dic/src/backend/cpu/corners.rs.
 #import types
 
 // Displacement of the corners: whole pixels plus the rest, within 0..1 at the element's centre.

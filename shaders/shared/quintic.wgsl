@@ -1,4 +1,4 @@
-// Quintic B-spline. Twin: `Quintic` in src/backend/spline.rs.
+// Quintic B-spline. Twin: `Quintic` in crates/dic/src/backend/spline.rs.
 #import taps6
 
 // beta5(1 + t): the ring between one and two pixels from the knot.

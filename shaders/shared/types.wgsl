@@ -1,4 +1,4 @@
-// Structs that both sides see; the Rust ones are in src/backend/gpu/layout.rs.
+// Structs that both sides see; the Rust ones are in crates/dic/src/backend/gpu/layout.rs.
 
 // An element, its nodes and its pixels: `size.x` columns and `size.y` rows from `corner` on, column k at
 // xi = local.x + k local.y, row k at eta = local.z + k local.w; or, with n_runs > 0, runs of pixels.

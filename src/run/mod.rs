@@ -5,7 +5,7 @@
 //! start was stopped, and returns what came of it ([`Ran`]). [`run_case`] goes on from there to the fit and its report. Nothing here
 //! prints or ends the process.
 
-// What others have written must not end the program here either (see src/io): what a run reads again is a file like any other.
+// What others have written must not end the program here either (see crates/io/src): what a run reads again is a file like any other.
 #![cfg_attr(
     not(test),
     deny(

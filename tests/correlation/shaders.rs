@@ -188,7 +188,7 @@ fn every_kernel_keeps_within_the_limits_of_every_webgpu_device() {
     }
 }
 
-/// What lets shaders run without wgpu's bounds of loops and guards of divisions (`src/backend/gpu/device.rs`).
+/// What lets shaders run without wgpu's bounds of loops and guards of divisions (`crates/dic/src/backend/gpu/device.rs`).
 #[test]
 fn every_loop_counts_up_to_a_bound_and_whole_numbers_are_divided_by_constants() {
     for (kernel, interpolation) in variants() {
