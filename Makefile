@@ -6,10 +6,10 @@ PROFILE ?=
 # With NumPy (scripts/requirements.txt), where `make test` has installed it.
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 
-.PHONY: help build wheel windows demo paper real study fuzz miri soak package deny licences test check bench results book clean
+.PHONY: help build wheel windows demo paper real study fuzz release-check soak package deny licences test check bench results book clean
 
 help: ## List what make can do (the default)
-	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z-]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
 
 build: ## Build target/release/quadrille
 	$(CARGO) build --release --locked
@@ -53,9 +53,8 @@ study: ## Uncertainty, identification over many seeds and draws, obstacles, for 
 fuzz: ## Attack all readers of files, guided by coverage, SECONDS=3600 for each; findings in out/fuzz
 	scripts/fuzz.sh $(or $(SECONDS),3600)
 
-miri: ## Look for undefined behaviour: passes over a few pixels, meshes and factors in the interpreter Miri (a nightly toolchain)
-	scripts/prepare.sh --miri
-	scripts/miri.sh
+release-check: ## What is long and seldom tells more (PARTS="miri wheel" for some; scripts/release-check.sh lists them)
+	scripts/release-check.sh $(PARTS)
 
 soak: ## Long and hostile runs: every write that fails, 100 000 frames with kills, memory that ends (an hour or two); in out/soak
 	$(CARGO) build --release --locked

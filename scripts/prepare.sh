@@ -117,7 +117,7 @@ if [ "${1:-}" = --deny ]; then
     say "cargo-deny: missing (see above)"
     exit 1
 fi
-# The interpreter of what the compiler makes (make miri), with the nightly toolchain that it belongs to: of one day, since other days' may lack it.
+# The interpreter of what the compiler makes (scripts/miri.sh), with the nightly toolchain that it belongs to: of one day, since other days' may lack it.
 if [ "${1:-}" = --miri ]; then
     nightly=$(sed -n 's/^nightly=//p' scripts/miri.sh)
     cargo "+$nightly" miri --version >/dev/null 2>&1 && say "Miri: there" && exit

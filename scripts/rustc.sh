@@ -4,7 +4,7 @@
 rustc=$1
 shift
 case " $* " in
-*" --crate-name quadrille "*" --test "*) exec "$rustc" "$@" -C opt-level=0 ;;
+*" --crate-name quadrille"*" --test "*) exec "$rustc" "$@" -C opt-level=0 ;;
 *" --test "*) exec "$rustc" "$@" -C opt-level=1 ;;
 esac
 exec "$rustc" "$@"

@@ -1,8 +1,21 @@
 #!/usr/bin/env bash
-# Every test: `cargo test` over the library and the test programs, then the examples in the documentation. Arguments (such as
-# --profile ci) go to both.
+# Every test of the workspace, then the examples in the documentation. cargo-nextest, where it is installed, prints the time of each test and
+# ends one that hangs; `cargo test` runs them else.
+#
+#     scripts/test.sh [words for cargo, such as --profile ci] [-- names of tests]
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+words=() names=()
+while [ $# -gt 0 ]; do
+    if [ "$1" = -- ]; then
+        shift
+        names=("$@")
+        break
+    fi
+    words+=("$1")
+    shift
+done
 
 scripts/prepare.sh
 # The tests take a QUADRILLE_PYTHON at its word and fail when it has no meshio; without one they try python3.
@@ -32,9 +45,24 @@ if [ -z "${TMPDIR:-}" ] && [ "${room:-0}" -gt $((4 * 1024 * 1024)) ] && TMPDIR=$
     export TMPDIR
     made+=("$TMPDIR")
 fi
-# All of them, also after one that fails: a run in CI tells all that is wrong. As the whole workspace, packages have the features that the
-# module of Python needs too (it has no tests in Rust): one build serves both.
+# What several tests begin with, made by the first of them (tests/common/shared.rs).
+QUADRILLE_SHARED=$(mktemp -d)
+export QUADRILLE_SHARED
+made+=("$QUADRILLE_SHARED")
+
+# All of them, also after one that fails: a run in CI tells all that is wrong.
 status=0
-cargo test --locked --workspace --tests --no-fail-fast "$@" || status=1
-cargo test --locked --workspace --doc "$@" || status=1
+if cargo nextest --version >/dev/null 2>&1; then
+    # nextest has profiles of its own.
+    nextest=()
+    for word in ${words[@]+"${words[@]}"}; do
+        nextest+=("${word/#--profile/--cargo-profile}")
+    done
+    cargo nextest run --locked --workspace ${nextest[@]+"${nextest[@]}"} ${names[@]+"${names[@]}"} || status=1
+else
+    cargo test --locked --workspace --tests --no-fail-fast ${words[@]+"${words[@]}"} -- ${names[@]+"${names[@]}"} || status=1
+fi
+if [ ${#names[@]} -eq 0 ]; then
+    cargo test --locked --workspace --doc ${words[@]+"${words[@]}"} || status=1
+fi
 exit $status

@@ -2,6 +2,7 @@
 
 #![cfg(feature = "cli")]
 
+use crate::common::shared;
 use crate::program::browser::seen;
 use quadrille::mechanics::cohesive::{CohesiveLaw, ExtendedXuNeedleman, Jump};
 use quadrille::report::fit::FitRecord;
@@ -10,7 +11,6 @@ use quadrille::run::{CaseRun, Event, Outcome, run_case};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
 
 fn quadrille(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_quadrille")).args(arguments).output().expect("the program runs")
@@ -30,17 +30,15 @@ fn run(case: &Path, output: &Path) -> (Option<i32>, String) {
 }
 
 /// A virtual test, made and run once; tests that change something work on a copy.
-fn made() -> &'static PathBuf {
-    static FOLDER: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    let (_, path) = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("test");
-        assert!(quadrille(&["virtual", "--seed", "11", "--output", path.to_str().unwrap()]).status.success());
-        let (code, said) = run(&path.join("case.toml"), &path.join("run"));
+fn made() -> PathBuf {
+    shared::folder("joint", |folder| {
+        assert!(
+            quadrille(&["virtual", "--seed", "11", "--output", folder.join("test").to_str().unwrap()]).status.success()
+        );
+        let (code, said) = run(&folder.join("test/case.toml"), &folder.join("test/run"));
         assert_eq!(code, Some(0), "{said}");
-        (folder, path)
-    });
-    path
+    })
+    .join("test")
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -400,7 +398,7 @@ fn fields_and_law_are_looked_around_in_within_the_report_behind_the_verdict() {
 fn steps_are_done_again_only_when_their_inputs_change() {
     let folder = tempfile::tempdir().unwrap();
     let test = folder.path().join("test");
-    copy(made(), &test);
+    copy(&made(), &test);
     // Nine frames and a fit that ends soon: it is done five times.
     (10..20).for_each(|frame| std::fs::remove_file(test.join(format!("images/{frame:06}.png"))).unwrap());
     let soon = "[fit]\nintervals = \"linear\"\ndiscretisation = \"off\"\n";

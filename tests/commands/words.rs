@@ -211,7 +211,9 @@ const STUMBLED_OVER: [(&str, &str); 19] = [
 fn help_messages_and_pages_have_plain_words() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut sources = Vec::new();
-    crate::pages::files(&root.join("src"), &["rs"], &mut sources);
+    for folder in ["src", "crates"] {
+        crate::pages::files(&root.join(folder), &["rs"], &mut sources);
+    }
     let mut said: Vec<(String, String)> = crate::pages::pages()
         .into_iter()
         .map(|(path, text)| (path.strip_prefix(root).unwrap().display().to_string(), text))

@@ -11,6 +11,7 @@ pub mod plain;
 pub mod round_off;
 pub mod scenes;
 pub mod schema;
+pub mod shared;
 pub mod spots;
 
 use quadrille::backend::Backend;

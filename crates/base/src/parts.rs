@@ -30,6 +30,12 @@ pub fn for_each_init<T: Send, S>(parts: Vec<T>, state: impl Fn() -> S + Sync, wo
             work(own.get_or_insert_with(&state), part);
         }
     };
+    with_help(helpers, &take);
+}
+
+/// Lets this thread and so many others of its pool `take` parts until none is left. Not generic: what it makes of the pool is
+/// compiled once, and not for every loop.
+fn with_help(helpers: usize, take: &(dyn Fn() + Sync)) {
     if helpers == 0 {
         return take();
     }

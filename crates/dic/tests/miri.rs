@@ -1,5 +1,7 @@
-//! The engine on a few pixels, for Miri (`make miri`): whether the code that the compiler takes on trust (columns filtered side
+//! The engine on a few pixels, for Miri (scripts/miri.sh): whether the code that the compiler takes on trust (columns filtered side
 //! by side, taps read by one comparison) reads and writes only what is its own. Without Miri it runs in no time.
+
+use quadrille_dic as quadrille;
 
 use quadrille::backend::cpu::CpuBackend;
 use quadrille::backend::{Backend, GreyTransfer, KernelOptions};

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# What is long and seldom tells more than .ci/run: for whoever changes the parts that it looks at, and before a release.
+#
+#     scripts/release-check.sh [PART...]
+#
+# Without a part all of them, in this order:
+#     deny      licences, sources and advisories of the crates that are used (deny.toml)
+#     features  the library without its optional parts
+#     package   what crates.io would get
+#     book      the pages as one book
+#     examples  the examples of the library, run
+#     gate      ratios of the engine's times (benches/report.rs)
+#     browser   every page in Chromium
+#     slurm     a cluster of one node
+#     thorough  the tests that have more draws, kills and files to try (QUADRILLE_THOROUGH)
+#     fuzz      every reader of files for a minute
+#     drivers   the shaders on SwiftShader and under the validation layer
+#     wheel     the wheel of Python with its notebooks
+#     miri      undefined behaviour
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+profile=(--profile ci)
+whole=(--locked --workspace "${profile[@]}")
+export QUADRILLE_GPU=${QUADRILLE_GPU:-require}
+parts=("$@")
+[ ${#parts[@]} -gt 0 ] || parts=(deny features package book examples gate browser slurm thorough fuzz drivers wheel miri)
+
+deny() { scripts/prepare.sh --deny && scripts/deny.sh; }
+features() { scripts/check_features.sh "${profile[@]}"; }
+package() { scripts/package.sh "${profile[@]}"; }
+book() { make book; }
+examples() {
+    cargo build "${whole[@]}" --examples
+    target/ci/quadrille demo --overwrite --output out/demo
+    target/ci/examples/identify_from_images out/demo/test/case.toml out/example
+    target/ci/examples/pair
+    target/ci/examples/series
+}
+gate() { cargo bench "${whole[@]}" --bench report -- gate; }
+browser() {
+    scripts/prepare.sh --chromium
+    QUADRILLE_CHROMIUM=require scripts/test.sh "${profile[@]}" --test commands -- browser
+}
+slurm() { scripts/prepare.sh --slurm && QUADRILLE_SLURM=require cargo test "${whole[@]}" --test slurm; }
+thorough() { QUADRILLE_THOROUGH=1 scripts/test.sh "${profile[@]}" -- thorough; }
+fuzz() { QUADRILLE_FUZZ_SECONDS=60 cargo test "${whole[@]}" --test commands -- fuzz:: --nocapture --test-threads=8; }
+drivers() { scripts/prepare.sh --chromium && scripts/prepare.sh --validation && scripts/drivers.sh --workspace "${profile[@]}"; }
+wheel() { make wheel PROFILE=ci WHEEL=--notebooks; }
+miri() { scripts/prepare.sh --miri && scripts/miri.sh; }
+
+table=""
+for part in "${parts[@]}"; do
+    [ "$(type -t "$part")" = function ] || { echo "release-check: there is no part '$part'" >&2; exit 2; }
+    echo "== $part"
+    begin=$SECONDS
+    "$part"
+    table+=$(printf '%-9s %5d s' "$part" $((SECONDS - begin)))$'\n'
+done
+printf '\nwhat ran:\n%s' "$table"
