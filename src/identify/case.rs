@@ -184,7 +184,7 @@ impl<'a> Case<'a> {
             intervals: intervals(table),
             bootstrap: bootstrap(table)?,
         };
-        let (profile, sweep) = (profiled(&unknowns, table)?, swept(&unknowns, table)?);
+        let (profile, sweep) = (profile_index(&unknowns, table)?, sweep_of(&unknowns, table)?);
         if !table.laws.is_empty() {
             check_laws(&table.laws, unknowns.law(), n_data)?;
         }
@@ -287,7 +287,7 @@ fn bootstrap(table: &CaseFit) -> Result<Option<usize>, FitError> {
 }
 
 /// The unknown whose profile likelihood is asked for.
-fn profiled(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitError> {
+fn profile_index(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitError> {
     let Some(name) = &table.profile else { return Ok(None) };
     if unknowns.n() == 1 {
         let what = "profile needs two parameters or more: of one alone the interval says it all";
@@ -299,7 +299,7 @@ fn profiled(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitEr
 }
 
 /// The parameter of the law that is swept, and its values.
-fn swept(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f64>)>, FitError> {
+fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f64>)>, FitError> {
     let wrong_sweep = |what: String| Err(wrong("fit", "sweep", what));
     let mut sweeps = table.sweep.iter();
     let (name, values) = match (sweeps.next(), sweeps.next()) {

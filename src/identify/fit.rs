@@ -6,7 +6,7 @@ use super::budget::{Budget, Ingredients, interval95};
 use super::constants::{ConstantEffect, ConstantKind};
 use super::discretisation::{Refined, Refinement};
 use super::far_starts::{further_start, other_minima, several_minima};
-use super::fitted::{Fitted, FittedParameter, FittedQuantity, StartEnd, fitted};
+use super::fitted::{Fitted, FittedParameter, FittedQuantity, StartEnd, assess};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
@@ -371,7 +371,7 @@ fn appraise(
     let rotations = appraisal.turn(&slopes);
     let by_refinement: Option<Vec<f64>> =
         refinement.as_ref().map(|finer| finer.scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
-    let Fitted { budget, mut parameters, mut derived, covariance } = fitted(
+    let Fitted { budget, mut parameters, mut derived, covariance } = assess(
         problem,
         &Ingredients {
             x,

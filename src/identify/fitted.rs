@@ -88,7 +88,7 @@ pub(super) struct Fitted {
 }
 
 /// Makes the budget of the parameters found, and gives them and what follows from them their standard uncertainties.
-pub(super) fn fitted(problem: &Problem<'_>, of: &Ingredients<'_>) -> Fitted {
+pub(super) fn assess(problem: &Problem<'_>, of: &Ingredients<'_>) -> Fitted {
     let (x, change) = (of.x, of.by_refinement);
     let (budget, quantities, covariance) = budget(problem, of);
     let is_known = covariance.is_some();

@@ -4,7 +4,7 @@ use super::super::bootstrap::Base;
 use super::super::budget::{Budget, Ingredients, NOISE_LEVEL};
 use super::super::constants::{Constant, ConstantEffect, Source};
 use super::super::discretisation::{Refined, Refinement};
-use super::super::fitted::{Fitted, FittedParameter, FittedQuantity, fitted};
+use super::super::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
 use super::super::intervals::{IntervalBasis, doubts, settle};
 use super::super::options::{Discretisation, Intervals};
 use super::known::Known;
@@ -72,7 +72,7 @@ impl Made {
         let by_refinement: Option<Vec<f64>> =
             by_size.as_ref().map(|scaled| scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
         let of_first = statistics.map(|statistics| &statistics[0]);
-        let Fitted { budget, mut parameters, mut derived, covariance } = fitted(
+        let Fitted { budget, mut parameters, mut derived, covariance } = assess(
             first,
             &Ingredients {
                 x,
