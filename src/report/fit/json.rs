@@ -2,8 +2,8 @@
 
 use super::FitReport;
 use crate::identify::{
-    BudgetLine, Case, CutShort, Discretisation, Fit, Implausible, IntervalKind, Iteration, Misfit, MisfitGroup,
-    Outcome, Released, ReleasedParameter, SweepRow,
+    BudgetLine, Case, CutShort, Discretisation, Fit, FitStatus, Implausible, IntervalKind, Iteration, Misfit,
+    MisfitGroup, Outcome, Released, ReleasedParameter, SweepRow, Verdict,
 };
 use crate::mechanics::Status;
 use crate::report::{ForceRecord, Name, number, numbers};
@@ -375,6 +375,20 @@ impl GroupRecord {
     }
 }
 
+impl VerdictRecord {
+    fn of(verdict: &Verdict) -> Self {
+        Self {
+            outcome: verdict.outcome.name().into(),
+            determined: verdict.determined(),
+            conditional: verdict.outcome == Outcome::Rejected,
+            text: verdict.sentences.join(". ") + ".",
+            sentences: verdict.sentences.clone(),
+            given: verdict.given.clone(),
+            thresholds: verdict.thresholds.clone(),
+        }
+    }
+}
+
 impl MisfitRecord {
     pub(super) fn of(misfit: &Misfit) -> Self {
         Self {
@@ -608,20 +622,14 @@ fn of_intervals(fit: &Fit) -> Vec<String> {
 }
 
 impl FitReport<'_> {
-    /// What `fit.json` holds; the fit of the case file `case` took `seconds`.
-    pub fn json(&self, case: String, seconds: f64) -> FitRecord {
-        let Case { problem, options, about, boundary, doubts, implausible, .. } = self.case;
+    /// What a reader has to know of the result beside its verdict.
+    fn warnings(&self) -> Vec<String> {
+        let Case { options, doubts, implausible, .. } = self.case;
         let fit = self.fit;
-        let names: Vec<Name> = fit.parameters.iter().map(|p| p.parameter.name.into()).collect();
-        let law = problem.unknowns.law();
-        let rows = |m: &crate::linalg::Dense| {
-            (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
-        };
         let mut warnings: Vec<String> =
             fit.cut_short.iter().map(|cut| format!("the fit was cut short: {}", cut.text())).collect();
         warnings.extend(doubts.iter().cloned());
-        let implausible: Vec<Implausible> = implausible.iter().chain(&fit.implausible).cloned().collect();
-        warnings.extend(implausible.iter().map(|value| value.text.clone()));
+        warnings.extend(implausible.iter().chain(&fit.implausible).map(|value| value.text.clone()));
         let missing = fit.budget.missing();
         if !missing.is_empty() {
             warnings.push(format!(
@@ -636,8 +644,7 @@ impl FitReport<'_> {
                 p.parameter.name, p.value
             )
         }));
-        let rescued_at_end = fit.solution().instants.iter().any(|instant| instant.status == Status::Rescued);
-        if rescued_at_end {
+        if self.is_rescued_at_end() {
             warnings.push(
                 "the forward run at the result was rescued: node pairs snapped, and the objective may jump nearby"
                     .into(),
@@ -653,13 +660,35 @@ impl FitReport<'_> {
         warnings.extend(of_intervals(fit));
         warnings.extend(fit.rotations.as_ref().and_then(|rotations| rotations.warning(&fit.parameters)));
         warnings.extend(self.force.as_ref().and_then(|force| force.doubt.clone()));
-        let agreement = |end: &&crate::identify::StartEnd| end.status == crate::identify::FitStatus::Converged;
-        let agreement = fit.starts.iter().filter(agreement).fold(0.0_f64, |most, end| most.max(end.distance));
+        let agreement = self.agreement();
         if agreement > 1e-6 {
             warnings.push(format!(
                 "the starts led to different ends, up to {agreement:.1e} apart in scaled unknowns: the best was taken"
             ));
         }
+        warnings
+    }
+
+    /// Whether the forward run at the result needed a rescue.
+    fn is_rescued_at_end(&self) -> bool {
+        self.fit.solution().instants.iter().any(|instant| instant.status == Status::Rescued)
+    }
+
+    /// How far apart starts that converged ended, in scaled unknowns.
+    fn agreement(&self) -> f64 {
+        let converged = self.fit.starts.iter().filter(|end| end.status == FitStatus::Converged);
+        converged.fold(0.0_f64, |most, end| most.max(end.distance))
+    }
+
+    /// What `fit.json` holds; the fit of the case file `case` took `seconds`.
+    pub fn json(&self, case: String, seconds: f64) -> FitRecord {
+        let Case { problem, options, about, boundary, implausible, .. } = self.case;
+        let fit = self.fit;
+        let names: Vec<Name> = fit.parameters.iter().map(|p| p.parameter.name.into()).collect();
+        let law = problem.unknowns.law();
+        let rows = |m: &crate::linalg::Dense| {
+            (0..m.n_rows()).map(|r| (0..m.n_columns()).map(|c| m[(r, c)]).collect()).collect()
+        };
         let statistics = fit.statistics.as_ref();
         let iteration = |i: &Iteration| IterationRecord {
             stage: i.stage,
@@ -713,7 +742,7 @@ impl FitReport<'_> {
             noise_estimated: statistics.is_some_and(|s| s.sigma_estimated),
             evaluations: fit.evaluations,
             rescued: fit.rescued,
-            rescued_at_end,
+            rescued_at_end: self.is_rescued_at_end(),
             largest_boundary_correction_mm: fit.largest_correction,
             history: fit.history.iter().map(iteration).collect(),
             starts: (fit.starts.iter())
@@ -726,16 +755,8 @@ impl FitReport<'_> {
                     rescued: s.rescued,
                 })
                 .collect(),
-            agreement,
-            verdict: VerdictRecord {
-                outcome: fit.verdict.outcome.name().into(),
-                determined: fit.verdict.determined(),
-                conditional: fit.verdict.outcome == Outcome::Rejected,
-                text: fit.verdict.sentences.join(". ") + ".",
-                sentences: fit.verdict.sentences.clone(),
-                given: fit.verdict.given.clone(),
-                thresholds: fit.verdict.thresholds.clone(),
-            },
+            agreement: self.agreement(),
+            verdict: VerdictRecord::of(&fit.verdict),
             misfit: fit.misfit.as_ref().map(MisfitRecord::of),
             released: fit.released.as_ref().map(ReleasedRecord::of),
             budget: BudgetRecord::list(fit),
@@ -751,8 +772,8 @@ impl FitReport<'_> {
             }),
             tests: Vec::new(),
             consistency: None,
-            warnings,
-            implausible,
+            warnings: self.warnings(),
+            implausible: implausible.iter().chain(&fit.implausible).cloned().collect(),
         }
     }
 }

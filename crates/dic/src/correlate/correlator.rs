@@ -21,7 +21,7 @@ use super::regularisation::Regularisation;
 use super::settled::Settled;
 use super::start::Start;
 use super::texture::SeenByNode;
-use super::uncertainty::NoiseGain;
+use super::uncertainty::{NodalSpread, NoiseGain};
 use crate::backend::{Backend, GreyMap, GreyTransfer, KernelOptions};
 use crate::field::{NoiseCorrelation, Status};
 use crate::imaging::Image;
@@ -105,6 +105,61 @@ pub struct Correlator<B: Backend> {
     pub(super) rounding: f64,
 }
 
+/// What the levels of a reference are prepared with.
+struct Assumed<'a> {
+    options: &'a Options,
+    kernel: &'a KernelOptions,
+    noise: &'a AssumedNoise,
+    /// Of the image, px.
+    size: [usize; 2],
+}
+
+/// Prepares the levels that are coarser than the one `laid`, from the finer to the coarser ones; returns them with the
+/// pixels of each zone on the coarsest level there is.
+fn coarse_levels<B: Backend>(
+    backend: &B,
+    frame: &mut B::Frame,
+    mut laid: PixelMesh,
+    Assumed { options, kernel, noise, size }: &Assumed<'_>,
+) -> Result<(Vec<Level<B>>, Vec<PixelSet>), CorrelationError> {
+    let mut levels = Vec::new();
+    for level in 1..=search_level(&laid.mesh) {
+        let size = size.map(|n| n >> level);
+        let size_there = options.element_size.max(COARSE_ELEMENTS_PX);
+        let Some(coarse) = laid.halved(size_there, size) else { break };
+        levels.push(Level::coarse(backend, frame, level, &coarse, noise, kernel, options.regularisation)?);
+        laid = coarse;
+    }
+    Ok((levels, laid.zone_pixels))
+}
+
+/// Computes the smaller standard uncertainty of each node, px, that the noise of the reference gives both images.
+fn assumed_sigma(noise: &AssumedNoise, gain: &NoiseGain, spread: &NodalSpread, n_references: usize) -> Vec<f64> {
+    let at_rest = gain.at_rest();
+    let of_one = noise.of_reference * (n_references.max(1) as f64).sqrt();
+    let sigma_at = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
+    (0..spread.variance().len()).map(|node| sigma_at(node, 0).min(sigma_at(node, 1))).collect()
+}
+
+/// The correction, px, at which an iteration has converged.
+fn tolerance_px<B: Backend>(options: &Options, level: &Level<B>, sigma: &[f64]) -> f64 {
+    let kept = level.keep.iter().zip(sigma).filter(|(keep, _)| **keep);
+    let smallest = kept.map(|(_, sigma)| *sigma).fold(f64::INFINITY, f64::min);
+    match smallest.is_finite() {
+        true => options.tolerance_px.max(options.tolerance_by_sigma * smallest),
+        false => options.tolerance_px,
+    }
+}
+
+/// See [`Limits::enough`].
+fn enough_by_node<B: Backend>(level: &Level<B>, seen: &[SeenByNode], sigma: &[f64]) -> Vec<Enough> {
+    let is_noisy = |node: usize| {
+        level.lambda > 0.0 && level.keep[node] && (seen[node].is_noisy(level.lambda) || sigma[node] > UNSURE_PX)
+    };
+    let of_node = |node: usize| Enough { px: ENOUGH_BY_SIGMA * sigma[node], is_noisy: is_noisy(node) };
+    (0..seen.len()).map(of_node).collect()
+}
+
 /// What is known of its reference.
 impl<B: Backend> Deref for Correlator<B> {
     type Target = Reference;
@@ -135,7 +190,7 @@ impl<B: Backend> Correlator<B> {
     ) -> Result<Self, CorrelationError> {
         options.check()?;
         let size = [reference.width(), reference.height()];
-        let mut laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
+        let laid = PixelMesh::on_zones(zones, options.mesh_size(), options.element_share, size)?;
         let (low, high) = reference.range();
         let range = f64::from(high) - f64::from(low);
         // A reference without any has no texture, which is said for its nodes.
@@ -161,45 +216,21 @@ impl<B: Backend> Correlator<B> {
         let Finest { level, spread, seen, dropped, held } =
             finest_level(&backend, &mut frame, &laid, &noise, &noise_gain, &kernel, &options)?;
         let bare_borders = bare_borders(&reference, (&laid.mesh, &level.pattern), zones, &level.keep);
-        let sigma: Vec<f64> = {
-            let at_rest = noise_gain.at_rest();
-            let of_one = noise.of_reference * (options.n_references.max(1) as f64).sqrt();
-            let sigma_at = |node, c| at_rest.variance(of_one, spread.at(node, c, at_rest.lambda(of_one)), c).sqrt();
-            (0..level.keep.len()).map(|node| sigma_at(node, 0).min(sigma_at(node, 1))).collect()
-        };
-        let kept = level.keep.iter().zip(&sigma).filter(|(keep, _)| **keep);
-        let smallest = kept.map(|(_, sigma)| *sigma).fold(f64::INFINITY, f64::min);
-        let tolerance_px = match smallest.is_finite() {
-            true => options.tolerance_px.max(options.tolerance_by_sigma * smallest),
-            false => options.tolerance_px,
-        };
-        let is_noisy = |node: usize| {
-            level.lambda > 0.0 && level.keep[node] && (seen[node].is_noisy(level.lambda) || sigma[node] > UNSURE_PX)
-        };
-        let of_node = |node: usize| Enough { px: ENOUGH_BY_SIGMA * sigma[node], is_noisy: is_noisy(node) };
-        let enough: Vec<Enough> = (0..seen.len()).map(of_node).collect();
+        let sigma = assumed_sigma(&noise, &noise_gain, &spread, options.n_references);
+        let tolerance_px = tolerance_px(&options, &level, &sigma);
+        let enough = enough_by_node(&level, &seen, &sigma);
         let prepared = Prepared::of(&reference, &kernel, &options, &level, &zone_pixels);
         let probe =
             || (options.noise_correlation == NoiseCorrelation::Auto).then(|| NoiseProbe::new(&prepared)).flatten();
-        let coarse_levels = || -> Result<Vec<Level<B>>, CorrelationError> {
-            let mut levels = Vec::new();
-            for level in 1..=search_level(&laid.mesh) {
-                let size = size.map(|n| n >> level);
-                let size_there = options.element_size.max(COARSE_ELEMENTS_PX);
-                let Some(coarse) = laid.halved(size_there, size) else { break };
-                let regularisation = options.regularisation;
-                levels.push(Level::coarse(&backend, &mut frame, level, &coarse, &noise, &kernel, regularisation)?);
-                laid = coarse;
-            }
-            Ok(levels)
-        };
         let gradient_noise = options.interpolation.gradient_noise_gain();
+        let assumed = Assumed { options: &options, kernel: &kernel, noise: &noise, size };
         let of_finest =
             || (MisfitTest::new(&level.mesh, &level.moments, gradient_noise, fine), MeshLines::new(&level.mesh));
         let ((probe, (misfit_test, mesh_lines)), coarse_levels) =
-            rayon::join(|| rayon::join(probe, of_finest), coarse_levels);
+            rayon::join(|| rayon::join(probe, of_finest), || coarse_levels(&backend, &mut frame, laid, &assumed));
+        let (coarse_levels, search_pixels) = coarse_levels?;
         let mut levels = vec![level];
-        for coarse in coarse_levels? {
+        for coarse in coarse_levels {
             if let Some(finer) = levels.last_mut() {
                 finer.link(&backend, &coarse.mesh)?;
             }
@@ -248,7 +279,7 @@ impl<B: Backend> Correlator<B> {
             cut_nodes: OnceLock::new(),
             ends_as_iterated: AtomicBool::new(true),
             point_values,
-            search_pixels: laid.zone_pixels,
+            search_pixels,
         })
     }
 

@@ -11,6 +11,7 @@ use super::texture::{SeenByNode, faults, least_determined, seen_by_nodes, undete
 use super::uncertainty::{NodalSpread, NoiseGain, spread_of};
 use crate::backend::{Backend, ElementMoments, KernelOptions, coupled};
 use crate::field::Elements;
+use crate::isa::Isa;
 use crate::linalg::{BlockMatrix, Pattern, Solver, Subspace, dissection, nested_dissection};
 use crate::mesh::{Mesh, PixelMesh};
 use crate::units::Px;
@@ -81,6 +82,88 @@ impl<'a> Seen<'a> {
     }
 }
 
+/// What a round of the search for nodes without texture is given.
+struct Round<'a> {
+    isa: Isa,
+    seen: &'a Seen<'a>,
+    pattern: &'a Arc<Pattern>,
+    /// Nodes that are not left out, and those of them that see texture.
+    keep: &'a [bool],
+    textured: Vec<bool>,
+    lambda: f64,
+    kernel: &'a KernelOptions,
+    options: &'a Options,
+    splines: Option<&'a Arc<Subspace>>,
+}
+
+/// What it comes to.
+struct Solved {
+    solver: Solver,
+    regulariser: Option<Regulariser>,
+    spread: NodalSpread,
+    has_factor: bool,
+}
+
+impl Round<'_> {
+    /// Makes the matrix without the nodes that are left out, its factor and its spread. `before` are those of an
+    /// earlier round, since which the elements `left_out` have gone.
+    fn solve(&self, before: Option<(BlockMatrix, NodalSpread)>, mut left_out: Vec<u32>) -> Solved {
+        let Self { isa, seen, pattern, keep, options, .. } = *self;
+        let mesh = seen.mesh;
+        left_out.sort_unstable();
+        let lost: Vec<_> = left_out.into_iter().map(|at| (at as usize, ElementMoments::default())).collect();
+        let changed = Changed::new((mesh, pattern), &seen.moments, &lost, self.lambda, self.kernel);
+        let (mut matrix, spread) = match before {
+            Some((mut matrix, spread)) => {
+                let of_element = |element: u32| &seen.of_elements[element as usize].matrix;
+                matrix.assemble_rows(&changed.nodes, mesh.elements(), of_element);
+                (matrix, Some(spread))
+            }
+            None => (without_noise(mesh, pattern, &seen.of_elements), None),
+        };
+        matrix.hold(keep);
+        let spread_with = |solver: &Solver, regulariser: Option<&Regulariser>| {
+            let before = spread.as_ref().filter(|_| regulariser.is_none());
+            before
+                .and_then(|spread| spread.changed(isa, (mesh, &seen.moments), pattern, (solver, None), &changed))
+                .unwrap_or_else(|| spread_of(isa, mesh, solver, regulariser, &seen.of_elements))
+        };
+        let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &self.textured };
+        let regulariser = match self.splines {
+            Some(splines) => Some(Regulariser::Splines(splines.clone())),
+            None => Regulariser::new(options.regularisation, mesh, pattern, &seen.active, &texture)
+                .map(|regulariser| regulariser.factored(mesh)),
+        };
+        let Some(regulariser) = regulariser else {
+            let solver = Solver::iterative(matrix);
+            // Two long pieces of work that need the matrix alone.
+            let (factor, spread) = rayon::join(
+                || solver.factor(options.solver, || elimination_order(mesh, pattern)),
+                || spread_with(&solver, None),
+            );
+            let has_factor = factor.is_ok();
+            return Solved {
+                solver: solver.with_factor(factor.unwrap_or(None)),
+                regulariser: None,
+                spread,
+                has_factor,
+            };
+        };
+        match regulariser.solver(matrix.clone()) {
+            Ok(solver) => {
+                let spread = spread_with(&solver, Some(&regulariser));
+                Solved { solver, regulariser: Some(regulariser), spread, has_factor: true }
+            }
+            // The images alone say which nodes are to blame.
+            Err(_) => {
+                let solver = Solver::iterative(matrix);
+                let spread = spread_with(&solver, None);
+                Solved { solver, regulariser: Some(regulariser), spread, has_factor: false }
+            }
+        }
+    }
+}
+
 /// Prepares the finest level: matrix, factor, uncertainty. Nodes without texture are refused, left out or held by
 /// the regularisation, until what remains is determined.
 ///
@@ -116,58 +199,12 @@ pub(super) fn finest_level<B: Backend>(
             found = of_blank_zones(&mesh, &held);
         }
         if found.is_empty() {
-            let changed = {
-                left_out.sort_unstable();
-                let lost: Vec<_> = left_out.drain(..).map(|at| (at as usize, ElementMoments::default())).collect();
-                Changed::new((&mesh, &pattern), &seen.moments, &lost, lambda, kernel)
-            };
-            let (mut matrix, spread) = match made.take() {
-                Some((mut matrix, spread)) => {
-                    let of_element = |element: u32| &seen.of_elements[element as usize].matrix;
-                    matrix.assemble_rows(&changed.nodes, mesh.elements(), of_element);
-                    (matrix, Some(spread))
-                }
-                None => (without_noise(&mesh, &pattern, &seen.of_elements), None),
-            };
-            matrix.hold(&keep);
-            let spread_of = |solver: &Solver, regulariser: Option<&Regulariser>| {
-                let before = spread.as_ref().filter(|_| regulariser.is_none());
-                let level = (&*mesh, &*seen.moments);
-                before
-                    .and_then(|spread| spread.changed(backend.host_isa(), level, &pattern, (solver, None), &changed))
-                    .unwrap_or_else(|| spread_of(backend.host_isa(), &mesh, solver, regulariser, &seen.of_elements))
-            };
             let textured = textured(&keep, &held);
-            let texture = PenaltyScale { matrix: &matrix, support: &seen.support, seen: &textured };
-            let regulariser = match &splines {
-                Some(splines) => Some(Regulariser::Splines(splines.clone())),
-                None => Regulariser::new(options.regularisation, &mesh, &pattern, &seen.active, &texture)
-                    .map(|regulariser| regulariser.factored(&mesh)),
-            };
-            let (solver, spread, has_factor) = match &regulariser {
-                Some(regulariser) => match regulariser.solver(matrix.clone()) {
-                    Ok(solver) => {
-                        let spread = spread_of(&solver, Some(regulariser));
-                        (solver, spread, true)
-                    }
-                    // The images alone say which nodes are to blame.
-                    Err(_) => {
-                        let solver = Solver::iterative(matrix);
-                        let spread = spread_of(&solver, None);
-                        (solver, spread, false)
-                    }
-                },
-                None => {
-                    let solver = Solver::iterative(matrix);
-                    // Two long pieces of work that need the matrix alone.
-                    let (factor, spread) = rayon::join(
-                        || solver.factor(options.solver, || elimination_order(&mesh, &pattern)),
-                        || spread_of(&solver, None),
-                    );
-                    let has_factor = factor.is_ok();
-                    (solver.with_factor(factor.unwrap_or(None)), spread, has_factor)
-                }
-            };
+            let (splines, isa) = (splines.as_ref(), backend.host_isa());
+            let round =
+                Round { isa, seen: &seen, pattern: &pattern, keep: &keep, textured, lambda, kernel, options, splines };
+            let Solved { solver, regulariser, spread, has_factor } =
+                round.solve(made.take(), std::mem::take(&mut left_out));
             let at_rest = noise_gain.at_rest();
             found = undetermined(&mesh, &keep, |node| {
                 [0, 1].map(|c| {

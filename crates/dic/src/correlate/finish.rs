@@ -13,7 +13,7 @@ use super::marks::{Pair, mark_pulled_along};
 use super::misfit::{Look, Residuals};
 use super::model_error::{self, model_error};
 use super::noise_correlation::factors;
-use super::noise_model::Elements;
+use super::noise_model::{Elements, PhotonNoise};
 use super::own::Own;
 use super::screen::LEAST_LEFT;
 use super::settled::{Iterated, Settled};
@@ -37,6 +37,30 @@ const LIGHT_ITERATIONS: usize = 34;
 const HELD_RATIO: f64 = 0.9;
 /// A zone so misfit that has lost more than this share of its elements is not found at all.
 const CHOSEN_SHARE: f64 = 0.2;
+
+/// A field whose iteration has ended, with what its uncertainties are made from.
+struct Ended<'a, B: Backend> {
+    outcome: &'a Outcome<B>,
+    light: Option<&'a Light>,
+    /// Per zone.
+    sums: &'a [PixelSums],
+    spread: &'a NodalSpread,
+    by_grey: Elements<'a>,
+    photon_noise: Option<PhotonNoise>,
+}
+
+/// What is measured of a field.
+struct Measured {
+    /// Standard uncertainty of both components of each node, px; zero where it is not measured.
+    sigma: Vec<[f64; 2]>,
+    measured: Vec<bool>,
+    zones: Vec<ZoneResult>,
+    /// Per zone, the share of the data that is not taken by unknowns.
+    freedom_left: Vec<f64>,
+    /// Per zone, the variance that is left in the residual for image noise of one grey level.
+    of_pair: Vec<f64>,
+    nodes_at_bound: usize,
+}
 
 /// The median over the elements of their residuals in those of `before`.
 fn median_ratio(after: &[ElementMatch], before: &[ElementMatch]) -> f64 {
@@ -250,12 +274,8 @@ impl<B: Backend> Correlator<B> {
         let level = &self.levels[0];
         let mesh = &level.mesh;
         let Found { displacement: full_displacement, zones: last, elements, transfer: transfers } = found;
-        let (mut measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
+        let (measured, nodes_left) = self.measured_nodes(&elements, &full_displacement, &excluded);
         let own_spread = outcome.own.as_ref().map(|own| self.own_spread(own));
-        let spread = own_spread.as_ref().unwrap_or(&self.spread);
-        let mut sigma = vec![[0.0; 2]; mesh.n_nodes()];
-        let mut zones = Vec::new();
-        let mut nodes_at_bound = 0;
         let by_grey = Elements {
             mesh,
             moments: &level.moments,
@@ -267,118 +287,33 @@ impl<B: Backend> Correlator<B> {
             least: self.rounding * self.rounding,
         };
         let photon_noise = by_grey.photon(self.options.noise);
-        let (mut freedom_left, mut of_pair) = (Vec::new(), Vec::new());
-        for (zone, name) in mesh.zones().iter().enumerate() {
-            let nodes = mesh.zone_nodes(zone);
-            let sums = &last[zone];
-            let (transfer, smooth) = match &light {
-                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
-                None => (transfers[zone], None),
-            };
-            let of_light = light.as_ref().map_or(0.0, |light| light.unknowns(zone));
-            let n_transfers = match self.options.brightness {
-                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
-                Brightness::Element => mesh.zone_elements(zone).len(),
-                Brightness::Off => 0,
-            };
-            let taken: f64 = nodes.clone().filter(|&node| measured[node]).map(|node| spread.freedom[node]).sum();
-            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
-            freedom_left.push(1.0 - unknowns / sums.n.max(1.0));
-            let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
-            let gain = self.noise_gain.of_zone(mesh, zone, &full_displacement, transfer, by_sums.then_some(sums));
-            // Identical images still hold the same rounding.
-            of_pair.push(gain.residual * freedom_left[zone].max(f64::MIN_POSITIVE));
-            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
-            let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
-            let noise = given.unwrap_or(residual_noise);
-            for node in nodes.clone().filter(|&node| measured[node]) {
-                let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
-                nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
-                let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
-                sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
-            }
-            zones.push(ZoneResult {
-                name: name.clone(),
-                rigid: rigid(mesh, &full_displacement, &measured, nodes),
-                transfer,
-                light: smooth,
-                correlation: matches[zone],
-                residual_rms: sums.residual_rms(),
-                noise,
-                residual_noise,
-            });
-        }
-        // What has no finite uncertainty is not measured.
-        for (sigma, measured) in sigma.iter_mut().zip(&mut measured) {
-            if sigma.iter().any(|sigma| !sigma.is_finite()) {
-                (*sigma, *measured) = ([0.0; 2], false);
-            }
-        }
-        let [x, y] = sigma[outcome.worst_node];
-        let is_noisy = self.enough.get(outcome.worst_node).is_some_and(|enough| enough.is_noisy);
-        let enough = is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y);
-        if status == Status::IterationLimit && enough {
+        let spread = own_spread.as_ref().unwrap_or(&self.spread);
+        let of = Ended { outcome: &outcome, light: light.as_ref(), sums: &last, spread, by_grey, photon_noise };
+        let mut made = self.measure_zones(&of, &matches, measured);
+        if status == Status::IterationLimit && self.is_enough(&outcome, &made.sigma) {
             status = Status::Converged;
         }
-        let looked_at = status == Status::Converged;
         let image = self.backend.image(frame);
         let pair = Pair::new([&self.image, &image], mesh, &full_displacement);
-        let noise_colour = self
-            .probe
-            .as_ref()
-            .filter(|_| looked_at)
-            .and_then(|probe| probe.look(&by_grey, &image, light.as_ref().map(Light::nodes), &freedom_left));
+        let probe = self.probe.as_ref().filter(|_| status == Status::Converged);
+        let light_nodes = light.as_ref().map(Light::nodes);
+        let noise_colour = probe.and_then(|probe| probe.look(&of.by_grey, &image, light_nodes, &made.freedom_left));
         // Noise that is correlated, as that of resampled images, shows little in the fine structure; a reflection may pass for it.
         let is_coloured = noise_colour.is_some_and(|colour| colour.to_apply().is_some());
-        let noisy = |(zone, of): (usize, &ZoneResult)| {
-            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
-            let counts = |&element: &usize| elements[element].n > 0.0;
-            noisy && (!is_coloured || pair.something_is_still(mesh.zone_elements(zone).filter(counts)))
-        };
-        let everywhere: Vec<bool> = zones.iter().enumerate().map(noisy).collect();
-        // What is misfit everywhere is no noise to be lost in.
-        let mut in_noise = self.lost_in_noise(&elements, &of_pair, &measured);
-        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
-        in_noise.extend(outcome.unsettled.iter().filter(|&&node| measured[node]));
-        in_noise.sort_unstable();
-        in_noise.dedup();
-        in_noise.iter().for_each(|&node| (sigma[node], measured[node]) = ([0.0; 2], false));
-        if !in_noise.is_empty() {
-            for (zone, result) in zones.iter_mut().enumerate() {
-                result.rigid = rigid(mesh, &full_displacement, &measured, mesh.zone_nodes(zone));
-            }
-        }
+        let everywhere = self.misfit_everywhere(&elements, &made.zones, &pair, is_coloured);
+        let nodes_in_noise = self.leave_out_noise(&of, &everywhere, &mut made);
         let noise_factor = factors(self.options.noise_correlation, noise_colour.as_ref());
-        let own_noise = photon_noise.map(|noise| by_grey.by_node(noise));
-        for (node, sigma) in sigma.iter_mut().enumerate() {
+        let own_noise = photon_noise.map(|noise| of.by_grey.by_node(noise));
+        for (node, sigma) in made.sigma.iter_mut().enumerate() {
             let own = own_noise.as_ref().map_or([1.0; 2], |own| own[node]);
             (0..2).for_each(|c| sigma[c] *= own[c] * noise_factor[c]);
         }
-        let of_element = if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 };
-        let residuals = Residuals {
-            elements: &elements,
-            displacement: &full_displacement,
-            transfer: &transfers,
-            freedom: &spread.freedom,
-            freedom_of_element: of_element,
-            noise: self.options.noise.constant(),
-        };
-        let (excess, looks) = self.misfit_test.excess_and_looks(mesh, &self.noise_gain, &residuals, &excluded, MATCHED);
-        let found = model_error::Found {
-            displacement: &full_displacement,
-            sigma: &sigma,
-            measured: &measured,
-            not_followed: &excess.nodes,
-            solver: outcome.own.as_ref().map_or(&*level.solver, |own| &own.solver),
-        };
-        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let (model_error, misfit) = self.model_error(&of, &made, &excluded);
         if everywhere.iter().enumerate().any(|(zone, &noisy)| noisy && self.has_lost(zone, &excluded)) {
             // What is left after the choice of the best is no match: anything would have some.
             status = Status::Diverged;
         }
-        let is_misfit =
-            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
-        let misfit: Vec<bool> = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        let Measured { sigma, measured, zones, nodes_at_bound, .. } = made;
         let mut marks = self.marks(&pair, &elements, &excluded, &misfit, &everywhere);
         mark_pulled_along(mesh, &mut marks, &model_error, &sigma);
         let counted: Vec<bool> = elements.iter().map(|e| e.n > 0.0).collect();
@@ -416,7 +351,7 @@ impl<B: Backend> Correlator<B> {
             zones,
             start,
             nodes_left,
-            nodes_in_noise: in_noise.len(),
+            nodes_in_noise,
             nodes_at_bound,
             ambiguity: None,
             poor_elements: elements.iter().filter(|e| e.n > 0.0 && e.correlation < MATCHED).count(),
@@ -427,6 +362,133 @@ impl<B: Backend> Correlator<B> {
             left_out: numbers(&excluded),
             worst_node: outcome.worst_node,
         }
+    }
+
+    /// Measures what each zone has found, and gives the `measured` nodes their standard uncertainties. A node without a
+    /// finite one is not measured.
+    fn measure_zones(&self, of: &Ended<'_, B>, matches: &[f64], measured: Vec<bool>) -> Measured {
+        let Ended { outcome, light, sums: last, spread, by_grey, photon_noise } = of;
+        let (mesh, transfers, displacement) = (by_grey.mesh, by_grey.transfer, by_grey.displacement);
+        let (sigma, zones) = (vec![[0.0; 2]; mesh.n_nodes()], Vec::new());
+        let (freedom_left, of_pair) = (Vec::new(), Vec::new());
+        let mut made = Measured { sigma, measured, zones, freedom_left, of_pair, nodes_at_bound: 0 };
+        for (zone, name) in mesh.zones().iter().enumerate() {
+            let nodes = mesh.zone_nodes(zone);
+            let sums = &last[zone];
+            let (transfer, smooth) = match light {
+                Some(light) => light.of_zone(mesh, zone, transfers[zone], |transfer| self.offset_of(transfer)),
+                None => (transfers[zone], None),
+            };
+            let of_light = light.map_or(0.0, |light| light.unknowns(zone));
+            let n_transfers = match self.options.brightness {
+                Brightness::Auto | Brightness::Zone | Brightness::Smooth => 1,
+                Brightness::Element => mesh.zone_elements(zone).len(),
+                Brightness::Off => 0,
+            };
+            let taken: f64 = nodes.clone().filter(|&node| made.measured[node]).map(|node| spread.freedom[node]).sum();
+            let unknowns = taken + of_light + 2.0 * n_transfers as f64;
+            let freedom_left = 1.0 - unknowns / sums.n.max(1.0);
+            made.freedom_left.push(freedom_left);
+            let by_sums = self.options.brightness.of_sums() == Brightness::Zone && light.is_none();
+            let gain = self.noise_gain.of_zone(mesh, zone, displacement, transfer, by_sums.then_some(sums));
+            // Identical images still hold the same rounding.
+            made.of_pair.push(gain.residual * freedom_left.max(f64::MIN_POSITIVE));
+            let residual_noise = NoiseGain::noise_of_residual(&gain, sums, unknowns).max(self.rounding);
+            let given = photon_noise.map(|noise| by_grey.in_zone(zone, noise)).or(self.options.noise.constant());
+            let noise = given.unwrap_or(residual_noise);
+            for node in nodes.clone().filter(|&node| made.measured[node]) {
+                let at = [0, 1].map(|c| spread.at(node, c, gain.lambda(noise)));
+                made.nodes_at_bound += usize::from(at.iter().any(|at| at.at_bound));
+                let variances = [0, 1].map(|c| gain.variance(noise, at[c], c));
+                made.sigma[node] = outcome.turn.variances(variances).map(f64::sqrt);
+            }
+            made.zones.push(ZoneResult {
+                name: name.clone(),
+                rigid: rigid(mesh, displacement, &made.measured, nodes),
+                transfer,
+                light: smooth,
+                correlation: matches[zone],
+                residual_rms: sums.residual_rms(),
+                noise,
+                residual_noise,
+            });
+        }
+        for (sigma, measured) in made.sigma.iter_mut().zip(&mut made.measured) {
+            if sigma.iter().any(|sigma| !sigma.is_finite()) {
+                (*sigma, *measured) = ([0.0; 2], false);
+            }
+        }
+        made
+    }
+
+    /// Whether the last correction of the node that moved most is next to nothing beside its standard uncertainty.
+    fn is_enough(&self, outcome: &Outcome<B>, sigma: &[[f64; 2]]) -> bool {
+        let [x, y] = sigma[outcome.worst_node];
+        let is_noisy = self.enough.get(outcome.worst_node).is_some_and(|enough| enough.is_noisy);
+        is_noisy && outcome.correction_px < ENOUGH_BY_SIGMA * x.min(y)
+    }
+
+    /// Says of each zone whether it is misfit everywhere; where the noise `is_coloured`, one is that does not move with
+    /// its pattern.
+    fn misfit_everywhere(
+        &self,
+        elements: &[ElementMatch],
+        zones: &[ZoneResult],
+        pair: &Pair<'_>,
+        is_coloured: bool,
+    ) -> Vec<bool> {
+        let noisy = |(zone, of): (usize, &ZoneResult)| {
+            let noisy = of.residual_noise > MISFIT_EVERYWHERE * self.misfit_test.fine().max(self.rounding);
+            let counts = |&element: &usize| elements[element].n > 0.0;
+            noisy && (!is_coloured || pair.something_is_still(self.mesh().zone_elements(zone).filter(counts)))
+        };
+        zones.iter().enumerate().map(noisy).collect()
+    }
+
+    /// Leaves out the nodes that noise has kept from settling, and those that are lost in it; returns how many these
+    /// are.
+    fn leave_out_noise(&self, of: &Ended<'_, B>, everywhere: &[bool], made: &mut Measured) -> usize {
+        let mesh = self.mesh();
+        let mut in_noise = self.lost_in_noise(of.by_grey.matched, &made.of_pair, &made.measured);
+        // What is misfit everywhere is no noise to be lost in.
+        in_noise.retain(|&node| !everywhere[mesh.node_zone()[node] as usize]);
+        in_noise.extend(of.outcome.unsettled.iter().filter(|&&node| made.measured[node]));
+        in_noise.sort_unstable();
+        in_noise.dedup();
+        in_noise.iter().for_each(|&node| (made.sigma[node], made.measured[node]) = ([0.0; 2], false));
+        if !in_noise.is_empty() {
+            for (zone, result) in made.zones.iter_mut().enumerate() {
+                result.rigid = rigid(mesh, of.by_grey.displacement, &made.measured, mesh.zone_nodes(zone));
+            }
+        }
+        in_noise.len()
+    }
+
+    /// Finds the model error, and whether each element is to be marked as misfit.
+    fn model_error(&self, of: &Ended<'_, B>, made: &Measured, excluded: &[bool]) -> (ModelError, Vec<bool>) {
+        let Level { mesh, solver, .. } = &self.levels[0];
+        let displacement = of.by_grey.displacement;
+        let residuals = Residuals {
+            elements: of.by_grey.matched,
+            displacement,
+            transfer: of.by_grey.transfer,
+            freedom: &of.spread.freedom,
+            freedom_of_element: if self.options.brightness == Brightness::Element { 2.0 } else { 0.0 },
+            noise: self.options.noise.constant(),
+        };
+        let (excess, looks) = self.misfit_test.excess_and_looks(mesh, &self.noise_gain, &residuals, excluded, MATCHED);
+        let found = model_error::Found {
+            displacement,
+            sigma: &made.sigma,
+            measured: &made.measured,
+            not_followed: &excess.nodes,
+            solver: of.outcome.own.as_ref().map_or(&**solver, |own| &own.solver),
+        };
+        let model_error = ModelError { nodes: model_error(&self.mesh_lines, &found), misfit: excess.not_followed };
+        let is_misfit =
+            |(look, &misfit): (&Option<Look>, &f64)| misfit > 0.0 && look.is_some_and(|look| look.ratio > MARKED_RATIO);
+        let misfit = looks.iter().zip(&model_error.misfit).map(is_misfit).collect();
+        (model_error, misfit)
     }
 
     /// What was found, with the nodes on faces of cuts that their elements have lost and that can be followed by themselves; they keep

@@ -5,10 +5,11 @@ use super::axes::Axes;
 use super::constants::ConstantEffect;
 use super::fit::Fit;
 use super::objective::Problem;
+use super::observation::ObservedInstant;
 use super::statistics::NORMAL_95;
 use super::statistics::Statistics;
 use crate::linalg::Dense;
-use crate::mechanics::cohesive::{CohesiveLaw, Jump, Traction};
+use crate::mechanics::cohesive::{CohesiveLaw, CohesiveResponse, Jump, Traction};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -210,122 +211,184 @@ struct JumpErrors {
 /// A tangent without inverse.
 pub fn bands(problem: &Problem<'_>, fit: &Fit) -> Result<Vec<Band>, FitError> {
     let (Some(statistics), Some(_)) = (&fit.statistics, &fit.covariance) else { return Ok(Vec::new()) };
-    let x = &fit.evaluation.x;
-    let law = problem.unknowns.law_at(x)?;
-    let model = &problem.joint.model;
-    let n = problem.unknowns.n();
-    let slopes = problem.unknowns.slopes(x);
+    let law = problem.unknowns.law_at(&fit.evaluation.x)?;
+    let slopes = problem.unknowns.slopes(&fit.evaluation.x);
     let covariance = by_noise(statistics, fit);
     let inverse = covariance.cholesky().ok();
     let draws = Draws::new(problem, fit, &covariance);
-    let band_at = |(i, observed): (usize, &super::observation::ObservedInstant)| -> Result<Band, FitError> {
-        let jumps = model.jumps(&fit.solution().instants[observed.index].displacement);
-        let errors = jump_errors(problem, fit, statistics, &covariance, i, &*law)?;
+    let all = Uncertain { problem, fit, law: &*law, slopes, covariance, draws };
+    let band_at = |(i, observed): (usize, &ObservedInstant)| -> Result<Band, FitError> {
+        let jumps = problem.joint.model.jumps(&fit.solution().instants[observed.index].displacement);
+        let errors = jump_errors(problem, fit, statistics, &all.covariance, i, all.law)?;
         let given_z = inverse.as_ref().map(|inverse| inverse.solve(&errors.cross));
-        let finer = fit.refinement.as_ref().filter(|refinement| refinement.included);
-        let bias = fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
+        Ok(all.band(&AtInstant { i, observed, errors, given_z }, &jumps))
+    };
+    problem.observation.instants.par_iter().enumerate().map(band_at).collect()
+}
+
+/// A fit whose law is uncertain.
+struct Uncertain<'a> {
+    problem: &'a Problem<'a>,
+    fit: &'a Fit,
+    law: &'a dyn CohesiveLaw,
+    /// Derivatives of the unknowns by the scaled unknowns.
+    slopes: Vec<f64>,
+    /// See [`by_noise`].
+    covariance: Dense,
+    draws: Option<Draws>,
+}
+
+/// An instant compared, the number `i` of them.
+struct AtInstant<'a> {
+    i: usize,
+    observed: &'a ObservedInstant,
+    errors: JumpErrors,
+    /// `Cov(dz)^-1 Cov(dz, w)`, where that inverse is.
+    given_z: Option<Dense>,
+}
+
+/// A node pair at an instant, with what changes its traction to first order.
+struct AtPair {
+    pair: usize,
+    jump: Jump,
+    response: CohesiveResponse,
+    /// Derivatives of both components of the traction by the scaled unknowns.
+    g: Dense,
+    /// What each constant does, by its own standard uncertainty.
+    by_constant: Vec<[f64; 2]>,
+    std: [f64; 2],
+}
+
+/// Lists of errors of draws, which every pair uses again: of the normal traction, to first order; of the tangential
+/// one, likewise.
+type ErrorLists = [Vec<f64>; 4];
+
+impl Uncertain<'_> {
+    /// Makes the band at an instant whose pairs have these `jumps`.
+    fn band(&self, at: &AtInstant<'_>, jumps: &[Jump]) -> Band {
         let n_pairs = jumps.len();
         let mut band = Band {
-            instant: observed.index + 1,
-            traction: jumps.iter().map(|&jump| law.response(jump).traction).collect(),
+            instant: at.observed.index + 1,
+            traction: jumps.iter().map(|&jump| self.law.response(jump).traction).collect(),
             std: Vec::with_capacity(n_pairs),
             low: Vec::with_capacity(n_pairs),
             high: Vec::with_capacity(n_pairs),
         };
-        let mut list = [(); 4].map(|()| Vec::with_capacity(DRAWS));
+        let mut lists = [(); 4].map(|()| Vec::with_capacity(DRAWS));
         for (pair, &jump) in jumps.iter().enumerate() {
-            let tangent = law.response(jump).tangent;
-            let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
-            law.by_parameters(jump, &mut at_fixed_jump);
-            let by_z = |c: usize| errors.by_z.column(2 * pair + c);
-            let g = Dense::from_fn(n, 2, |k, d| {
-                let direct = at_fixed_jump[problem.unknowns.list()[k].index];
-                slopes[k] * [direct.normal, direct.tangential][d]
-                    + (0..2).map(|c| tangent[(d, c)] * by_z(c)[k]).sum::<f64>()
-            });
-            let through = covariance.times(&g);
-            let own = errors.own[pair];
-            // What each constant does, by its own standard uncertainty.
-            let by_constant: Vec<[f64; 2]> = (fit.constants.iter())
-                .map(|effect| {
-                    let (moved, change) = (effect.jumps[i][pair], law_change(problem, effect, &at_fixed_jump));
-                    [0, 1].map(|d| {
-                        let by_jump = tangent[(d, 0)] * moved.normal + tangent[(d, 1)] * moved.tangential;
-                        dot(g.column(d), &effect.scaled) + [change.normal, change.tangential][d] + by_jump
-                    })
-                })
-                .collect();
-            let std = [0, 1].map(|d| {
-                let cross = |c: usize| dot(g.column(d), errors.cross.column(2 * pair + c));
-                let mut variance = dot(g.column(d), through.column(d));
-                for c in 0..2 {
-                    variance += 2.0 * tangent[(d, c)] * cross(c);
-                    variance += (0..2).map(|e| tangent[(d, c)] * own[c][e] * tangent[(d, e)]).sum::<f64>();
-                }
-                let of_constants: f64 = by_constant.iter().map(|by| by[d] * by[d]).sum();
-                (variance.max(0.0) + of_constants).sqrt()
-            });
-            let mut reaches = std.map(|std| [NORMAL_95 * std; 2]);
-            if let (Some(draws), Some(given_z)) = (&draws, &given_z) {
-                list.iter_mut().for_each(Vec::clear);
-                // w given dz, and the factor of what is left of its covariance.
-                let b = |c: usize| given_z.column(2 * pair + c);
-                let left = |c: usize, d: usize| own[c][d] - dot(errors.cross.column(2 * pair + c), b(d));
-                let first = left(0, 0).max(0.0).sqrt();
-                let tie = if first > 0.0 { left(0, 1) / first } else { 0.0 };
-                let second = (left(1, 1) - tie * tie).max(0.0).sqrt();
-                let here = band.traction[pair];
-                for k in 0..DRAWS {
-                    let (e, off, [p, q]) = (&draws.noise[k], &draws.constants[k], draws.more[k]);
-                    let w = [dot(b(0), e) + first * p, dot(b(1), e) + tie * p + second * q];
-                    let mut dj = [0, 1].map(|c| dot(by_z(c), &draws.scaled[k]) + w[c]);
-                    for (off, effect) in off.iter().zip(&fit.constants) {
-                        let moved = effect.jumps[i][pair];
-                        dj = [dj[0] + off * moved.normal, dj[1] + off * moved.tangential];
-                    }
-                    let there = Jump { normal: jump.normal + dj[0], tangential: jump.tangential + dj[1] };
-                    let t = draws.laws[k].response(there).traction;
-                    for (d, error) in [t.normal - here.normal, t.tangential - here.tangential].into_iter().enumerate() {
-                        let of_constants: f64 = off.iter().zip(&by_constant).map(|(off, by)| off * by[d]).sum();
-                        let of_noise = dot(g.column(d), e) + tangent[(d, 0)] * w[0] + tangent[(d, 1)] * w[1];
-                        list[2 * d].push(error);
-                        list[2 * d + 1].push(of_noise + of_constants);
-                    }
-                }
-                let [a, a1, b, b1] = &mut list;
-                reaches = [reach(std[0], a, a1), reach(std[1], b, b1)];
-            }
-            if let Some(finer) = finer {
-                let there = finer.jumps[observed.index][pair];
-                let moved = |d: usize| {
-                    let by_jump = tangent[(d, 0)] * (there.normal - jump.normal)
-                        + tangent[(d, 1)] * (there.tangential - jump.tangential);
-                    by_jump + dot(g.column(d), &finer.scaled)
-                };
-                for (d, sides) in reaches.iter_mut().enumerate() {
-                    *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
-                }
-            }
-            // To where the bias of the parameters says that the truth is.
-            for (d, sides) in reaches.iter_mut().enumerate() {
-                let shift = bias.map_or(0.0, |bias| dot(g.column(d), bias));
-                *sides = [sides[0] + f64::max(shift, 0.0), sides[1] + f64::max(-shift, 0.0)];
-            }
+            let of_pair = self.linearise(at, pair, jump);
+            let reaches = self.reaches(at, &of_pair, &mut lists);
             let t = band.traction[pair];
-            let at = |side: usize| {
+            let end = |side: usize| {
                 let sign = [-1.0, 1.0][side];
                 Traction {
                     normal: t.normal + sign * reaches[0][side],
                     tangential: t.tangential + sign * reaches[1][side],
                 }
             };
-            band.std.push(Traction { normal: std[0], tangential: std[1] });
-            band.low.push(at(0));
-            band.high.push(at(1));
+            band.std.push(Traction { normal: of_pair.std[0], tangential: of_pair.std[1] });
+            band.low.push(end(0));
+            band.high.push(end(1));
         }
-        Ok(band)
-    };
-    problem.observation.instants.par_iter().enumerate().map(band_at).collect()
+        band
+    }
+
+    /// Finds what changes the traction of a pair to first order.
+    fn linearise(&self, at: &AtInstant<'_>, pair: usize, jump: Jump) -> AtPair {
+        let Self { problem, fit, law, slopes, covariance, .. } = self;
+        let errors = &at.errors;
+        let response = law.response(jump);
+        let tangent = response.tangent;
+        let mut at_fixed_jump = vec![Traction::default(); law.parameters().len()];
+        law.by_parameters(jump, &mut at_fixed_jump);
+        let g = Dense::from_fn(problem.unknowns.n(), 2, |k, d| {
+            let direct = at_fixed_jump[problem.unknowns.list()[k].index];
+            slopes[k] * [direct.normal, direct.tangential][d]
+                + (0..2).map(|c| tangent[(d, c)] * errors.by_z.column(2 * pair + c)[k]).sum::<f64>()
+        });
+        let through = covariance.times(&g);
+        let own = errors.own[pair];
+        let by_constant: Vec<[f64; 2]> = (fit.constants.iter())
+            .map(|effect| {
+                let (moved, change) = (effect.jumps[at.i][pair], law_change(problem, effect, &at_fixed_jump));
+                [0, 1].map(|d| {
+                    let by_jump = tangent[(d, 0)] * moved.normal + tangent[(d, 1)] * moved.tangential;
+                    dot(g.column(d), &effect.scaled) + [change.normal, change.tangential][d] + by_jump
+                })
+            })
+            .collect();
+        let std = [0, 1].map(|d| {
+            let cross = |c: usize| dot(g.column(d), errors.cross.column(2 * pair + c));
+            let mut variance = dot(g.column(d), through.column(d));
+            for c in 0..2 {
+                variance += 2.0 * tangent[(d, c)] * cross(c);
+                variance += (0..2).map(|e| tangent[(d, c)] * own[c][e] * tangent[(d, e)]).sum::<f64>();
+            }
+            let of_constants: f64 = by_constant.iter().map(|by| by[d] * by[d]).sum();
+            (variance.max(0.0) + of_constants).sqrt()
+        });
+        AtPair { pair, jump, response, g, by_constant, std }
+    }
+
+    /// Finds how far the band of each component reaches below and above its value.
+    fn reaches(&self, at: &AtInstant<'_>, of: &AtPair, lists: &mut ErrorLists) -> [[f64; 2]; 2] {
+        let AtPair { pair, jump, g, std, .. } = of;
+        let tangent = of.response.tangent;
+        let mut reaches = std.map(|std| [NORMAL_95 * std; 2]);
+        if let (Some(draws), Some(given_z)) = (&self.draws, &at.given_z) {
+            self.draw_errors(at, of, (draws, given_z), lists);
+            let [a, a1, b, b1] = lists;
+            reaches = [reach(std[0], a, a1), reach(std[1], b, b1)];
+        }
+        if let Some(finer) = self.fit.refinement.as_ref().filter(|refinement| refinement.included) {
+            let there = finer.jumps[at.observed.index][*pair];
+            let moved = |d: usize| {
+                let by_jump = tangent[(d, 0)] * (there.normal - jump.normal)
+                    + tangent[(d, 1)] * (there.tangential - jump.tangential);
+                by_jump + dot(g.column(d), &finer.scaled)
+            };
+            for (d, sides) in reaches.iter_mut().enumerate() {
+                *sides = sides.map(|half| half.hypot(NORMAL_95 * moved(d)));
+            }
+        }
+        // To where the bias of the parameters says that the truth is.
+        let bias = self.fit.intervals.as_ref().and_then(|basis| basis.bias.as_ref());
+        for (d, sides) in reaches.iter_mut().enumerate() {
+            let shift = bias.map_or(0.0, |bias| dot(g.column(d), bias));
+            *sides = [sides[0] + f64::max(shift, 0.0), sides[1] + f64::max(-shift, 0.0)];
+        }
+        reaches
+    }
+
+    /// Leads each draw through the law, and puts its errors into `lists`.
+    fn draw_errors(&self, at: &AtInstant<'_>, of: &AtPair, (draws, given_z): (&Draws, &Dense), lists: &mut ErrorLists) {
+        let AtPair { pair, jump, response, g, by_constant, .. } = of;
+        let (errors, own, tangent, here) = (&at.errors, at.errors.own[*pair], response.tangent, response.traction);
+        lists.iter_mut().for_each(Vec::clear);
+        // w given dz, and the factor of what is left of its covariance.
+        let b = |c: usize| given_z.column(2 * pair + c);
+        let left = |c: usize, d: usize| own[c][d] - dot(errors.cross.column(2 * pair + c), b(d));
+        let first = left(0, 0).max(0.0).sqrt();
+        let tie = if first > 0.0 { left(0, 1) / first } else { 0.0 };
+        let second = (left(1, 1) - tie * tie).max(0.0).sqrt();
+        for k in 0..DRAWS {
+            let (e, off, [p, q]) = (&draws.noise[k], &draws.constants[k], draws.more[k]);
+            let w = [dot(b(0), e) + first * p, dot(b(1), e) + tie * p + second * q];
+            let mut dj = [0, 1].map(|c| dot(errors.by_z.column(2 * pair + c), &draws.scaled[k]) + w[c]);
+            for (off, effect) in off.iter().zip(&self.fit.constants) {
+                let moved = effect.jumps[at.i][*pair];
+                dj = [dj[0] + off * moved.normal, dj[1] + off * moved.tangential];
+            }
+            let there = Jump { normal: jump.normal + dj[0], tangential: jump.tangential + dj[1] };
+            let t = draws.laws[k].response(there).traction;
+            for (d, error) in [t.normal - here.normal, t.tangential - here.tangential].into_iter().enumerate() {
+                let of_constants: f64 = off.iter().zip(by_constant).map(|(off, by)| off * by[d]).sum();
+                let of_noise = dot(g.column(d), e) + tangent[(d, 0)] * w[0] + tangent[(d, 1)] * w[1];
+                lists[2 * d].push(error);
+                lists[2 * d + 1].push(of_noise + of_constants);
+            }
+        }
+    }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

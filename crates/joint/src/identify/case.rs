@@ -24,7 +24,7 @@ use crate::io::joint::{JointInput, JointMeshFile, JointRun, MeasurementInput, Me
 use crate::io::run_case::RunCase;
 use crate::mechanics::cohesive::CohesiveLaw;
 use crate::mechanics::{Joint, law_of_case, materials_of_case};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -144,40 +144,9 @@ impl<'a> Case<'a> {
         };
         let in_fit = cell.clone().filter(|_| used);
         let of_run = matches!(measured, Some(MeasurementInput::Run(_)));
-        let weights = match measurement.weights {
-            Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
-                let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \"covariance\", or \
-                            [force] use = false";
-                return Err(wrong("measurement", "weights", what));
-            }
-            None if of_run || used => WeightKind::Covariance,
-            None | Some(CaseWeights::Paper) => WeightKind::Paper,
-            Some(CaseWeights::Uniform) => WeightKind::Uniform,
-            Some(CaseWeights::Covariance) => WeightKind::Covariance,
-        };
-        let boundary = match measurement.boundary.unwrap_or_default() {
-            _ if measured.is_none() && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
-                let what =
-                    "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
-                return Err(wrong("measurement", "boundary", what));
-            }
-            _ if measured.is_none() => "exact",
-            CaseBoundaryNoise::Measured => "measured",
-            CaseBoundaryNoise::Estimated => "estimated",
-            CaseBoundaryNoise::Exact => "exact",
-        };
-        if input.case.path.control == Some(CasePathControl::ArcLength) {
-            let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
-            return Err(wrong("path", "control", what));
-        }
-        if !input.drives.is_empty() && boundary != "exact" {
-            let what = "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
-            return Err(wrong("measurement", "boundary", what));
-        }
-        if boundary == "estimated" && weights != WeightKind::Covariance {
-            let what = "boundary = \"estimated\" needs weights = \"covariance\"";
-            return Err(wrong("measurement", "boundary", what));
-        }
+        let weights = weight_kind(measurement, of_run, used)?;
+        let boundary = boundary_noise(measurement, measured.is_some())?;
+        check_boundary(input, boundary, weights)?;
         if let Some(MeasurementInput::Run(run)) = measured {
             doubts.extend(run.warnings.iter().map(|warning| format!("the correlation warned: {warning}")));
         }
@@ -211,82 +180,15 @@ impl<'a> Case<'a> {
             release: true,
             other_minima: true,
             rotations: uncertainties::rotations(table),
-            discretisation: match table.discretisation {
-                None if of_run => Discretisation::Included,
-                None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
-                Some(CaseDiscretisation::Included) => Discretisation::Included,
-                Some(CaseDiscretisation::Off) => Discretisation::Off,
-            },
-            intervals: match table.intervals.unwrap_or_default() {
-                CaseIntervals::Auto => Intervals::Auto,
-                CaseIntervals::Linear => Intervals::Linear,
-                CaseIntervals::Profile => Intervals::Profile,
-            },
-            bootstrap: match table.bootstrap.unwrap_or_default() {
-                CaseBootstrap::Auto => None,
-                CaseBootstrap::Draws(draws @ 0..=10_000) => Some(draws as usize),
-                CaseBootstrap::Draws(draws) => {
-                    let what = format!("bootstrap = {draws}; give \"auto\" or a number of draws from 0 to 10000");
-                    return Err(wrong("fit", "bootstrap", what));
-                }
-            },
+            discretisation: discretisation(table, of_run),
+            intervals: intervals(table),
+            bootstrap: bootstrap(table)?,
         };
-        let index = |key: &str, name: &str| {
-            unknowns.law().parameters().iter().position(|p| p.name == name).ok_or_else(|| {
-                wrong("fit", key, format!("{key}: the law has no parameter '{name}'; it has {}", names(&unknowns)))
-            })
-        };
-        let profile = match &table.profile {
-            None => None,
-            Some(name) => {
-                let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
-                if unknowns.n() == 1 {
-                    let what = "profile needs two parameters or more: of one alone the interval says it all";
-                    return Err(wrong("fit", "profile", what));
-                }
-                Some(of_fit.ok_or_else(|| {
-                    wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"))
-                })?)
-            }
-        };
-        let sweep = match table.sweep.iter().collect::<Vec<_>>().as_slice() {
-            [] => None,
-            [(name, values)] => {
-                let at = index("sweep", name)?;
-                if unknowns.list().iter().any(|unknown| unknown.index == at) {
-                    return Err(wrong(
-                        "fit",
-                        "sweep",
-                        format!("sweep: {name} is fitted; take it out of parameters to prescribe it"),
-                    ));
-                }
-                if values.is_empty() {
-                    return Err(wrong(
-                        "fit",
-                        "sweep",
-                        format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]"),
-                    ));
-                }
-                Some((at, (*values).clone()))
-            }
-            _ => return Err(wrong("fit", "sweep", "sweep: give the values of one parameter")),
-        };
+        let (profile, sweep) = (profile_index(&unknowns, table)?, sweep_of(&unknowns, table)?);
         if !table.laws.is_empty() {
             check_laws(&table.laws, unknowns.law(), n_data)?;
         }
-        let n_compared = observation.compared.iter().filter(|c| **c).count();
-        let compared = match (n_compared, &observation.force) {
-            (0, _) => String::new(),
-            (n, None) => format!("{n} nodes"),
-            (n, Some(_)) => format!("{n} nodes and "),
-        };
-        let force = observation.force.as_ref().map_or(String::new(), |cell| format!("the load of {}", cell.group.name));
-        let about = format!(
-            "{compared}{force} at {} instants, {} weights, {boundary} boundary; noise: {}",
-            observation.instants.len(),
-            weights.name(),
-            noise.source
-        );
+        let about = describe(&observation, &noise, weights, boundary);
         let (observation, noise, watch) = (Arc::new(observation), Arc::new(noise), FitWatch::default());
         let problem = Problem { joint, observation, noise, unknowns, watch };
         let implausible = implausible_joint(&problem, problem.observation.pixel_size_mm);
@@ -305,6 +207,133 @@ impl<'a> Case<'a> {
             force: cell,
         })
     }
+}
+
+/// The weights that the case asks for; `of_run` says whether a run was measured, `used` whether the load cell takes
+/// part.
+fn weight_kind(measurement: &CaseMeasurement, of_run: bool, used: bool) -> Result<WeightKind, FitError> {
+    Ok(match measurement.weights {
+        Some(CaseWeights::Paper | CaseWeights::Uniform) if used => {
+            let what = "weights: with [force] displacements and forces are weighed by their noise; give weights = \
+                        \"covariance\", or [force] use = false";
+            return Err(wrong("measurement", "weights", what));
+        }
+        None if of_run || used => WeightKind::Covariance,
+        None | Some(CaseWeights::Paper) => WeightKind::Paper,
+        Some(CaseWeights::Uniform) => WeightKind::Uniform,
+        Some(CaseWeights::Covariance) => WeightKind::Covariance,
+    })
+}
+
+/// What the case says of the boundary: `measured`, `estimated` or `exact`.
+fn boundary_noise(measurement: &CaseMeasurement, is_measured: bool) -> Result<&'static str, FitError> {
+    Ok(match measurement.boundary.unwrap_or_default() {
+        _ if !is_measured && measurement.boundary.is_some_and(|noise| noise != CaseBoundaryNoise::Exact) => {
+            let what =
+                "boundary: without measured displacements the border is taken as it is; give boundary = \"exact\"";
+            return Err(wrong("measurement", "boundary", what));
+        }
+        _ if !is_measured => "exact",
+        CaseBoundaryNoise::Measured => "measured",
+        CaseBoundaryNoise::Estimated => "estimated",
+        CaseBoundaryNoise::Exact => "exact",
+    })
+}
+
+/// Refuses a control of the path, supports and weights that do not go with a fit on such a boundary.
+fn check_boundary(input: &JointInput, boundary: &str, weights: WeightKind) -> Result<(), FitError> {
+    if input.case.path.control == Some(CasePathControl::ArcLength) {
+        let what = "control = \"arc-length\" is for quadrille simulate: a fit compares instants of the test";
+        return Err(wrong("path", "control", what));
+    }
+    if !input.drives.is_empty() && boundary != "exact" {
+        let what =
+            "boundary = \"exact\" is needed with [[support]] and [[applied_load]], which are given and not measured";
+        return Err(wrong("measurement", "boundary", what));
+    }
+    if boundary == "estimated" && weights != WeightKind::Covariance {
+        let what = "boundary = \"estimated\" needs weights = \"covariance\"";
+        return Err(wrong("measurement", "boundary", what));
+    }
+    Ok(())
+}
+
+fn discretisation(table: &CaseFit, of_run: bool) -> Discretisation {
+    match table.discretisation {
+        None if of_run => Discretisation::Included,
+        None | Some(CaseDiscretisation::Stated) => Discretisation::Stated,
+        Some(CaseDiscretisation::Included) => Discretisation::Included,
+        Some(CaseDiscretisation::Off) => Discretisation::Off,
+    }
+}
+
+fn intervals(table: &CaseFit) -> Intervals {
+    match table.intervals.unwrap_or_default() {
+        CaseIntervals::Auto => Intervals::Auto,
+        CaseIntervals::Linear => Intervals::Linear,
+        CaseIntervals::Profile => Intervals::Profile,
+    }
+}
+
+fn bootstrap(table: &CaseFit) -> Result<Option<usize>, FitError> {
+    match table.bootstrap.unwrap_or_default() {
+        CaseBootstrap::Auto => Ok(None),
+        CaseBootstrap::Draws(draws @ 0..=10_000) => Ok(Some(draws as usize)),
+        CaseBootstrap::Draws(draws) => {
+            let what = format!("bootstrap = {draws}; give \"auto\" or a number of draws from 0 to 10000");
+            Err(wrong("fit", "bootstrap", what))
+        }
+    }
+}
+
+/// The unknown whose profile likelihood is asked for.
+fn profile_index(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<usize>, FitError> {
+    let Some(name) = &table.profile else { return Ok(None) };
+    if unknowns.n() == 1 {
+        let what = "profile needs two parameters or more: of one alone the interval says it all";
+        return Err(wrong("fit", "profile", what));
+    }
+    let of_fit = unknowns.list().iter().position(|unknown| unknown.parameter.name == name);
+    let missing = || wrong("fit", "profile", format!("profile = \"{name}\": it is not among parameters"));
+    of_fit.ok_or_else(missing).map(Some)
+}
+
+/// The parameter of the law that is swept, and its values.
+fn sweep_of(unknowns: &Unknowns, table: &CaseFit) -> Result<Option<(usize, Vec<f64>)>, FitError> {
+    let wrong_sweep = |what: String| Err(wrong("fit", "sweep", what));
+    let mut sweeps = table.sweep.iter();
+    let (name, values) = match (sweeps.next(), sweeps.next()) {
+        (None, _) => return Ok(None),
+        (Some(sweep), None) => sweep,
+        _ => return wrong_sweep("sweep: give the values of one parameter".to_owned()),
+    };
+    let Some(index) = unknowns.law().parameters().iter().position(|p| p.name == name) else {
+        return wrong_sweep(format!("sweep: the law has no parameter '{name}'; it has {}", names(unknowns)));
+    };
+    if unknowns.list().iter().any(|unknown| unknown.index == index) {
+        return wrong_sweep(format!("sweep: {name} is fitted; take it out of parameters to prescribe it"));
+    }
+    if values.is_empty() {
+        return wrong_sweep(format!("sweep: {name} has no values; give a list such as [3, 4, 5, 6]"));
+    }
+    Ok(Some((index, values.clone())))
+}
+
+/// What is compared, for people.
+fn describe(observation: &Observation, noise: &Noise, weights: WeightKind, boundary: &str) -> String {
+    let n_compared = observation.compared.iter().filter(|c| **c).count();
+    let compared = match (n_compared, &observation.force) {
+        (0, _) => String::new(),
+        (n, None) => format!("{n} nodes"),
+        (n, Some(_)) => format!("{n} nodes and "),
+    };
+    let force = observation.force.as_ref().map_or(String::new(), |cell| format!("the load of {}", cell.group.name));
+    format!(
+        "{compared}{force} at {} instants, {} weights, {boundary} boundary; noise: {}",
+        observation.instants.len(),
+        weights.name(),
+        noise.source
+    )
 }
 
 fn names(unknowns: &Unknowns) -> String {
@@ -429,6 +458,8 @@ fn prescribed_as_measured(joint: &Joint) -> Vec<Vec<[f64; 2]>> {
 /// named when one is missing.
 struct Fields<'a> {
     path: &'a Path,
+    /// Whether a run measured them, not a table.
+    of_run: bool,
     instants: Vec<(usize, Vec<Option<[f64; 2]>>)>,
 }
 
@@ -460,14 +491,15 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<St
                     path.display()
                 ));
             }
-            Fields { path, instants: list }
+            Fields { path, of_run: false, instants: list }
         }
         MeasurementInput::Run(run) => {
             if run.instants.len() != n_instants {
                 let instant = run.instants.len();
                 return Err(FitError::Instant { path: run.path.clone(), instant, n_instants });
             }
-            Fields { path: &run.path, instants: run.instants.iter().cloned().enumerate().collect() }
+            let instants = run.instants.iter().cloned().enumerate().collect();
+            Fields { path: &run.path, of_run: true, instants }
         }
     };
     for (index, field) in &mut fields.instants {
@@ -477,6 +509,87 @@ fn fields<'a>(joint: &Joint, measured: &'a MeasurementInput, doubts: &mut Vec<St
         }
     }
     Ok(fields)
+}
+
+/// The nodes whose displacements are compared with the model, in rising order.
+fn compared_nodes(
+    joint: &Joint,
+    input: &JointInput,
+    measurement: &CaseMeasurement,
+    fields: &Fields<'_>,
+    doubts: &mut Vec<String>,
+) -> Result<Vec<u32>, FitError> {
+    let n_nodes = joint.measured.mesh.nodes().len();
+    let file: Option<&JointMeshFile> = match &input.mesh {
+        MeshInput::File(file) | MeshInput::Run(file) => Some(file),
+        MeshInput::Rectangle { .. } => None,
+    };
+    let selected = file.and_then(|file| file.selected.as_ref());
+    let wrong_nodes = |what: String| Err(wrong("measurement", "nodes", what));
+    let mut chosen: Vec<u32> = match (&measurement.nodes, selected) {
+        (None | Some(CaseNodes::Selected), Some(list)) => list.clone(),
+        (None | Some(CaseNodes::Free), _) => (0..n_nodes as u32).collect(),
+        (Some(CaseNodes::Selected), None) => {
+            let what = "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers";
+            return wrong_nodes(what.to_owned());
+        }
+        (Some(CaseNodes::List(list)), _) => list.clone(),
+    };
+    if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
+        return wrong_nodes(format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    let listed = matches!(measurement.nodes, Some(CaseNodes::List(_)));
+    let n = chosen.len();
+    let prescribed: HashSet<&u32> = joint.measured.prescribed.iter().collect();
+    chosen.retain(|node| !prescribed.contains(node));
+    if listed && chosen.len() < n {
+        doubts.push(format!("{} of the nodes are prescribed and not compared", n - chosen.len()));
+    }
+    if fields.of_run {
+        // A node that one frame lost is left out of all: the covariance is one for all instants.
+        let lost = |node: &u32| fields.instants.iter().any(|(_, field)| field[*node as usize].is_none());
+        let n = chosen.len();
+        chosen.retain(|node| !lost(node));
+        if chosen.len() < n {
+            doubts.push(format!("{} nodes were not measured in every frame and are not compared", n - chosen.len()));
+        }
+    }
+    if chosen.is_empty() {
+        let what = "no node is left to compare; choose others with [measurement] nodes".into();
+        return Err(FitError::NoData { what });
+    }
+    Ok(chosen)
+}
+
+/// The weights of the instants as the case gives them, the first ones alone where it gives fewer than there are.
+fn instant_weights<'a>(
+    joint: &Joint,
+    measurement: &'a CaseMeasurement,
+    measured: &MeasurementInput,
+    doubts: &mut Vec<String>,
+) -> Result<&'a [f64], FitError> {
+    let wrong_weights = |what: String| Err(wrong("measurement", "instant_weights", what));
+    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
+    if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
+        return wrong_weights(format!("instant_weights holds {factor}; give finite numbers, zero or more"));
+    }
+    let (n_all, left_out) = match measured {
+        MeasurementInput::Run(run) => (run.frames.len() + run.left_out.len(), run.left_out.len()),
+        MeasurementInput::Table(_) => (joint.boundary.instants().len(), 0),
+    };
+    if factors.len() > n_all {
+        let n = factors.len();
+        return wrong_weights(format!("instant_weights has {n} entries, but there are {n_all} instants"));
+    }
+    if !factors.is_empty() && left_out > 0 {
+        doubts.push(format!(
+            "instant_weights counts the frames that converged: {left_out} did not, and the weights behind them are \
+             those of earlier entries"
+        ));
+    }
+    Ok(factors)
 }
 
 fn observation(
@@ -490,90 +603,17 @@ fn observation(
     let mesh = &joint.measured.mesh;
     let n_nodes = mesh.nodes().len();
     let fields = fields(joint, measured, doubts)?;
-    let mut is_prescribed = vec![false; n_nodes];
-    joint.measured.prescribed.iter().for_each(|&node| is_prescribed[node as usize] = true);
-    let file: Option<&JointMeshFile> = match &input.mesh {
-        MeshInput::File(file) | MeshInput::Run(file) => Some(file),
-        MeshInput::Rectangle { .. } => None,
-    };
-    let selected = file.and_then(|file| file.selected.as_ref());
-    let mut chosen: Vec<u32> = match &measurement.nodes {
-        None => match selected {
-            Some(list) => list.clone(),
-            None => (0..n_nodes as u32).collect(),
-        },
-        Some(CaseNodes::Free) => (0..n_nodes as u32).collect(),
-        Some(CaseNodes::Selected) => selected.cloned().ok_or_else(|| {
-            wrong(
-                "measurement",
-                "nodes",
-                "nodes = \"selected\": the mesh has no list selected_nodes; give \"free\" or a list of numbers",
-            )
-        })?,
-        Some(CaseNodes::List(list)) => list.clone(),
-    };
-    if let Some(node) = chosen.iter().find(|&&node| node as usize >= n_nodes) {
-        return Err(wrong(
-            "measurement",
-            "nodes",
-            format!("nodes names node {node}; the mesh has {n_nodes} nodes, counted from 0"),
-        ));
-    }
-    chosen.sort_unstable();
-    chosen.dedup();
-    let listed = matches!(measurement.nodes, Some(CaseNodes::List(_)));
-    let n = chosen.len();
-    chosen.retain(|&node| !is_prescribed[node as usize]);
-    if listed && chosen.len() < n {
-        doubts.push(format!("{} of the nodes are prescribed and not compared", n - chosen.len()));
-    }
-    if let MeasurementInput::Run(_) = measured {
-        // A node that one frame lost is left out of all: the covariance is one for all instants.
-        let lost = |node: &u32| fields.instants.iter().any(|(_, field)| field[*node as usize].is_none());
-        let n = chosen.len();
-        chosen.retain(|node| !lost(node));
-        if chosen.len() < n {
-            doubts.push(format!("{} nodes were not measured in every frame and are not compared", n - chosen.len()));
-        }
-    }
-    if chosen.is_empty() {
-        return Err(FitError::NoData {
-            what: "no node is left to compare; choose others with [measurement] nodes".into(),
-        });
-    }
     let mut compared = vec![false; n_nodes];
+    let chosen = compared_nodes(joint, input, measurement, &fields, doubts)?;
     chosen.iter().for_each(|&node| compared[node as usize] = true);
-    let nodes: Vec<u32> =
-        (0..n_nodes as u32).filter(|&k| compared[k as usize] || noisy_boundary && is_prescribed[k as usize]).collect();
-    let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
     let given = prescribed_as_measured(joint);
     let of_border: HashMap<u32, usize> =
         joint.measured.prescribed.iter().enumerate().map(|(k, &node)| (node, k)).collect();
-    let factors = measurement.instant_weights.as_deref().unwrap_or_default();
-    if let Some(factor) = factors.iter().find(|factor| !(factor.is_finite() && **factor >= 0.0)) {
-        return Err(wrong(
-            "measurement",
-            "instant_weights",
-            format!("instant_weights holds {factor}; give finite numbers, zero or more"),
-        ));
-    }
-    let n_all = match measured {
-        MeasurementInput::Run(run) => run.frames.len() + run.left_out.len(),
-        MeasurementInput::Table(_) => joint.boundary.instants().len(),
-    };
-    if factors.len() > n_all {
-        let what = format!("instant_weights has {} entries, but there are {n_all} instants", factors.len());
-        return Err(wrong("measurement", "instant_weights", what));
-    }
-    if let MeasurementInput::Run(run) = measured
-        && !(factors.is_empty() || run.left_out.is_empty())
-    {
-        doubts.push(format!(
-            "instant_weights counts the frames that converged: {} did not, and the weights behind them are those of earlier \
-             entries",
-            run.left_out.len()
-        ));
-    }
+    let nodes: Vec<u32> = (0..n_nodes as u32)
+        .filter(|node| compared[*node as usize] || noisy_boundary && of_border.contains_key(node))
+        .collect();
+    let place: HashMap<u32, usize> = nodes.iter().enumerate().map(|(k, &node)| (node, k)).collect();
+    let factors = instant_weights(joint, measurement, measured, doubts)?;
     let (mut instants, mut unknown_nodes) = (Vec::new(), 0);
     for (index, field) in &fields.instants {
         let factor = factors.get(*index).copied().unwrap_or(1.0);
@@ -597,7 +637,7 @@ fn observation(
         let largest = largest_without_rigid_motion(&points);
         instants.push(ObservedInstant { index: *index, displacement, largest, factor });
     }
-    if unknown_nodes > 0 && matches!(measured, MeasurementInput::Table(_)) {
+    if unknown_nodes > 0 && !fields.of_run {
         doubts.push(format!(
             "{unknown_nodes} nodes are not measured: the paper's weights are made from the largest displacement of the others"
         ));

@@ -5,10 +5,11 @@
 
 use super::load_cell::LoadCell;
 use super::objective::{Evaluation, Problem};
+use super::observation::ObservedInstant;
 use super::statistics::Statistics;
 use crate::linalg::Dense;
 use crate::mechanics::cohesive::{CohesiveLaw, Jump};
-use crate::mechanics::{JointMesh, JointParts, Kinematics, Linearised, Model, NodalField};
+use crate::mechanics::{Instant, JointMesh, JointParts, Kinematics, Linearised, Model, NodalField, ReactionAt};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -176,6 +177,129 @@ impl Moved {
     }
 }
 
+/// The joint at an instant compared, as far as the effects of constants need it.
+struct AtInstant<'a> {
+    problem: &'a Problem<'a>,
+    law: &'a dyn CohesiveLaw,
+    instant: &'a Instant,
+    /// `None` where no constant needs it, or it has no inverse.
+    tangent: Option<Linearised<'a>>,
+    /// The load cell where it has a value, and the reaction that it should show.
+    reaction: Option<(&'a LoadCell, ReactionAt)>,
+    /// Derivatives of the displacements by the parameters of the material of each group, once they are asked for.
+    by_group: BTreeMap<usize, Vec<NodalField>>,
+}
+
+impl<'a> AtInstant<'a> {
+    fn new(
+        problem: &'a Problem<'a>,
+        evaluation: &'a Evaluation,
+        law: &'a dyn CohesiveLaw,
+        index: usize,
+        tangent_needed: bool,
+    ) -> Self {
+        let model = &problem.joint.model;
+        let instant = &evaluation.solution.instants[index];
+        let u = &instant.displacement;
+        let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
+        let cell = problem.observation.force.as_ref().filter(|cell| cell.at(index).is_some());
+        let reaction = cell.map(|cell| (cell, cell.reaction(model, law, u)));
+        Self { problem, law, instant, tangent, reaction, by_group: BTreeMap::new() }
+    }
+
+    fn model(&self) -> &'a Model {
+        &self.problem.joint.model
+    }
+
+    fn still(&self) -> NodalField {
+        vec![[0.0; 2]; self.instant.displacement.len()]
+    }
+
+    /// Change of the force when all nodes move by `nodes`.
+    fn carried(&self, nodes: &NodalField) -> f64 {
+        self.reaction.as_ref().map_or(0.0, |(cell, reaction)| cell.width_mm * reaction.change(nodes))
+    }
+
+    /// Derivative of the force by a parameter of the law at fixed displacements.
+    fn by_law(&self, index: usize) -> f64 {
+        self.reaction.as_ref().map_or(0.0, |(cell, reaction)| cell.width_mm * reaction.by_law[index])
+    }
+
+    /// The whole force.
+    fn force(&self) -> f64 {
+        self.reaction.as_ref().map_or(0.0, |(cell, reaction)| cell.width_mm * reaction.value)
+    }
+
+    /// What a unit of a constant changes; `moved` is the model with it moved, where it is a length of the joint.
+    fn change(&mut self, kind: &ConstantKind, moved: Option<&Moved>) -> Option<Change> {
+        let (model, u) = (self.model(), &self.instant.displacement);
+        let no_jumps = || vec![Jump::default(); model.mesh().pairs().len()];
+        match kind {
+            ConstantKind::Material { groups, index } => self.by_material(groups, *index),
+            ConstantKind::Law { index } => {
+                let nodes = self.instant.sensitivities.get(*index)?.clone();
+                let jumps = model.jump_changes(u, &nodes);
+                let force = self.carried(&nodes) + self.by_law(*index);
+                Some(Change { nodes, jumps, force })
+            }
+            ConstantKind::Width => {
+                let force = self.reaction.as_ref().map_or(0.0, |(cell, _)| self.force() / cell.width_mm);
+                Some(Change { nodes: self.still(), jumps: no_jumps(), force })
+            }
+            ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
+                Some(Change { nodes: self.still(), jumps: no_jumps(), force: 0.0 })
+            }
+            ConstantKind::Thickness | ConstantKind::Face(_) => {
+                let cell = self.reaction.as_ref().map(|(cell, _)| *cell);
+                Some(moved?.change(model, self.law, self.tangent.as_ref()?, u, cell))
+            }
+            ConstantKind::PixelSize => self.by_pixel_size(),
+            ConstantKind::NoiseLevel => None,
+        }
+    }
+
+    fn by_material(&mut self, groups: &[usize], index: usize) -> Option<Change> {
+        let (model, u) = (self.model(), &self.instant.displacement);
+        let tangent = self.tangent.as_ref()?;
+        let mut nodes = self.still();
+        for &group in groups {
+            let fields = self.by_group.entry(group).or_insert_with(|| tangent.by_material(group));
+            add(&mut nodes, 1.0, fields.get(index)?);
+        }
+        let jumps = model.jump_changes(u, &nodes);
+        let own = |cell: &LoadCell| groups.iter().map(|&group| cell.by_material(model, group, u)[index]).sum::<f64>();
+        let force = self.carried(&nodes) + self.reaction.as_ref().map_or(0.0, |(cell, _)| own(cell));
+        Some(Change { nodes, jumps, force })
+    }
+
+    /// Were all parameters of the law to grow by their power of mm, the solution would grow as the data do: what a
+    /// prescribed one, which does not, takes away. Those fitted follow, see [`Problem::constant_effects`].
+    fn by_pixel_size(&self) -> Option<Change> {
+        let (model, u) = (self.model(), &self.instant.displacement);
+        let small = model.options().kinematics.is_small();
+        let (mut nodes, mut all) = (self.still(), if small { u.clone() } else { self.still() });
+        // A reaction by width grows as lengths do, what the load cell shows does not.
+        let mut force = self.force();
+        for (index, (p, value)) in self.law.parameters().iter().zip(self.law.values()).enumerate() {
+            let grown = -power_of_length(p.unit) * value;
+            let field = self.instant.sensitivities.get(index)?;
+            add(&mut all, grown, field);
+            if !self.problem.is_fitted(&ConstantKind::Law { index }) {
+                add(&mut nodes, grown, field);
+                force += grown * (self.carried(field) + self.by_law(index));
+            }
+        }
+        let mut jumps = model.jump_changes(u, &all);
+        if !small {
+            // All lengths grow alike: the jumps as well, whatever has turned.
+            jumps.iter_mut().zip(model.jumps(u)).for_each(|(sum, jump)| {
+                *sum = Jump { normal: sum.normal + jump.normal, tangential: sum.tangential + jump.tangential };
+            });
+        }
+        Some(Change { nodes, jumps, force })
+    }
+}
+
 impl Problem<'_> {
     /// The effect of each constant on the unknowns, to first order; without those that are exact, that are fitted, or whose effect
     /// cannot be computed at some instant (no tangent, no mesh).
@@ -187,130 +311,62 @@ impl Problem<'_> {
     ) -> Vec<ConstantEffect> {
         let Ok(law) = self.unknowns.law_at(&evaluation.x) else { return Vec::new() };
         let law = &*law;
-        let model = &self.joint.model;
         let asked: Vec<&Constant> = constants.iter().filter(|c| c.std > 0.0 && !self.is_fitted(&c.kind)).collect();
         let asked: Vec<&Constant> = asked.into_iter().filter(|c| c.kind != ConstantKind::NoiseLevel).collect();
-        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| moved(model, &c.kind)).collect();
+        let moved: Vec<Option<Moved>> = asked.par_iter().map(|c| moved(&self.joint.model, &c.kind)).collect();
         let tangent_needed =
             moved.iter().any(Option::is_some) || asked.iter().any(|c| matches!(c.kind, ConstantKind::Material { .. }));
-        let of_instant = |observed: &super::observation::ObservedInstant| -> Vec<Option<Change>> {
-            let instant = &evaluation.solution.instants[observed.index];
-            let u = &instant.displacement;
-            let tangent = if tangent_needed { model.linearise(law, u).ok() } else { None };
-            let mut by_group: BTreeMap<usize, Vec<NodalField>> = BTreeMap::new();
-            let still = || vec![[0.0; 2]; u.len()];
-            let cell = self.observation.force.as_ref().filter(|cell| cell.at(observed.index).is_some());
-            let reaction = cell.map(|cell| (cell.width_mm, cell.reaction(model, law, u)));
-            let carried =
-                |nodes: &NodalField| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.change(nodes));
-            let by_law =
-                |index: usize| reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.by_law[index]);
-            let whole = reaction.as_ref().map_or(0.0, |(width, reaction)| width * reaction.value);
-            let mut of = |(constant, moved): (&&Constant, &Option<Moved>)| -> Option<Change> {
-                match &constant.kind {
-                    ConstantKind::Material { groups, index } => {
-                        let tangent = tangent.as_ref()?;
-                        let mut nodes = still();
-                        for &group in groups {
-                            let fields = by_group.entry(group).or_insert_with(|| tangent.by_material(group));
-                            add(&mut nodes, 1.0, fields.get(*index)?);
-                        }
-                        let jumps = model.jump_changes(u, &nodes);
-                        let own = |cell: &LoadCell| {
-                            groups.iter().map(|&group| cell.by_material(model, group, u)[*index]).sum::<f64>()
-                        };
-                        let force = carried(&nodes) + cell.map_or(0.0, own);
-                        Some(Change { nodes, jumps, force })
-                    }
-                    ConstantKind::Law { index } => {
-                        let nodes = instant.sensitivities.get(*index)?.clone();
-                        let jumps = model.jump_changes(u, &nodes);
-                        let force = carried(&nodes) + by_law(*index);
-                        Some(Change { nodes, jumps, force })
-                    }
-                    ConstantKind::Width => {
-                        let jumps = vec![Jump::default(); model.mesh().pairs().len()];
-                        Some(Change { nodes: still(), jumps, force: cell.map_or(0.0, |cell| whole / cell.width_mm) })
-                    }
-                    ConstantKind::Thickness if model.options().kinematics == Kinematics::Paper => {
-                        let jumps = vec![Jump::default(); model.mesh().pairs().len()];
-                        Some(Change { nodes: still(), jumps, force: 0.0 })
-                    }
-                    ConstantKind::Thickness | ConstantKind::Face(_) => {
-                        Some(moved.as_ref()?.change(model, law, tangent.as_ref()?, u, cell))
-                    }
-                    ConstantKind::PixelSize => {
-                        // Were all parameters of the law to grow by their power of mm, the solution would grow as the data do:
-                        // what a prescribed one, which does not, takes away. Those fitted follow, see below.
-                        let small = model.options().kinematics.is_small();
-                        let (mut nodes, mut all) = (still(), if small { u.clone() } else { still() });
-                        let fitted = |index: usize| self.unknowns.list().iter().any(|unknown| unknown.index == index);
-                        // A reaction by width grows as lengths do, what the load cell shows does not.
-                        let mut force = whole;
-                        for (index, (p, value)) in law.parameters().iter().zip(law.values()).enumerate() {
-                            let grown = -power_of_length(p.unit) * value;
-                            let field = instant.sensitivities.get(index)?;
-                            add(&mut all, grown, field);
-                            if !fitted(index) {
-                                add(&mut nodes, grown, field);
-                                force += grown * (carried(field) + by_law(index));
-                            }
-                        }
-                        let mut jumps = model.jump_changes(u, &all);
-                        if !small {
-                            // All lengths grow alike: the jumps as well, whatever has turned.
-                            jumps.iter_mut().zip(model.jumps(u)).for_each(|(sum, jump)| {
-                                *sum = Jump {
-                                    normal: sum.normal + jump.normal,
-                                    tangential: sum.tangential + jump.tangential,
-                                };
-                            });
-                        }
-                        Some(Change { nodes, jumps, force })
-                    }
-                    ConstantKind::NoiseLevel => None,
-                }
-            };
-            asked.iter().zip(&moved).map(&mut of).collect()
+        let of_instant = |observed: &ObservedInstant| -> Vec<Option<Change>> {
+            let mut there = AtInstant::new(self, evaluation, law, observed.index, tangent_needed);
+            asked.iter().zip(&moved).map(|(constant, moved)| there.change(&constant.kind, moved.as_ref())).collect()
         };
         let changes: Vec<Vec<Option<Change>>> = self.observation.instants.par_iter().map(of_instant).collect();
         let slopes = self.unknowns.slopes(&evaluation.x);
-        let mut effects = Vec::with_capacity(asked.len());
-        for (k, &constant) in asked.iter().enumerate() {
-            let Some(changes) = changes.iter().map(|list| list[k].as_ref()).collect::<Option<Vec<&Change>>>() else {
-                continue;
-            };
-            // Of the pixel size a relative change is meant.
-            let std = match (&constant.kind, constant.value) {
-                (ConstantKind::PixelSize, Some(value)) => constant.std / value,
-                _ => constant.std,
-            };
-            let rows_of = |(change, observed): (&&Change, &super::observation::ObservedInstant)| {
-                let of_node = |node: usize, c: usize| std * change.nodes[node][c];
-                self.observation.column(observed.index, of_node, |_| std * change.force)
-            };
-            let rows: Vec<Dense> = changes.iter().zip(&self.observation.instants).map(rows_of).collect();
-            let mut scaled = statistics.shift(&rows);
-            if constant.kind == ConstantKind::PixelSize {
-                for (k, unknown) in self.unknowns.list().iter().enumerate() {
-                    scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];
-                }
-            }
-            let mut by_law = vec![0.0; law.parameters().len()];
-            if let ConstantKind::Law { index } = constant.kind {
-                by_law[index] = std;
-            }
+        let effect = |(k, &constant): (usize, &&Constant)| {
+            let changes = changes.iter().map(|list| list[k].as_ref()).collect::<Option<Vec<&Change>>>()?;
+            self.effect_of(constant, &changes, (evaluation, statistics), &slopes)
+        };
+        asked.iter().enumerate().filter_map(effect).collect()
+    }
+
+    /// The effect of a constant that changes the instants by `changes`; `slopes` are those of the unknowns. `None`
+    /// where it is not finite.
+    fn effect_of(
+        &self,
+        constant: &Constant,
+        changes: &[&Change],
+        (evaluation, statistics): (&Evaluation, &Statistics),
+        slopes: &[f64],
+    ) -> Option<ConstantEffect> {
+        // Of the pixel size a relative change is meant.
+        let std = match (&constant.kind, constant.value) {
+            (ConstantKind::PixelSize, Some(value)) => constant.std / value,
+            _ => constant.std,
+        };
+        let rows_of = |(change, observed): (&&Change, &ObservedInstant)| {
+            let of_node = |node: usize, c: usize| std * change.nodes[node][c];
+            self.observation.column(observed.index, of_node, |_| std * change.force)
+        };
+        let rows: Vec<Dense> = changes.iter().zip(&self.observation.instants).map(rows_of).collect();
+        let mut scaled = statistics.shift(&rows);
+        if constant.kind == ConstantKind::PixelSize {
             for (k, unknown) in self.unknowns.list().iter().enumerate() {
-                by_law[unknown.index] = slopes[k] * scaled[k];
+                scaled[k] += std * power_of_length(unknown.parameter.unit) * evaluation.x[k] / slopes[k];
             }
-            if scaled.iter().any(|z| !z.is_finite()) {
-                continue;
-            }
-            let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
-            let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
-            effects.push(ConstantEffect { constant: constant.clone(), scaled, law: by_law, jumps, rows });
         }
-        effects
+        let mut law = vec![0.0; self.unknowns.law().parameters().len()];
+        if let ConstantKind::Law { index } = constant.kind {
+            law[index] = std;
+        }
+        for (k, unknown) in self.unknowns.list().iter().enumerate() {
+            law[unknown.index] = slopes[k] * scaled[k];
+        }
+        if scaled.iter().any(|z| !z.is_finite()) {
+            return None;
+        }
+        let times = |jump: &Jump| Jump { normal: std * jump.normal, tangential: std * jump.tangential };
+        let jumps = changes.iter().map(|change| change.jumps.iter().map(times).collect()).collect();
+        Some(ConstantEffect { constant: constant.clone(), scaled, law, jumps, rows })
     }
 
     /// Whether a constant is among the unknowns.

@@ -2,11 +2,11 @@
 
 use super::axes::Axes;
 use super::bootstrap::Base;
-use super::budget::{Budget, Ingredients, budget, interval95};
+use super::budget::{Budget, Ingredients, interval95};
 use super::constants::{ConstantEffect, ConstantKind};
-use super::discretisation::Refinement;
+use super::discretisation::{Refined, Refinement};
 use super::far_starts::{further_start, other_minima, several_minima};
-use super::fitted::{FittedParameter, FittedQuantity, StartEnd};
+use super::fitted::{Fitted, FittedParameter, FittedQuantity, StartEnd, assess};
 use super::intervals::{IntervalBasis, settle};
 use super::misfit::Misfit;
 use super::objective::{Evaluation, Problem};
@@ -17,7 +17,7 @@ use super::released_width::ReleasedWidth;
 use super::rotations::Rotations;
 use super::stage::{COARSE, Stage, at, distance, full_weights, no_texture, reweight, run};
 use super::statistics::Statistics;
-use super::trust_region::{End, FitStatus, Iteration, TrustRegionOptions};
+use super::trust_region::{End, FitStatus, Iteration, Local, TrustRegionOptions};
 use super::unknowns::Unknowns;
 use super::verdict::{Grounds, LARGEST_STD, Verdict, curve_alone};
 use super::watch::Ended;
@@ -146,253 +146,272 @@ pub fn fit(problem: &Problem<'_>, options: &FitOptions) -> Result<Fit, FitError>
 /// Fits them, and goes on from a lower minimum `looks` times, 0 for never looking for one.
 fn fit_looking(problem: &Problem<'_>, options: &FitOptions, looks: usize) -> Result<Fit, FitError> {
     let unknowns = &problem.unknowns;
-    let measured = &problem.joint.boundary;
-    let noisy_boundary = !problem.observation.prescribed.is_empty();
-    let mut weights = match options.weights {
-        // Without boundary noise the inverse covariance does not depend on the parameters.
-        WeightKind::Covariance if !noisy_boundary => {
-            let n = problem.observation.instants.len();
-            Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
-        }
-        kind => problem.diagonal_weights(kind),
-    };
-    let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
-    let weighted_again = options.weights == WeightKind::Covariance && noisy_boundary;
-    let region = match weighted_again && starts.len() == 1 {
-        true => TrustRegionOptions { step_tolerance: COARSE, ..options.region },
-        false => options.region,
-    };
-    let ends: Vec<End> =
-        starts.par_iter().map(|start| run(problem, measured, &weights, start, None, &region)).collect();
-    let (best, starts) = compare(unknowns, &starts, &ends);
-    let first = ends.into_iter().nth(best).expect("the best of the ends");
-    if first.local.is_none() {
-        return Err(FitError::NoStart { start: describe(unknowns, &unknowns.start()), reason: first.reason });
+    let end = Minimum::find(problem, options)?;
+    if let Some(start) = end.further_start(problem, options) {
+        return fit_from(problem, unknowns.starting_at(&start)?, options, looks);
     }
-    let mut stage = Stage::of(first);
-
-    let mut boundary = measured.clone();
-    let (mut largest_correction, mut known) = (None, None);
-    if weighted_again && stage.status == FitStatus::Converged {
-        if options.estimate_boundary {
-            let end = estimate_boundary(problem, &mut stage, options)?;
-            (boundary, weights) = (end.boundary, end.weights);
-            (largest_correction, known) = (Some(end.largest_correction), Some(end.evaluation));
-        } else {
-            weights = reweight(problem, &mut stage, &options.region)?;
-        }
+    let is_end = looks > 0 && end.stage.status == FitStatus::Converged && end.statistics.is_some();
+    if !(is_end && unknowns.law().has_own_minima()) {
+        return appraise(problem, options, end, None);
     }
-
-    let evaluation = known.map_or_else(|| at(problem, &stage.z, &boundary), Ok)?;
-    let local = evaluation.local(&weights, &problem.noise);
-    let statistics = Statistics::new(problem, &evaluation, &weights)?;
-    let all_data = || matches!(weights, Weights::Inverse(_)).then_some(problem.observation.n_data() as f64);
-    let expected = statistics.as_ref().map(|statistics| statistics.expected_omega).or_else(all_data);
-    if let Some(start) = further_start(problem, options, &weights, (stage.status, local.omega, expected)) {
-        let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
-        let mut found = fit_looking(&problem.with_unknowns(unknowns.starting_at(&start)?), &options, looks)?;
-        found.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
-        return Ok(found);
-    }
-    let is_end = looks > 0 && stage.status == FitStatus::Converged && statistics.is_some();
-    let minima = match is_end && unknowns.law().has_own_minima() {
-        true => {
-            problem.watch.begins("other minima");
-            other_minima(problem, options, &weights, &boundary, &stage.z)
-        }
-        false => Vec::new(),
-    };
+    problem.watch.begins("other minima");
+    let minima = other_minima(problem, options, &end.weights, &end.boundary, &end.stage.z);
     if let Some((lower, omega)) = minima.first()
-        && *omega < local.omega * (1.0 - LOWER)
+        && *omega < end.local.omega * (1.0 - LOWER)
         && looks > 1
     {
-        let there = problem.with_unknowns(unknowns.starting_at(&unknowns.unscaled(lower))?);
-        let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
-        if let Ok(mut found) = fit_looking(&there, &options, looks - 1)
-            && found.status == FitStatus::Converged
-            && found.omega < local.omega
+        let there = unknowns.starting_at(&unknowns.unscaled(lower))?;
+        if let Ok(fit) = fit_from(problem, there, options, looks - 1)
+            && fit.status == FitStatus::Converged
+            && fit.omega < end.local.omega
         {
-            found.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
-            return Ok(found);
+            return Ok(fit);
         }
     }
-    let x = evaluation.x.clone();
-    let slopes = unknowns.slopes(&x);
-    let constants = match &statistics {
-        Some(statistics) => problem.constant_effects(&evaluation, statistics, &options.constants),
+    appraise(problem, options, end, Some(&minima))
+}
+
+/// Fits them from `there` on, as if the start of `problem` had led there.
+fn fit_from(problem: &Problem<'_>, there: Unknowns, options: &FitOptions, looks: usize) -> Result<Fit, FitError> {
+    let unknowns = &problem.unknowns;
+    let options = FitOptions { starts: vec![unknowns.start()], ..options.clone() };
+    let mut fit = fit_looking(&problem.with_unknowns(there), &options, looks)?;
+    fit.parameters.iter_mut().zip(unknowns.list()).for_each(|(p, unknown)| p.start = unknown.start);
+    Ok(fit)
+}
+
+/// Where the search for the least objective ended, and what the objective is like there.
+struct Minimum {
+    stage: Stage,
+    starts: Vec<StartEnd>,
+    weights: Weights,
+    /// Whether the weights (or the border) are made again from the data.
+    follows_data: bool,
+    boundary: BoundaryHistory,
+    largest_correction: Option<f64>,
+    evaluation: Evaluation,
+    local: Local,
+    statistics: Option<Statistics>,
+}
+
+impl Minimum {
+    /// Searches from every start, and on from the best end under weights that are made there.
+    fn find(problem: &Problem<'_>, options: &FitOptions) -> Result<Self, FitError> {
+        let unknowns = &problem.unknowns;
+        let measured = &problem.joint.boundary;
+        let noisy_boundary = !problem.observation.prescribed.is_empty();
+        let mut weights = match options.weights {
+            // Without boundary noise the inverse covariance does not depend on the parameters.
+            WeightKind::Covariance if !noisy_boundary => {
+                let n = problem.observation.instants.len();
+                Weights::Inverse(InverseCovariance::new(&problem.noise, n, Vec::new()).map_err(no_texture)?)
+            }
+            kind => problem.diagonal_weights(kind),
+        };
+        let starts: Vec<Vec<f64>> = std::iter::once(unknowns.start()).chain(options.starts.iter().cloned()).collect();
+        let follows_data = options.weights == WeightKind::Covariance && noisy_boundary;
+        let region = match follows_data && starts.len() == 1 {
+            true => TrustRegionOptions { step_tolerance: COARSE, ..options.region },
+            false => options.region,
+        };
+        let ends: Vec<End> =
+            starts.par_iter().map(|start| run(problem, measured, &weights, start, None, &region)).collect();
+        let (best, starts) = compare(unknowns, &starts, &ends);
+        let first = ends.into_iter().nth(best).expect("the best of the ends");
+        if first.local.is_none() {
+            return Err(FitError::NoStart { start: describe(unknowns, &unknowns.start()), reason: first.reason });
+        }
+        let mut stage = Stage::of(first);
+
+        let mut boundary = measured.clone();
+        let (mut largest_correction, mut known) = (None, None);
+        if follows_data && stage.status == FitStatus::Converged {
+            if options.estimate_boundary {
+                let end = estimate_boundary(problem, &mut stage, options)?;
+                (boundary, weights) = (end.boundary, end.weights);
+                (largest_correction, known) = (Some(end.largest_correction), Some(end.evaluation));
+            } else {
+                weights = reweight(problem, &mut stage, &options.region)?;
+            }
+        }
+
+        let evaluation = known.map_or_else(|| at(problem, &stage.z, &boundary), Ok)?;
+        let local = evaluation.local(&weights, &problem.noise);
+        let statistics = Statistics::new(problem, &evaluation, &weights)?;
+        Ok(Self { stage, starts, weights, follows_data, boundary, largest_correction, evaluation, local, statistics })
+    }
+
+    /// See [`further_start`].
+    fn further_start(&self, problem: &Problem<'_>, options: &FitOptions) -> Option<Vec<f64>> {
+        let all_data = || matches!(self.weights, Weights::Inverse(_)).then_some(problem.observation.n_data() as f64);
+        let expected = self.statistics.as_ref().map(|statistics| statistics.expected_omega).or_else(all_data);
+        further_start(problem, options, &self.weights, (self.stage.status, self.local.omega, expected))
+    }
+}
+
+/// Finds what is known of a result, one thing after the other, until something ends the fit from outside.
+struct Appraisal<'a> {
+    problem: &'a Problem<'a>,
+    options: &'a FitOptions,
+    end: &'a Minimum,
+    /// What that left out.
+    missing: Vec<&'static str>,
+}
+
+/// Whether the data contradict the model, as far as that is tested.
+#[derive(Default)]
+struct Doubts {
+    misfit: Option<Misfit>,
+    released: Option<Released>,
+    width: Option<ReleasedWidth>,
+}
+
+impl Appraisal<'_> {
+    /// Computes what elements half as large would change.
+    fn refine(&mut self) -> Option<Refined> {
+        let watch = &self.problem.watch;
+        watch.begins("element size");
+        if self.options.discretisation == Discretisation::Off {
+            return None;
+        }
+        let refined = self.problem.refined(&self.end.evaluation, &self.end.boundary);
+        if refined.is_none() && watch.ended().is_some() {
+            self.missing.push("the effect of the element size");
+        }
+        refined
+    }
+
+    /// Computes what finite rotations would change, where that is asked for.
+    fn turn(&self, slopes: &[f64]) -> Option<Rotations> {
+        let Self { problem, options, end, .. } = self;
+        let statistics = end.statistics.as_ref()?;
+        let wanted = options.doubt && options.rotations != RotationCheck::Off && problem.is_small();
+        if !wanted || problem.watch.ended().is_some() {
+            return None;
+        }
+        problem.watch.begins("finite rotations");
+        let turned = problem.turned(&end.evaluation, &end.boundary);
+        let rotations = Rotations::new(turned.map(|change| statistics.shift(&change)), slopes);
+        Some(rotations).filter(|rotations| rotations.change.is_some() || problem.watch.ended().is_none())
+    }
+
+    /// Gives parameters and quantities their intervals.
+    fn settle_intervals(
+        &mut self,
+        budget: &Budget,
+        parameters: &mut [FittedParameter],
+        derived: &mut [FittedQuantity],
+    ) -> Option<IntervalBasis> {
+        let Self { problem, options, end, .. } = *self;
+        let watch = &problem.watch;
+        watch.begins("intervals");
+        let Minimum { evaluation, weights, boundary, follows_data, .. } = end;
+        let statistics = end.statistics.as_ref()?;
+        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data: *follows_data };
+        let mut settle_as = |wanted| settle(&base, wanted, options.bootstrap, budget, parameters, derived);
+        let basis = settle_as(if watch.ended().is_some() { Intervals::Linear } else { options.intervals });
+        // What was computed in part says that fits fail, which is not what happened.
+        let basis = if watch.ended().is_some() { settle_as(Intervals::Linear) } else { basis };
+        if options.intervals != Intervals::Linear && watch.ended().is_some() {
+            self.missing.push("whether linear intervals are good enough");
+        }
+        Some(basis)
+    }
+
+    /// Tests whether the data contradict the model; `change` is what elements half as large change of the measured
+    /// rows.
+    fn doubt(&mut self, change: Option<&[Dense]>, constants: &[ConstantEffect]) -> Result<Doubts, FitError> {
+        let Self { problem, options, end: Minimum { evaluation, weights, boundary, .. }, .. } = *self;
+        let Some(statistics) = self.end.statistics.as_ref().filter(|_| options.doubt) else {
+            return Ok(Doubts::default());
+        };
+        // Of a point that is no minimum the tests would tell that.
+        if self.end.stage.status.cut_short() {
+            self.missing.push("the misfit test");
+            return Ok(Doubts::default());
+        }
+        let watch = &problem.watch;
+        watch.begins("misfit");
+        let misfit = problem.misfit(evaluation, weights, statistics, change, constants)?;
+        watch.begins("prescribed parameters as unknowns");
+        let released = match options.release {
+            true => problem.released(evaluation, weights, statistics, boundary)?,
+            false => None,
+        };
+        let ended = options.release && watch.ended().is_some();
+        self.missing.extend(ended.then_some("what the prescribed parameters would be as unknowns"));
+        let width_std = options.constants.iter().find(|constant| constant.kind == ConstantKind::Width);
+        let width_std = width_std.map_or(0.0, |constant| constant.std);
+        let width = problem.width_as_unknown(evaluation, weights, change, constants, width_std);
+        Ok(Doubts { misfit: Some(misfit), released: released.filter(|_| !ended), width })
+    }
+}
+
+/// Finds what is known of the result at `end`; `minima` are the others of a law that has some, where they were looked
+/// for.
+fn appraise(
+    problem: &Problem<'_>,
+    options: &FitOptions,
+    end: Minimum,
+    minima: Option<&[(Vec<f64>, f64)]>,
+) -> Result<Fit, FitError> {
+    let (unknowns, x, statistics) = (&problem.unknowns, &end.evaluation.x, end.statistics.as_ref());
+    let mut appraisal = Appraisal { problem, options, end: &end, missing: Vec::new() };
+    let slopes = unknowns.slopes(x);
+    let constants = match statistics {
+        Some(statistics) => problem.constant_effects(&end.evaluation, statistics, &options.constants),
         None => Vec::new(),
     };
-    let watch = &problem.watch;
-    let mut missing = Vec::new();
-    watch.begins("element size");
-    let refined = match options.discretisation {
-        Discretisation::Off => None,
-        _ => problem.refined(&evaluation, &boundary),
-    };
-    if options.discretisation != Discretisation::Off && refined.is_none() && watch.ended().is_some() {
-        missing.push("the effect of the element size");
-    }
-    let refinement = statistics.as_ref().zip(refined.as_ref()).map(|(statistics, refined)| Refinement {
+    let refined = appraisal.refine();
+    let refinement = statistics.zip(refined.as_ref()).map(|(statistics, refined)| Refinement {
         scaled: statistics.shift(&refined.change),
         jumps: refined.jumps.clone(),
         included: options.discretisation == Discretisation::Included,
     });
-    let rotations = match &statistics {
-        Some(statistics)
-            if options.doubt
-                && options.rotations != RotationCheck::Off
-                && problem.is_small()
-                && watch.ended().is_none() =>
-        {
-            watch.begins("finite rotations");
-            let turned = problem.turned(&evaluation, &boundary);
-            Some(Rotations::new(turned.map(|change| statistics.shift(&change)), &slopes))
-        }
-        _ => None,
-    }
-    .filter(|rotations| rotations.change.is_some() || watch.ended().is_none());
+    let rotations = appraisal.turn(&slopes);
     let by_refinement: Option<Vec<f64>> =
         refinement.as_ref().map(|finer| finer.scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
-    let (budget, quantities, covariance) = budget(
+    let Fitted { budget, mut parameters, mut derived, covariance } = assess(
         problem,
         &Ingredients {
-            x: &x,
-            statistics: statistics.as_ref(),
+            x,
+            statistics,
             constants: &options.constants,
             effects: &constants,
             by_refinement: by_refinement.as_deref(),
             discretisation: options.discretisation,
         },
     );
-    let known = statistics.is_some();
-    let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics.as_ref()));
-    let at_bound = |k: usize| {
-        let [low, high] = unknowns.list()[k].bounds;
-        x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9)
-    };
-    let mut parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
-        .map(|(k, unknown)| {
-            let parts = budget.parameter(k);
-            FittedParameter {
-                parameter: unknown.parameter,
-                value: x[k],
-                std: known.then_some(parts.std),
-                std_noise: known.then_some(parts.noise),
-                discretisation: by_refinement.as_ref().map(|change| change[k]),
-                interval95: None,
-                ends95: [None; 2],
-                bias: None,
-                bias_std: None,
-                std_bootstrap: None,
-                start: unknown.start,
-                bounds: unknown.bounds,
-                at_bound: at_bound(k),
-            }
-        })
-        .collect();
-    let mut derived: Vec<FittedQuantity> = (quantities.into_iter().enumerate())
-        .map(|(q, quantity)| {
-            let parts = budget.quantity(q);
-            FittedQuantity {
-                quantity,
-                std: known.then_some(parts.std),
-                std_noise: known.then_some(parts.noise),
-                discretisation: by_refinement.as_ref().and_then(|_| budget.lines.last()?.derived.get(q).copied()),
-                interval95: None,
-                ends95: [None; 2],
-                bias: None,
-            }
-        })
-        .collect();
-    watch.begins("intervals");
-    let intervals = statistics.as_ref().map(|statistics| {
-        let follows_data = weighted_again;
-        let (evaluation, weights, boundary) = (&evaluation, &weights, &boundary);
-        let base = Base { problem, evaluation, statistics, weights, boundary, follows_data };
-        let mut settled = |wanted| settle(&base, wanted, options.bootstrap, &budget, &mut parameters, &mut derived);
-        let wanted = if watch.ended().is_some() { Intervals::Linear } else { options.intervals };
-        let basis = settled(wanted);
-        // What was computed in part says that fits fail, which is not what happened.
-        let basis = if watch.ended().is_some() { settled(Intervals::Linear) } else { basis };
-        if options.intervals != Intervals::Linear && watch.ended().is_some() {
-            missing.push("whether linear intervals are good enough");
-        }
-        basis
-    });
+    let correlation = covariance.as_ref().map(|covariance| correlation_of(covariance, statistics));
+    let intervals = appraisal.settle_intervals(&budget, &mut parameters, &mut derived);
     // What the objective allows about every minimum, of a law with several.
-    let axes = match &statistics {
-        Some(statistics) if is_end && unknowns.law().has_own_minima() && watch.ended().is_none() => {
-            Axes::new(problem, (&evaluation, &boundary), statistics, options, &minima)?
+    let axes = match (statistics, minima) {
+        (Some(statistics), Some(minima)) if problem.watch.ended().is_none() => {
+            Axes::new(problem, (&end.evaluation, &end.boundary), statistics, options, minima)?
         }
         _ => None,
     };
     if let Some(axes) = &axes {
         hold(axes, unknowns, &budget, &mut parameters, &mut derived);
     }
-    let eigen = local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
+    let eigen = end.local.h.symmetric_eigen().ok_or(FitError::NotFinite)?;
     let singular_values: Vec<f64> = eigen.0.iter().rev().map(|v| v.max(0.0).sqrt()).collect();
-    let change = refined.as_ref().map(|refined| refined.change.as_slice());
-    let (misfit, released) = match &statistics {
-        // Of a point that is no minimum they would tell that.
-        Some(statistics) if options.doubt && !stage.status.cut_short() => {
-            watch.begins("misfit");
-            let misfit = problem.misfit(&evaluation, &weights, statistics, change, &constants)?;
-            watch.begins("prescribed parameters as unknowns");
-            let released = match options.release {
-                true => problem.released(&evaluation, &weights, statistics, &boundary)?,
-                false => None,
-            };
-            let ended = options.release && watch.ended().is_some();
-            missing.extend(ended.then_some("what the prescribed parameters would be as unknowns"));
-            (Some(misfit), released.filter(|_| !ended))
-        }
-        Some(_) if options.doubt => {
-            missing.push("the misfit test");
-            (None, None)
-        }
-        _ => (None, None),
+    let doubts = appraisal.doubt(refined.as_ref().map(|refined| refined.change.as_slice()), &constants)?;
+    let missing = appraisal.missing;
+    let cut_short = problem.watch.ended().map(|ended| CutShort { ended, missing });
+    let findings = Findings {
+        parameters: &parameters,
+        derived: &derived,
+        intervals: intervals.as_ref(),
+        doubts: &doubts,
+        rotations: rotations.as_ref(),
+        axes: axes.as_ref(),
+        cut_short: cut_short.as_ref(),
     };
-    let width_std = options.constants.iter().find(|constant| constant.kind == ConstantKind::Width);
-    let width_std = width_std.map_or(0.0, |constant| constant.std);
-    let width =
-        misfit.as_ref().and_then(|_| problem.width_as_unknown(&evaluation, &weights, change, &constants, width_std));
-    let cut_short = watch.ended().map(|ended| CutShort { ended, missing });
-    let unfinished = unfinished(stage.status, cut_short.as_ref(), unknowns, &x);
-    // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them together.
-    let of_noise = statistics.as_ref().map(|statistics| correlation_of(&statistics.covariance, Some(statistics)));
-    let noise = statistics.as_ref().map(|statistics| &statistics.covariance);
-    let missing = if options.doubt { problem.missing_mode(&evaluation, &local.h, noise, LARGEST_STD) } else { None };
-    let verdict = match &of_noise {
-        None => Verdict::singular(&parameters, unfinished, missing.as_ref()),
-        Some(correlation) => {
-            let prescribed =
-                released.as_ref().map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
-            let grounds = Grounds {
-                correlation,
-                misfit: misfit.as_ref(),
-                released: released.as_ref(),
-                width: width.as_ref(),
-                released_std: &prescribed,
-                intervals: intervals.as_ref(),
-                noise_ratio: problem.noise.ratio,
-                given: problem.given(),
-                unfinished,
-                missing,
-            };
-            Verdict::new(&parameters, &grounds)
-        }
-    };
-    let judged = rotations.as_ref().filter(|_| options.rotations == RotationCheck::Judged);
-    let mut verdict = verdict.with_rotations(judged, &parameters);
-    if problem.observation.nodes.is_empty() && statistics.is_some() {
-        verdict.sentences.push(curve_alone(&parameters, &derived));
-    }
-    if let Some(others) = axes.as_ref().map(Axes::n_others).filter(|others| *others > 0) {
-        verdict.sentences.push(several_minima(unknowns.law().name(), others));
-    }
-    let mut history = stage.history;
+    let verdict = judge(problem, options, &end, &findings);
+    let mut history = end.stage.history;
     history.iter_mut().for_each(|iteration| iteration.z = unknowns.unscaled(&iteration.z));
-    let law = unknowns.law_at(&x)?;
+    let law = unknowns.law_at(x)?;
     Ok(Fit {
         derived,
         parameters,
@@ -400,30 +419,83 @@ fn fit_looking(problem: &Problem<'_>, options: &FitOptions, looks: usize) -> Res
         covariance,
         correlation,
         singular_values,
-        omega: local.omega,
-        status: stage.status,
-        reason: stage.reason,
-        evaluations: stage.evaluations,
-        rescued: stage.rescued,
+        omega: end.local.omega,
+        status: end.stage.status,
+        reason: end.stage.reason,
+        evaluations: end.stage.evaluations,
+        rescued: end.stage.rescued,
         history,
-        starts,
-        misfit,
-        released,
-        width,
+        starts: end.starts,
+        misfit: doubts.misfit,
+        released: doubts.released,
+        width: doubts.width,
         verdict,
-        statistics,
         constants,
         budget,
         implausible: implausible_result(problem, &*law),
         intervals,
         refinement,
         rotations,
-        evaluation,
-        boundary,
-        largest_correction,
+        statistics: end.statistics,
+        evaluation: end.evaluation,
+        boundary: end.boundary,
+        largest_correction: end.largest_correction,
         cut_short,
         axes,
     })
+}
+
+/// What the verdict on a fit rests on, beside where it ended.
+struct Findings<'a> {
+    parameters: &'a [FittedParameter],
+    derived: &'a [FittedQuantity],
+    intervals: Option<&'a IntervalBasis>,
+    doubts: &'a Doubts,
+    rotations: Option<&'a Rotations>,
+    axes: Option<&'a Axes>,
+    cut_short: Option<&'a CutShort>,
+}
+
+/// Judges the fit that ended at `end`.
+fn judge(problem: &Problem<'_>, options: &FitOptions, end: &Minimum, of: &Findings<'_>) -> Verdict {
+    let unfinished = unfinished(end.stage.status, of.cut_short, &problem.unknowns, &end.evaluation.x);
+    let statistics = end.statistics.as_ref();
+    let noise = statistics.map(|statistics| &statistics.covariance);
+    let missing =
+        if options.doubt { problem.missing_mode(&end.evaluation, &end.local.h, noise, LARGEST_STD) } else { None };
+    // Whether the data tell the parameters apart is a question to the noise: one wrong constant moves all of them
+    // together.
+    let of_noise = noise.map(|covariance| correlation_of(covariance, statistics));
+    let verdict = match &of_noise {
+        None => Verdict::singular(of.parameters, unfinished, missing.as_ref()),
+        Some(correlation) => {
+            let released = of.doubts.released.as_ref();
+            let prescribed =
+                released.map_or(Vec::new(), |released| problem.prescribed_std(released, &options.constants));
+            let grounds = Grounds {
+                correlation,
+                misfit: of.doubts.misfit.as_ref(),
+                released,
+                width: of.doubts.width.as_ref(),
+                released_std: &prescribed,
+                intervals: of.intervals,
+                noise_ratio: problem.noise.ratio,
+                given: problem.given(),
+                unfinished,
+                missing,
+            };
+            Verdict::new(of.parameters, &grounds)
+        }
+    };
+    let judged = of.rotations.filter(|_| options.rotations == RotationCheck::Judged);
+    let mut verdict = verdict.with_rotations(judged, of.parameters);
+    if problem.observation.nodes.is_empty() && statistics.is_some() {
+        verdict.sentences.push(curve_alone(of.parameters, of.derived));
+    }
+    if let Some(others) = of.axes.map(Axes::n_others).filter(|others| *others > 0) {
+        verdict.sentences.push(several_minima(problem.unknowns.law().name(), others));
+    }
+    verdict
 }
 
 /// Widens the intervals to what the objective allows about every minimum, constants and bias as before.

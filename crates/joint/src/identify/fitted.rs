@@ -1,8 +1,11 @@
 //! What was fitted, with what is known of it.
 
+use super::budget::{Budget, Ingredients, budget};
 use super::derived::Derived;
+use super::objective::Problem;
 use super::statistics::NORMAL_95;
 use super::trust_region::FitStatus;
+use crate::linalg::Dense;
 use crate::mechanics::cohesive::Parameter;
 
 /// One parameter that was fitted.
@@ -74,6 +77,56 @@ impl FittedQuantity {
     pub(super) fn set_ends(&mut self, ends: [Option<f64>; 2]) {
         (self.ends95, self.interval95) = (ends, both(ends));
     }
+}
+
+/// Parameters and quantities with their standard uncertainties, before they get intervals.
+pub(super) struct Fitted {
+    pub parameters: Vec<FittedParameter>,
+    pub derived: Vec<FittedQuantity>,
+    pub covariance: Option<Dense>,
+    pub budget: Budget,
+}
+
+/// Makes the budget of the parameters found, and gives them and what follows from them their standard uncertainties.
+pub(super) fn assess(problem: &Problem<'_>, of: &Ingredients<'_>) -> Fitted {
+    let (x, change) = (of.x, of.by_refinement);
+    let (budget, quantities, covariance) = budget(problem, of);
+    let is_known = covariance.is_some();
+    let parameters = (problem.unknowns.list().iter().enumerate())
+        .map(|(k, unknown)| {
+            let (parts, [low, high]) = (budget.parameter(k), unknown.bounds);
+            FittedParameter {
+                parameter: unknown.parameter,
+                value: x[k],
+                std: is_known.then_some(parts.std),
+                std_noise: is_known.then_some(parts.noise),
+                discretisation: change.map(|change| change[k]),
+                interval95: None,
+                ends95: [None; 2],
+                bias: None,
+                bias_std: None,
+                std_bootstrap: None,
+                start: unknown.start,
+                bounds: unknown.bounds,
+                at_bound: x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9),
+            }
+        })
+        .collect();
+    let derived = (quantities.into_iter().enumerate())
+        .map(|(q, quantity)| {
+            let parts = budget.quantity(q);
+            FittedQuantity {
+                quantity,
+                std: is_known.then_some(parts.std),
+                std_noise: is_known.then_some(parts.noise),
+                discretisation: change.and_then(|_| budget.lines.last()?.derived.get(q).copied()),
+                interval95: None,
+                ends95: [None; 2],
+                bias: None,
+            }
+        })
+        .collect();
+    Fitted { parameters, derived, covariance, budget }
 }
 
 fn both(ends: [Option<f64>; 2]) -> Option<[f64; 2]> {

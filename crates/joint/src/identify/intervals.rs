@@ -104,6 +104,16 @@ pub fn doubts(names: &[&str], relative_std: &[f64], probe: Option<&[Vec<f64>; 2]
     list
 }
 
+/// What gets intervals, with what adds up with the noise.
+struct Settled<'a> {
+    base: &'a Base<'a>,
+    budget: &'a Budget,
+    parameters: &'a mut [FittedParameter],
+    quantities: &'a mut [FittedQuantity],
+    /// Derivatives of the unknowns by the scaled unknowns.
+    slopes: Vec<f64>,
+}
+
 /// Gives `parameters` and `quantities` the intervals that `wanted` asks for; `n_draws` is the size of the bootstrap, `budget` has
 /// what adds up with the noise.
 pub(super) fn settle(
@@ -114,24 +124,15 @@ pub(super) fn settle(
     parameters: &mut [FittedParameter],
     quantities: &mut [FittedQuantity],
 ) -> IntervalBasis {
-    let unknowns = &base.problem.unknowns;
     let x = &base.evaluation.x;
-    let slopes = unknowns.slopes(x);
+    let slopes = base.problem.unknowns.slopes(x);
     let n = x.len();
     let scaled_std: Vec<f64> = (0..n).map(|k| base.statistics.covariance[(k, k)].max(0.0).sqrt()).collect();
     let relative: Vec<f64> = (0..n).map(|k| scaled_std[k] * slopes[k] / x[k].abs().max(f64::MIN_POSITIVE)).collect();
     let names: Vec<&str> = parameters.iter().map(|p| p.parameter.name).collect();
     let mut basis = IntervalBasis::linear();
-    let linear =
-        |value: f64, bias: f64, parts: Parts| interval95(value, [Some(NORMAL_95 * parts.noise); 2], bias, parts.others);
-    for (k, p) in parameters.iter_mut().enumerate() {
-        (p.bias, p.bias_std, p.std_bootstrap) = (None, None, None);
-        p.set_ends(linear(p.value, 0.0, budget.parameter(k)));
-    }
-    for (k, q) in quantities.iter_mut().enumerate() {
-        q.bias = None;
-        q.set_ends(linear(q.quantity.value, 0.0, budget.quantity(k)));
-    }
+    let mut of = Settled { base, budget, parameters, quantities, slopes };
+    of.set_linear();
     let silent =
         relative.iter().all(|std| *std < NOTHING) || scaled_std.iter().any(|std| *std <= 0.0 || !std.is_finite());
     if wanted == Intervals::Linear || silent {
@@ -152,16 +153,7 @@ pub(super) fn settle(
     if wanted == Intervals::Auto && !basis.linearity.in_doubt() {
         let Some([even, _]) = &basis.linearity.probe else { return basis };
         let bias: Vec<f64> = even.iter().zip(&scaled_std).map(|(share, std)| share * std).collect();
-        for (k, p) in parameters.iter_mut().enumerate() {
-            let shift = slopes[k] * bias[k];
-            p.bias = Some(shift);
-            p.set_ends(linear(p.value, shift, budget.parameter(k)));
-        }
-        for (k, (q, by_scaled)) in quantities.iter_mut().zip(by_scaled(base)).enumerate() {
-            let shift: f64 = by_scaled.iter().zip(&bias).map(|(slope, bias)| slope * bias).sum();
-            q.bias = Some(shift);
-            q.set_ends(linear(q.quantity.value, shift, budget.quantity(k)));
-        }
+        of.extend_by_bias(&bias);
         basis.bias = Some(bias);
         return basis;
     }
@@ -172,52 +164,93 @@ pub(super) fn settle(
         basis.bootstrap = base.bootstrap(pairs);
         basis.bias = basis.bootstrap.as_ref().map(|bootstrap| bootstrap.bias.clone());
     }
-    let ends = ProfileEnds::new(base);
-    let z = unknowns.scaled(x);
-    let found = ends.as_ref().map(|ends| {
-        let directions = (0..n).map(|k| (0..n).map(|j| f64::from(j == k)).collect());
-        let of_quantities = by_scaled(base).into_iter().zip(quantities.iter());
-        let of_quantities = of_quantities.map(|(slopes, q)| slopes.iter().map(|s| s / q.quantity.value).collect());
-        ends.along(&directions.chain(of_quantities).collect::<Vec<_>>())
-    });
-    let end = |direction: usize, side: usize| found.as_ref().and_then(|found| found[direction][side].as_deref());
-    for (k, p) in parameters.iter_mut().enumerate() {
-        let noise = [0, 1].map(|side| end(k, side).map(|end| (end[k] - z[k]).abs()));
-        let bias = basis.bootstrap.as_ref().map(|b| b.bias[k]);
-        let ends = interval95(z[k], noise, bias.unwrap_or(0.0), budget.parameter(k).others / slopes[k]);
-        let there = |end: f64| {
-            let mut z = z.clone();
-            z[k] = end;
-            unknowns.unscaled(&z)[k]
-        };
-        p.bias = bias.map(|bias| slopes[k] * bias);
-        p.bias_std = basis.bootstrap.as_ref().and_then(|b| b.bias_std.as_ref()).map(|std| slopes[k] * std[k]);
-        p.std_bootstrap = basis.bootstrap.as_ref().map(|b| slopes[k] * b.std[k]);
-        p.set_ends(ends.map(|end| end.map(there)));
-    }
-    let value = |z: &[f64], q: usize| {
-        let law = unknowns.law_at(&unknowns.unscaled(z)).ok()?;
-        derived(&*law).get(q).map(|quantity| quantity.value).filter(|value| *value > 0.0)
-    };
-    for (k, q) in quantities.iter_mut().enumerate() {
-        let here = q.quantity.value;
-        if here <= 0.0 {
-            continue;
-        }
-        // In logarithms, as the parameters.
-        let noise = [0, 1].map(|side| value(end(n + k, side)?, k).map(|there| (there / here).ln().abs()));
-        let errors = basis.bootstrap.as_ref().map(|b| {
-            let relative = |error: &Vec<f64>| {
-                let there: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
-                value(&there, k).map_or(0.0, |there| (there / here).ln())
-            };
-            b.errors.iter().map(relative).sum::<f64>() / b.errors.len().max(1) as f64
-        });
-        q.bias = errors.map(|bias| bias * here);
-        let ends = interval95(0.0, noise, errors.unwrap_or(0.0), budget.quantity(k).others / here);
-        q.set_ends(ends.map(|end| end.map(|end| here * end.exp())));
-    }
+    of.set_profile(basis.bootstrap.as_ref());
     basis
+}
+
+/// The interval of linear theory.
+fn linear(value: f64, bias: f64, parts: Parts) -> [Option<f64>; 2] {
+    interval95(value, [Some(NORMAL_95 * parts.noise); 2], bias, parts.others)
+}
+
+impl Settled<'_> {
+    /// Sets the intervals of linear theory, without bias.
+    fn set_linear(&mut self) {
+        for (k, p) in self.parameters.iter_mut().enumerate() {
+            (p.bias, p.bias_std, p.std_bootstrap) = (None, None, None);
+            p.set_ends(linear(p.value, 0.0, self.budget.parameter(k)));
+        }
+        for (k, q) in self.quantities.iter_mut().enumerate() {
+            q.bias = None;
+            q.set_ends(linear(q.quantity.value, 0.0, self.budget.quantity(k)));
+        }
+    }
+
+    /// Extends the intervals of linear theory by this bias of the scaled unknowns.
+    fn extend_by_bias(&mut self, bias: &[f64]) {
+        for (k, p) in self.parameters.iter_mut().enumerate() {
+            let shift = self.slopes[k] * bias[k];
+            p.bias = Some(shift);
+            p.set_ends(linear(p.value, shift, self.budget.parameter(k)));
+        }
+        for (k, (q, by_scaled)) in self.quantities.iter_mut().zip(by_scaled(self.base)).enumerate() {
+            let shift: f64 = by_scaled.iter().zip(bias).map(|(slope, bias)| slope * bias).sum();
+            q.bias = Some(shift);
+            q.set_ends(linear(q.quantity.value, shift, self.budget.quantity(k)));
+        }
+    }
+
+    /// Sets the intervals of the profile likelihood, extended by the bias of the `bootstrap`.
+    fn set_profile(&mut self, bootstrap: Option<&Bootstrap>) {
+        let unknowns = &self.base.problem.unknowns;
+        let z = unknowns.scaled(&self.base.evaluation.x);
+        let n = z.len();
+        let ends = ProfileEnds::new(self.base);
+        let found = ends.as_ref().map(|ends| {
+            let directions = (0..n).map(|k| (0..n).map(|j| f64::from(j == k)).collect());
+            let of_quantities = by_scaled(self.base).into_iter().zip(self.quantities.iter());
+            let of_quantities = of_quantities.map(|(slopes, q)| slopes.iter().map(|s| s / q.quantity.value).collect());
+            ends.along(&directions.chain(of_quantities).collect::<Vec<_>>())
+        });
+        let end = |direction: usize, side: usize| found.as_ref().and_then(|found| found[direction][side].as_deref());
+        for (k, p) in self.parameters.iter_mut().enumerate() {
+            let slope = self.slopes[k];
+            let noise = [0, 1].map(|side| end(k, side).map(|end| (end[k] - z[k]).abs()));
+            let bias = bootstrap.map(|b| b.bias[k]);
+            let ends = interval95(z[k], noise, bias.unwrap_or(0.0), self.budget.parameter(k).others / slope);
+            let there = |end: f64| {
+                let mut z = z.clone();
+                z[k] = end;
+                unknowns.unscaled(&z)[k]
+            };
+            p.bias = bias.map(|bias| slope * bias);
+            p.bias_std = bootstrap.and_then(|b| b.bias_std.as_ref()).map(|std| slope * std[k]);
+            p.std_bootstrap = bootstrap.map(|b| slope * b.std[k]);
+            p.set_ends(ends.map(|end| end.map(there)));
+        }
+        let value = |z: &[f64], q: usize| {
+            let law = unknowns.law_at(&unknowns.unscaled(z)).ok()?;
+            derived(&*law).get(q).map(|quantity| quantity.value).filter(|value| *value > 0.0)
+        };
+        for (k, q) in self.quantities.iter_mut().enumerate() {
+            let here = q.quantity.value;
+            if here <= 0.0 {
+                continue;
+            }
+            // In logarithms, as the parameters.
+            let noise = [0, 1].map(|side| value(end(n + k, side)?, k).map(|there| (there / here).ln().abs()));
+            let errors = bootstrap.map(|b| {
+                let relative = |error: &Vec<f64>| {
+                    let there: Vec<f64> = z.iter().zip(error).map(|(z, e)| z + e).collect();
+                    value(&there, k).map_or(0.0, |there| (there / here).ln())
+                };
+                b.errors.iter().map(relative).sum::<f64>() / b.errors.len().max(1) as f64
+            });
+            q.bias = errors.map(|bias| bias * here);
+            let ends = interval95(0.0, noise, errors.unwrap_or(0.0), self.budget.quantity(k).others / here);
+            q.set_ends(ends.map(|end| end.map(|end| here * end.exp())));
+        }
+    }
 }
 
 /// Derivatives of the derived quantities by the scaled unknowns.

@@ -195,6 +195,39 @@ pub(super) const ON_LIMIT: f64 = 1e-6;
 /// Share of the distance of a limit that a step leaves: limits are curved, and a step onto one would end beyond it.
 const LEFT_OF_DISTANCE: f64 = 0.01;
 
+/// Where steps may lead beside limits at these distances, with their derivatives by the unknowns.
+fn half_spaces(limits: Vec<(f64, Vec<f64>)>) -> Vec<HalfSpace> {
+    // A step that fails at a limit would only be shortened until nothing is left of it: it has to lead along the limit.
+    let half_space = |(distance, by): (f64, Vec<f64>)| {
+        let left = (LEFT_OF_DISTANCE * distance).max(ON_LIMIT).min(distance);
+        HalfSpace { by, least: left - distance }
+    };
+    limits.into_iter().map(half_space).collect()
+}
+
+/// How it ends where nothing is left of the trust radius; `solved` says whether the last trial had a value.
+fn end_of_radius(radius: f64, solved: bool, options: &TrustRegionOptions) -> (FitStatus, String) {
+    let reason = format!("no step down to {radius:.1e} lowers the objective");
+    match solved && options.standstill > 0.0 {
+        // On a kink: it has values on all sides, and all are higher.
+        true => (FitStatus::Converged, format!("{reason}: a kink of the law")),
+        false => (FitStatus::Stalled, reason),
+    }
+}
+
+/// Says why it ends where the last evaluations lowered the objective by next to nothing; `omegas` is the least one
+/// after each.
+fn standstill(omegas: &[f64], options: &TrustRegionOptions) -> Option<String> {
+    let omega = *omegas.last()?;
+    let gained = omegas.iter().rev().nth(PATIENCE)? - omega;
+    (options.standstill > 0.0 && gained < options.standstill * omega).then(|| {
+        format!(
+            "{PATIENCE} evaluations lowered the objective by {gained:.1e} of {omega:.4}, which is nothing beside the \
+             noise"
+        )
+    })
+}
+
 /// The same; `limits` gives the distances of what ends the range of the unknowns beside their bounds, with their derivatives by
 /// the unknowns; where `ended` says how, it ends at the best point so far.
 pub(super) fn minimise_unless(
@@ -233,16 +266,11 @@ pub(super) fn minimise_unless(
     let (status, reason) = loop {
         let [below, above] = room([lower, upper], &z);
         let h = secant.model(&local.h);
-        // A step that fails at a limit would only be shortened until nothing is left of it: it has to lead along the limit.
-        let half_space = |(distance, by): (f64, Vec<f64>)| {
-            let left = (LEFT_OF_DISTANCE * distance).max(ON_LIMIT).min(distance);
-            HalfSpace { by, least: left - distance }
-        };
         let near = limits(&z);
         // Along a curved limit the last digits are those of the way there.
         let on_limit = near.iter().any(|(distance, _)| *distance < 2.0 * ON_LIMIT);
         let step_tolerance = if on_limit { options.step_tolerance.max(ON_LIMIT) } else { options.step_tolerance };
-        let beside: Vec<HalfSpace> = near.into_iter().map(half_space).collect();
+        let beside = half_spaces(near);
         let region = StepRegion { lower: &below, upper: &above, radius };
         let Some(step) = cone_step_beside(&h, &local.b, &region, &beside) else {
             break (FitStatus::Stalled, "the derivatives are not finite".to_owned());
@@ -255,26 +283,14 @@ pub(super) fn minimise_unless(
                 z = (0..z.len()).map(|k| (z[k] + step[k]).clamp(lower[k], upper[k])).collect();
             }
             break match by_radius {
-                // On a kink: it has values on all sides, and all are higher.
-                true if solved && options.standstill > 0.0 => (
-                    FitStatus::Converged,
-                    format!("no step down to {radius:.1e} lowers the objective: a kink of the law"),
-                ),
-                true => (FitStatus::Stalled, format!("no step down to {radius:.1e} lowers the objective")),
+                true => end_of_radius(radius, solved, options),
                 false => (FitStatus::Converged, format!("the scaled step {size:.1e} is below its tolerance")),
             };
         }
         if let Some((status, reason)) = ended() {
             break (status, format!("{reason} after {evaluations} evaluations, the last scaled step was {size:.1e}"));
         }
-        let gained = omegas.iter().rev().nth(PATIENCE).map(|before| before - local.omega);
-        if let Some(gained) =
-            gained.filter(|gained| *gained < options.standstill * local.omega && options.standstill > 0.0)
-        {
-            let reason = format!(
-                "{PATIENCE} evaluations lowered the objective by {gained:.1e} of {:.4}, which is nothing beside the noise",
-                local.omega
-            );
+        if let Some(reason) = standstill(&omegas, options) {
             break (FitStatus::Converged, reason);
         }
         if evaluations >= options.max_evaluations {

@@ -1,10 +1,10 @@
 //! What becomes of the parameters that several tests share: budget, covariance, intervals.
 
 use super::super::bootstrap::Base;
-use super::super::budget::{Budget, Ingredients, NOISE_LEVEL, budget};
+use super::super::budget::{Budget, Ingredients, NOISE_LEVEL};
 use super::super::constants::{Constant, ConstantEffect, Source};
 use super::super::discretisation::{Refined, Refinement};
-use super::super::fitted::{FittedParameter, FittedQuantity};
+use super::super::fitted::{Fitted, FittedParameter, FittedQuantity, assess};
 use super::super::intervals::{IntervalBasis, doubts, settle};
 use super::super::options::{Discretisation, Intervals};
 use super::known::Known;
@@ -72,7 +72,7 @@ impl Made {
         let by_refinement: Option<Vec<f64>> =
             by_size.as_ref().map(|scaled| scaled.iter().zip(&slopes).map(|(z, slope)| z * slope).collect());
         let of_first = statistics.map(|statistics| &statistics[0]);
-        let (budget, quantities, covariance) = budget(
+        let Fitted { budget, mut parameters, mut derived, covariance } = assess(
             first,
             &Ingredients {
                 x,
@@ -83,41 +83,6 @@ impl Made {
                 discretisation,
             },
         );
-        let is_known = of_first.is_some();
-        let mut parameters: Vec<FittedParameter> = (unknowns.list().iter().enumerate())
-            .map(|(k, unknown)| {
-                let (parts, [low, high]) = (budget.parameter(k), unknown.bounds);
-                FittedParameter {
-                    parameter: unknown.parameter,
-                    value: x[k],
-                    std: is_known.then_some(parts.std),
-                    std_noise: is_known.then_some(parts.noise),
-                    discretisation: by_refinement.as_ref().map(|change| change[k]),
-                    interval95: None,
-                    ends95: [None; 2],
-                    bias: None,
-                    bias_std: None,
-                    std_bootstrap: None,
-                    start: unknown.start,
-                    bounds: unknown.bounds,
-                    at_bound: x[k] <= low * (1.0 + 1e-9) || x[k] >= high * (1.0 - 1e-9),
-                }
-            })
-            .collect();
-        let mut derived: Vec<FittedQuantity> = (quantities.into_iter().enumerate())
-            .map(|(q, quantity)| {
-                let parts = budget.quantity(q);
-                FittedQuantity {
-                    quantity,
-                    std: is_known.then_some(parts.std),
-                    std_noise: is_known.then_some(parts.noise),
-                    discretisation: by_refinement.as_ref().and_then(|_| budget.lines.last()?.derived.get(q).copied()),
-                    interval95: None,
-                    ends95: [None; 2],
-                    bias: None,
-                }
-            })
-            .collect();
         let intervals = of_first.map(|statistics| {
             let base = Base {
                 problem: first,

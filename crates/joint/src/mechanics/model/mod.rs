@@ -95,6 +95,92 @@ pub(super) enum Stiffness {
     Viscous(f64),
 }
 
+/// The unknowns of a joint in their order.
+struct Numbering {
+    /// As of [`Model`].
+    unknowns: Vec<[u32; 2]>,
+    owners: Vec<(u32, u8)>,
+    blocks: Vec<TiedBlock>,
+    /// Of each node, the number of the block that moves it.
+    master: Vec<u32>,
+    /// Of each element, its unknowns in rising order.
+    groups: Vec<Vec<u32>>,
+}
+
+impl Numbering {
+    /// Numbers the unknowns of `mesh` held by `supports`, so that those of each of its elements `corners` are near each
+    /// other.
+    fn new(mesh: &JointMesh, supports: &Supports, corners: &[[u32; 4]]) -> Self {
+        let n_nodes = mesh.nodes().len();
+        let mut blocks: Vec<TiedBlock> =
+            supports.blocks.iter().map(|block| TiedBlock::new(block, mesh.nodes())).collect();
+        // Components that are no unknowns: held, or moved by a block.
+        let mut gone = vec![[false; 2]; n_nodes];
+        supports.nodes.iter().zip(&supports.held).for_each(|(&node, held)| gone[node as usize] = *held);
+        let mut master = vec![NONE; n_nodes];
+        for (k, RigidBlock { nodes, tied, .. }) in (0u32..).zip(&supports.blocks) {
+            for &node in nodes {
+                master[node as usize] = k;
+                (0..2).for_each(|c| gone[node as usize][c] |= tied[c]);
+            }
+        }
+        // Blocks take part in the order of the unknowns as nodes at their centres do.
+        let mut places = mesh.nodes().to_vec();
+        places.extend(blocks.iter().map(|block| block.centre));
+        let mut is_gone: Vec<bool> = gone.iter().map(|gone| *gone == [true; 2]).collect();
+        is_gone.extend(blocks.iter().map(|_| false));
+        let coupling = |corners: &[u32; 4]| {
+            let mut of: Vec<u32> = corners.to_vec();
+            of.extend(
+                corners.iter().map(|&node| master[node as usize]).filter(|&k| k != NONE).map(|k| n_nodes as u32 + k),
+            );
+            of
+        };
+        let couplings: Vec<Vec<u32>> = corners.iter().map(coupling).collect();
+        let order = banded_order(&places, &couplings, &is_gone);
+        let mut unknowns = vec![[NONE; 2]; n_nodes];
+        let mut owners: Vec<(u32, u8)> = Vec::new();
+        for &id in &order {
+            if let Some(block) = (id as usize).checked_sub(n_nodes) {
+                blocks[block].number(id, &mut owners);
+                continue;
+            }
+            for c in (0..2).filter(|&c| !gone[id as usize][c]) {
+                unknowns[id as usize][c] = owners.len() as u32;
+                owners.push((id, c as u8));
+            }
+        }
+        let group = |couplings: &Vec<u32>| {
+            let of = |&id: &u32| match (id as usize).checked_sub(n_nodes) {
+                Some(block) => blocks[block].unknowns.to_vec(),
+                None => unknowns[id as usize].to_vec(),
+            };
+            let mut group: Vec<u32> = couplings.iter().flat_map(of).collect();
+            group.retain(|&unknown| unknown != NONE);
+            group.sort_unstable();
+            group.dedup();
+            group
+        };
+        let groups = couplings.iter().map(group).collect();
+        Self { unknowns, owners, blocks, master, groups }
+    }
+}
+
+/// Finds where each entry of the stiffness of an element with these `unknowns` at its corners goes, column by column.
+fn places_of(unknowns: [[u32; 2]; 4], pattern: &SparsePattern) -> [u32; 64] {
+    let mut places = [NONE; 64];
+    let unknown = |k: usize| unknowns[k / 2][k % 2];
+    for row in 0..8 {
+        for column in 0..8 {
+            if unknown(row) != NONE && unknown(column) != NONE {
+                let place = pattern.place(unknown(row) as usize, unknown(column) as usize);
+                places[8 * column + row] = place.expect("an entry of the pattern") as u32;
+            }
+        }
+    }
+    places
+}
+
 impl Model {
     /// A model of `mesh` with one of `materials` for each of its groups, and the nodes whose displacements will be
     /// prescribed.
@@ -191,80 +277,15 @@ impl Model {
         let ends = |&[l1, l2, u1, u2]: &[u32; 4]| [[l1, u1], [l2, u2]].map(|pair| number[&pair]);
         let end_pairs = mesh.interfaces().iter().map(ends).collect();
         let corners: Vec<[u32; 4]> = mesh.elements().iter().chain(mesh.interfaces()).copied().collect();
-        let mut blocks: Vec<TiedBlock> =
-            supports.blocks.iter().map(|block| TiedBlock::new(block, mesh.nodes())).collect();
-        // Components that are no unknowns: held, or moved by a block.
-        let mut gone = vec![[false; 2]; n_nodes];
-        supports.nodes.iter().zip(&supports.held).for_each(|(&node, held)| gone[node as usize] = *held);
-        let mut master = vec![NONE; n_nodes];
-        for (k, RigidBlock { nodes, tied, .. }) in (0u32..).zip(&supports.blocks) {
-            for &node in nodes {
-                master[node as usize] = k;
-                (0..2).for_each(|c| gone[node as usize][c] |= tied[c]);
-            }
-        }
-        // Blocks take part in the order of the unknowns as nodes at their centres do.
-        let mut places = mesh.nodes().to_vec();
-        places.extend(blocks.iter().map(|block| block.centre));
-        let mut is_gone: Vec<bool> = gone.iter().map(|gone| *gone == [true; 2]).collect();
-        is_gone.extend(blocks.iter().map(|_| false));
-        let coupling = |corners: &[u32; 4]| {
-            let mut of: Vec<u32> = corners.to_vec();
-            of.extend(
-                corners.iter().map(|&node| master[node as usize]).filter(|&k| k != NONE).map(|k| n_nodes as u32 + k),
-            );
-            of
-        };
-        let couplings: Vec<Vec<u32>> = corners.iter().map(coupling).collect();
-        let order = banded_order(&places, &couplings, &is_gone);
-        let mut unknowns = vec![[NONE; 2]; n_nodes];
-        let mut owners: Vec<(u32, u8)> = Vec::new();
-        for &id in &order {
-            if let Some(block) = (id as usize).checked_sub(n_nodes) {
-                blocks[block].number(id, &mut owners);
-                continue;
-            }
-            for c in (0..2).filter(|&c| !gone[id as usize][c]) {
-                unknowns[id as usize][c] = owners.len() as u32;
-                owners.push((id, c as u8));
-            }
-        }
-        let groups: Vec<Vec<u32>> = couplings
-            .iter()
-            .map(|couplings| {
-                let of = |&id: &u32| match (id as usize).checked_sub(n_nodes) {
-                    Some(block) => blocks[block].unknowns.to_vec(),
-                    None => unknowns[id as usize].to_vec(),
-                };
-                let mut group: Vec<u32> = couplings.iter().flat_map(of).collect();
-                group.retain(|&unknown| unknown != NONE);
-                group.sort_unstable();
-                group.dedup();
-                group
-            })
-            .collect();
+        let Numbering { unknowns, owners, blocks, master, groups } = Numbering::new(&mesh, &supports, &corners);
         let pattern = SparsePattern::from_groups(owners.len(), groups.iter().map(Vec::as_slice));
         let pattern = Arc::new(pattern);
         let is_tied = |corners: &[u32; 4]| corners.iter().any(|&node| master[node as usize] != NONE);
-        let places = corners
-            .par_iter()
-            .map(|corners| {
-                let mut places = [NONE; 64];
-                if is_tied(corners) {
-                    return places;
-                }
-                let unknown = |k: usize| unknowns[corners[k / 2] as usize][k % 2];
-                for row in 0..8 {
-                    for column in 0..8 {
-                        if unknown(row) != NONE && unknown(column) != NONE {
-                            let place = pattern.place(unknown(row) as usize, unknown(column) as usize);
-                            places[8 * column + row] = place.expect("an entry of the pattern") as u32;
-                        }
-                    }
-                }
-                places
-            })
-            .collect();
+        let place = |corners: &[u32; 4]| match is_tied(corners) {
+            true => [NONE; 64],
+            false => places_of(corners.map(|node| unknowns[node as usize]), &pattern),
+        };
+        let places = corners.par_iter().map(place).collect();
         let tied: Vec<Tied> = (0u32..)
             .zip(corners.iter().zip(&groups))
             .filter(|(_, (corners, _))| is_tied(corners))
