@@ -1,6 +1,6 @@
 //! From the images of a case to the law of its adhesive: what `quadrille run CASE --output DIR` does, watched from Rust.
 //!
-//!     quadrille virtual --output test
+//!     quadrille make virtual-test --output test
 //!     cargo run --release --example identify_from_images -- test/case.toml out/example
 
 use quadrille::run::{CaseRun, Event, run_case};

@@ -35,7 +35,9 @@ fn made() -> &'static PathBuf {
     let (_, path) = FOLDER.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("test");
-        assert!(quadrille(&["virtual", "--seed", "11", "--output", path.to_str().unwrap()]).status.success());
+        assert!(
+            quadrille(&["make", "virtual-test", "--seed", "11", "--output", path.to_str().unwrap()]).status.success()
+        );
         let (code, said) = run(&path.join("case.toml"), &path.join("run"));
         assert_eq!(code, Some(0), "{said}");
         (folder, path)

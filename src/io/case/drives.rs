@@ -33,7 +33,7 @@ pub struct CaseSupport {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CasePath {
-    /// From instant to instant, jumping where the joint snaps; or along the path of equilibria by its length, through snaps, where
+    /// From instant to instant, jumping where the joint snaps; or (experimental) along the path of equilibria by its length, through snaps, where
     /// displacement and load go back. The points of the path then are the instants of all results.
     #[schemars(extend("default" = "instants"))]
     pub control: Option<CasePathControl>,

@@ -306,9 +306,9 @@ pub struct CaseFit {
     pub max_seconds: Option<f64>,
     /// Also the profile likelihood of this parameter.
     pub profile: Option<String>,
-    /// Also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
+    /// Experimental: also other laws on the same data, compared with each other: names as of `[cohesive] model`, two or more. Those that
     /// `[cohesive]` does not start begin with its strengths and works of separation.
-    #[schemars(extend("x-flag" = "--laws"))]
+    #[schemars(extend("x-flag" = "--tournament"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub laws: Vec<String>,
     /// The effect of the element size on the 95 % intervals; without it `included` for a store and `stated` for a table.
@@ -335,7 +335,7 @@ pub struct CaseFit {
     /// Of several tests (`[[test]]`): constants whose error is the same in all tests that have them, as `"E"` or `"pixel_size"`. Without
     /// it those of the strips that agree in value and uncertainty.
     pub shared: Option<Vec<String>>,
-    /// Of `quadrille sweep`: a parameter that is not fitted, and the values at which it is prescribed.
+    /// Of `quadrille identify --sweep`: a parameter that is not fitted, and the values at which it is prescribed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sweep: BTreeMap<String, Vec<f64>>,
 }

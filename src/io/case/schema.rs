@@ -127,9 +127,9 @@ fn with_laws(schema: &mut Value, laws: &[LawKeys]) -> Value {
 }
 
 const HEAD: &str = "# Case files\n\n\
-<!-- Made by `quadrille schema --reference > docs/case.md`; a test compares. -->\n\n\
+<!-- Made by `quadrille about case > docs/case.md`; a test compares. -->\n\n\
 One kind of TOML file for every command. Names of files in it are relative to its folder, those of flags to the current one; flags\n\
-win. A fault is refused with file, line, section and key, and with the key that may be meant. `quadrille schema > case.schema.json`\n\
+win. A fault is refused with file, line, section and key, and with the key that may be meant. `quadrille about schema > case.schema.json`\n\
 writes the JSON schema: an editor that knows TOML (Taplo, Even Better TOML) then completes and checks a case file that begins with\n\n\
 ```toml\n#:schema ./case.schema.json\n```\n\n\
 `-` in the column of defaults: nothing, or what the meaning says.\n";
