@@ -58,7 +58,7 @@ pub struct DemoArgs {
     /// Seed of speckles and noise: changes the images, not the conclusion.
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Fit these laws too and put them side by side in the report; one of each kind when none is named.
+    /// Experimental: fit these laws too and put them side by side in the report; one of each kind when none is named.
     #[arg(long, value_name = "LAW,LAW,...", value_delimiter = ',', num_args = 0..=1,
         default_missing_values = USUAL_LAWS)]
     pub laws: Vec<String>,
